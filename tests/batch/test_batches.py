@@ -13,6 +13,7 @@ from batch_scenes import plain, scene
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
+from gamms.game.batch.scalar_strategies import why_slower
 from gamms.readonly import ReadOnly
 from gamms.scenario import Scenario
 
@@ -128,6 +129,27 @@ def test_run_says_once_why_many_games_are_played_one_by_one(caplog):
     assert [record.message for record in caplog.records if "one game after the other" in record.message] == [
         "A batch is played one game after the other, because of a time budget."
     ]
+
+
+def linger(ctx):
+    """Do nothing, without an array form."""
+
+
+@pytest.mark.parametrize(("number", "is_alone", "is_warned"), [(16, False, True), (16, True, True), (15, False, False)])
+def test_run_warns_once_of_a_rule_that_is_called_in_many_games(number, is_alone, is_warned, caplog, monkeypatch):
+    if is_alone:
+        monkeypatch.setattr("gamms.game.batch.games.why_slower", why_slower)
+    with scene([TAG], max_turns=1).build() as ctx:
+        ctx.game.add(linger)
+        with ctx.game.batch(number) as games, ctx.game.batch(number) as others:
+            others.run(warn=False)
+            assert not caplog.records
+            for _ in range(2):
+                games.run()
+                games.reset()
+            assert games.is_in_arrays is not is_alone
+    said = "A batch is slowed down by the rule 'linger', which is called game by game."
+    assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [said] * is_warned
 
 
 def test_a_batch_of_one_is_the_same_as_that_game_in_a_large_batch():

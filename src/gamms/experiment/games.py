@@ -79,7 +79,7 @@ class Player:
                 self._is_for_arrays = games.is_in_arrays
                 if not self._is_for_arrays:
                     return None
-                games.run()
+                games.run(warn=False)
                 return [row_of(games.result(number), self._settings.collect) for number in range(len(seeds))]
         except TooLarge:
             half = len(seeds) // 2

@@ -387,7 +387,7 @@ def _played(
 ) -> FloatArray:
     """Return what a team gets in so many games, (games,)."""
     with scenario.batch(number, seed=seed, strategies=strategies) as games:
-        games.run()
+        games.run(warn=False)
         if reward == "turns":
             return -games.turn.astype(np.float64)
         others = [games.scores[one] for one in games.teams if one != team and one in games.scores]

@@ -102,11 +102,12 @@ class Batch(Fixed):
             self._engine, slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
             self._put_public(slow=slow)
         scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
+        self._has_calls = bool(scalar)
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
         if scalar and self.is_in_arrays:
             self._put_public(slow=scalar[0])
         who_are_asked = [one for one in agents if one.team in asked]
-        why = why_slower(source.game, who_are_asked, len(seeds), are_called=bool(called_one_by_one(source.game)))
+        why = why_slower(source.game, who_are_asked, len(seeds), are_called=self._has_calls)
         self._why_slower = why if library is None and self.is_in_arrays else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         may_leave = bool(scalar or source.game.turn) and self.is_in_arrays
@@ -275,18 +276,21 @@ class Batch(Fixed):
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
-    def run(self, progress: bool = False) -> None:
+    def run(self, progress: bool = False, *, warn: bool = True) -> None:
         """Play all games to their ends: one after the other where that is faster, unless some turns were played.
 
         Args:
             progress: show how far it is on a line of stderr, where that is a terminal.
+            warn: warn once of a rule without an array form, or of what has all games played one after the other.
 
         Raises:
-            BadType, BadValue: `progress` is no flag, or nothing could ever end these games.
+            BadType, BadValue: `progress` or `warn` is no flag, or nothing could ever end these games.
         """
         is_shown, game = as_bool(progress, "progress"), self._source.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
+        if as_bool(warn, "warn"):
+            self._say_what_is_slow()
         if self._why_slower is not None and not self._steps:
             self._put_public(slow=self._why_slower)
             self._why_slower, self._is_said = None, True
@@ -295,9 +299,6 @@ class Batch(Fixed):
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if is_shown else None)
                 return
-            if self.slow is not None and not self._is_said:
-                self._is_said = True
-                game.ctx.logger.info(f"A batch is slowed down by {self.slow}.")
             while not self._engine.is_over.all():
                 self.step()
                 self._play_apart(to_the_end=True)
@@ -306,10 +307,17 @@ class Batch(Fixed):
                     over = int(self._engine.is_over.sum())
                     show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
+    def _say_what_is_slow(self) -> None:
+        if self._is_said or self.slow in (None, ONE_BY_ONE):
+            return
+        self._is_said, logger = True, self._source.game.ctx.logger
+        how = "slowed down by" if self.is_in_arrays else "played one game after the other, because of"
+        if len(self) >= FEWEST and (self._has_calls or not self.is_in_arrays):
+            logger.warning(f"A batch is {how} {self.slow}.")
+        elif self.is_in_arrays and (self._steps or self._why_slower is None):
+            logger.info(f"A batch is {how} {self.slow}.")
+
     def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
-        if not self._is_said and self.slow != ONE_BY_ONE and len(self) >= FEWEST:
-            self._is_said = True
-            self._source.game.ctx.logger.warning(f"A batch is played one game after the other, because of {self.slow}.")
         before = engine.turns()
         try:
             for game in np.flatnonzero(~engine.is_over).tolist():
