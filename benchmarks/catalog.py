@@ -88,6 +88,7 @@ CASES = [
     Case("scenario: turns of 10 agents, ten keys", "agent-step", cases.turns_of(10, 20), KEYS, 1.8),
     Case("scenario: turns of 10 agents, ten keys, with a seed", "agent-step", cases.turns_of(10, 20, seed=1), KEYS),
     Case("scenario: turns of 1,000 agents, ten keys", "agent-step", cases.turns_of(1000, 100), KEYS, 1.8),
+    Case("scenario: turns of 10,000 agents, ten keys", "agent-step", cases.turns_of(10_000, 316), KEYS, 1.8),
     Case("scenario: turns of 100,000 agents, ten keys", "agent-step", cases.turns_of(100_000, 316), KEYS, 1.8),
     Case("scenario: turns of 10 flyers", "agent-step", cases.flyers(), "bare Python that finds the nodes below"),
     Case("scenario: turns of 100 agents by metres", "agent-step", cases.by_metres(), KEYS),
