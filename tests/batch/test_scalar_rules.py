@@ -233,6 +233,15 @@ def test_forms_of_rules_close_roads_in_many_games_at_once(phase, more):
         assert check(ctx, [1, 2, 3, 5, 7, 9, 11, 13]) == {}
 
 
+def test_a_game_of_which_few_have_roads_closed_by_a_form_names_that_rule():
+    with scene(max_turns=6).build(seed=1) as ctx:
+        for rule in (flood, bonus):
+            ctx.game.add(rule)
+        detached = check(ctx, [1, 2, 3])
+        assert detached
+        assert all(why.startswith("the rule 'flood': roads are closed") for why in detached.values())
+
+
 def test_roads_that_are_not_there_cannot_be_closed():
     def close(ctx):
         ctx.graph.close_roads([999])
@@ -300,7 +309,7 @@ def test_games_of_which_few_have_the_same_roads_closed_go_on_one_by_one():
         ctx.game.add(storm)
         detached = check(ctx, [1, 1, 1, 1, 2, 3])
         assert sorted(detached) == [4]
-        assert "roads are closed" in detached[4]
+        assert detached[4] == "the rule 'storm': roads are closed in it as in fewer than 4 games"
 
 
 def wall_in(ctx):
@@ -358,6 +367,10 @@ def publishes(ctx):
         ctx.game.publish(storm=ctx.seed)
 
 
+def linger(ctx):
+    """Do nothing."""
+
+
 def uses_flags(ctx):
     ctx.game.scores["captures"] = sum(ctx.game.data["flags"]["captures"].values())
 
@@ -377,10 +390,12 @@ def uses_flags(ctx):
 )
 def test_rules_that_need_the_turn_engine_get_it(rule, why, shares_memory):
     with scene([FLAGS], max_turns=8, settings={"team_memory": shares_memory}).build(seed=1) as ctx:
-        ctx.game.add(rule)
+        for one in (bonus, rule, linger):  # which are called together
+            ctx.game.add(one)
         detached = check(ctx, [1, 2])
         assert sorted(detached) == [0, 1]
-        assert all(rule.__name__ in one and why in one for one in detached.values())
+        named = "the rule " if why == "the global random" else f"the rule {rule.__name__!r}: "
+        assert all(one.startswith(named) and rule.__name__ in one and why in one for one in detached.values())
 
 
 def looks_at_what_an_agent_was_told(ctx):

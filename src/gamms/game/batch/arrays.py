@@ -81,6 +81,8 @@ class ArrayEngine:
         self._grounds = [self._here]  # the maps of games, that of the start first
         self._numbers: dict[Hashable, int] = {}  # what is open and closed -> the number of the ground
         self._changed_roads: dict[tuple[int, tuple[int, ...], bool], int] = {}  # the number of the ground that follows
+        self._closed_by: dict[int, str] = {}  # game -> the rule that has closed roads in it last, in words
+        self._calling = ""  # a rule, in words
         self._can_close_roads = len(self._parts) == 1 and type(movement) in (Movement, Anywhere)
         if self._can_close_roads:
             self.state.change_roads = self._change_roads
@@ -127,8 +129,8 @@ class ArrayEngine:
                 del self._here.shared[key]
         return None if self._kinds[agent.name] == kind else f"agent {named} comes otherwise than in another game"
 
-    def _close(self, game: int, map_now: Any) -> str | None:
-        """Put a game on the ground of a map, on which roads are closed; return why that is not possible."""
+    def _close(self, game: int, map_now: Any, by: str) -> str | None:
+        """Put a game on the ground of a map, on which a rule has closed roads; return why that is not possible."""
         if not self._can_close_roads:
             return "it changes roads, where agents have speeds or an order of play"
         if self._kinds:
@@ -147,7 +149,7 @@ class ArrayEngine:
             ground = self._made_ground(closed, lambda: closed, roster, movement_of(closed, roster))
             ground.shared[DELAYS] = self._grounds[0].shared[DELAYS]
             self._grounds.append(ground)
-        self.state.ground[game] = self._numbers[key]
+        self.state.ground[game], self._closed_by[game] = self._numbers[key], by
         return None
 
     def _change_roads(self, games: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
@@ -158,11 +160,12 @@ class ArrayEngine:
             if change not in self._changed_roads:
                 graph = self._grounds[number].context.start().fork(0).ctx.graph
                 (graph.open_roads if is_open else graph.close_roads)(edges)
-                why = self._close(int(those[0]), graph.storage.snapshot())
+                why = self._close(int(those[0]), graph.storage.snapshot(), self._calling)
                 if why is not None:
                     raise BadValue(f"{why}: open roads in arrays that were closed in arrays.")
                 self._changed_roads[change] = int(self.state.ground[those[0]])
             self.state.ground[those] = self._changed_roads[change]
+            self._closed_by |= dict.fromkeys(those.tolist(), self._calling)
 
     @contextmanager
     def _on(self, ground: Ground) -> Iterator[GameArrays]:
@@ -186,9 +189,9 @@ class ArrayEngine:
             return
         is_small = np.bincount(state.ground, minlength=len(self._grounds)) < _FEWEST
         is_small[0] = False
-        why = f"roads are closed in it as in fewer than {_FEWEST} games"
         for game in self._playing()[is_small[state.ground[self._playing()]]].tolist():
-            state.apart[game] = why
+            why = f"roads are closed in it as in fewer than {_FEWEST} games"
+            state.apart[game] = f"{self._closed_by[game]}: {why}"
 
     def _by_ground(self, games: IntArray) -> list[tuple[Ground, IntArray]]:
         """Return games by the grounds that they are on."""
@@ -426,6 +429,7 @@ class ArrayEngine:
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         turn.has_scalar_form = not getattr(named.rule, IN_ARRAYS_ALONE, False)
+        self._calling = f"the rule {named.name!r}"
         turn.lock()
         try:
             form(turn)

@@ -93,10 +93,12 @@ class RuleFork:
         casting: how often it got another cast.
         ctx, game, parts: its context, its game and the parts of that.
         notes: what was looked at that arrays do not have.
-        brought_by: the first of the rules that were called which let agents come, in words; None: none.
+        changed_map_by: the first of the rules that were called which changed the map, in words; None: none.
+        calling: the rule that is being called, or has done what is being refused, in words; None: something else is.
     """
 
-    brought_by: str | None = None
+    calling: str | None = None
+    changed_map_by: str | None = None
 
     def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
         fork = game.fork(0)
@@ -119,6 +121,7 @@ class RuleFork:
         self._first_map = self.ctx.graph.storage.snapshot()
         self._map = self._map_as_it_is()
         self._loaded: tuple[Any, ...] = ()
+        self._brought_by: str | None = None  # the first of the rules that were called which let agents come, in words
         self._at: tuple[int, int, GameColumns]
 
     def _begin(self, game: PlayedGame) -> None:
@@ -333,14 +336,22 @@ class RuleFork:
 
     # -- what is called -----------------------------------------------------------------------------------------------
 
+    def forget_calls(self) -> None:
+        """Forget which rules were called in another game, or in another turn."""
+        self.calling = self.changed_map_by = self._brought_by = None
+
     def call(self, rules: Sequence[NamedRule]) -> None:
         """Call rules in the game that was loaded."""
-        self.brought_by = None
         for named in rules:
+            if self.calling is not None:  # one was called before, whose doing this is
+                self._refuse_changes(has_come=bool(self._newcomers()))
+            self.calling = f"the rule {named.name!r}"
             if named.phase != "before" or self._values.over is None:
                 self.functions[named.name](self.ctx)
-            if self.brought_by is None and self._newcomers():
-                self.brought_by = f"the rule {named.name!r}"
+            if self._brought_by is None and self._newcomers():
+                self._brought_by = self.calling
+            if self.changed_map_by is None and self._map_as_it_is() != self._map:
+                self.changed_map_by = self.calling
 
     def collect(self) -> None:
         """Collect what is due in the game that was loaded."""
@@ -374,6 +385,7 @@ class RuleFork:
         """Write what was called has changed into a turn, and return what else the game has."""
         values, came = self._values, self._newcomers()
         self._refuse_changes(has_come=bool(came))
+        self.calling = self._brought_by if came else self.calling
         for name in came:
             self._refuse_newcomer(self.ctx.agent.agents[name])
         self._write(at, turn, came)

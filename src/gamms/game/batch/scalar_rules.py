@@ -65,7 +65,7 @@ class RuleContext:
         start: returns the game of the batch at its start, whose context is not played in.
         state: of all games.
         own: what each game has beside the arrays; None: as at the start.
-        close: puts a game on a map with other closed roads, or returns why that is not possible.
+        close: puts a game on a map on which a rule has closed roads, or returns why that is not possible.
         admit: lets arrays have an agent that has come and its sensors, or returns why that is not possible.
     """
 
@@ -74,7 +74,7 @@ class RuleContext:
         start: Callable[[], PlayedGame],
         state: GameArrays,
         own: list[OwnState | None],
-        close: Callable[[int, Any], str | None],
+        close: Callable[[int, Any, str], str | None],
         admit: Admit,
     ) -> None:
         self.start, self._state, self._own = cache(start), state, own
@@ -146,6 +146,7 @@ class RuleContext:
             game = int(turn.games[at])
             if game in self._state.apart:
                 continue
+            self.fork.forget_calls()
             try:
                 if columns is not None:
                     own = self._own[game] or self.fork.first_state()
@@ -153,9 +154,9 @@ class RuleContext:
                 act(self.fork, at)
                 if not decides:
                     self._own[game] = self.fork.taken(at, turn)
-                    self._take_map(game, own, phase)
+                    self._take_map(game, own, phase, named)
             except NoRow as error:
-                by = self.fork.brought_by or named
+                by = self.fork.calling or named
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {by}.")
                 raise
             except Exception as error:
@@ -163,19 +164,21 @@ class RuleContext:
                     error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
                     raise
                 # whatever a rule raises, the turn engine raises it again
-                self._leave([game], named, error)
-                self._recover(named, error)
+                by = self.fork.calling or named
+                self._leave([game], by, error)
+                self._recover(by, error)
         if _global_random() != before:
             # those too that have ended in this turn, for the numbers that they got are not their own
             self._leave(turn.games.tolist(), named, NeedsTurnEngine("it draws from the global random"))
 
-    def _take_map(self, game: int, own: OwnState, phase: str) -> None:
+    def _take_map(self, game: int, own: OwnState, phase: str, named: str) -> None:
         """Put a game on the map that was made of its own."""
         map_now = self.fork.taken_map()
         if map_now is not None:
             is_early = own.came or phase not in ("before", "after")
             why = "it changes roads where agents have come, or are about to move" if is_early else None
-            why = why or self._close(game, map_now)
+            self.fork.calling = self.fork.changed_map_by
+            why = why or self._close(game, map_now, self.fork.calling or named)
             if why is not None:
                 raise LeavesArrays(why)
 
