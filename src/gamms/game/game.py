@@ -6,7 +6,7 @@ from types import EllipsisType, ModuleType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_int, as_key, as_name
+from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
 from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
@@ -493,14 +493,15 @@ class Game(RuleVerbs):
             num_games: how many.
             seed: of the first game; those of the others follow.
             seeds: of each game, instead of both.
-            record: keep the actions that are given to `step`.
+            record: only batches of scenarios can be recorded, `scenario.batch(…, record=True)`: True is refused.
             xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
             device: where it keeps them, such as "cuda"; None: its default.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
 
         Raises:
-            BadType, BadValue: there is no game, a seed is no integer, or no such library or device is there.
+            BadType, BadValue: there is no game, a seed is no integer, no such library or device is there, or `record`
+                is True.
             MissingExtra: array-api-compat is not installed, which `xp` needs.
             SnapshotError: a turn is being played.
         """
@@ -508,9 +509,14 @@ class Game(RuleVerbs):
         from gamms.game.batch.games import Batch, BatchSource
         from gamms.game.batch.libraries import as_library
 
+        if as_bool(record, "record"):
+            raise BadValue(
+                "Games that go on from here cannot be recorded, for recordings begin at the start: leave record= out, "
+                "or play scenario.batch(…, record=True)."
+            )
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
         return Batch(
-            BatchSource(self.fork(0), None, None, None), chosen, record=record, library=library, most_agents=most_agents
+            BatchSource(self.fork(0), None, None, None), chosen, record=False, library=library, most_agents=most_agents
         )
 
     # -- inside -------------------------------------------------------------------------------------------------
