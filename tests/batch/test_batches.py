@@ -699,3 +699,20 @@ def test_scores_are_the_same_however_games_are_played(one_by_one):
     assert scores["red"].dtype == column.dtype == scores["nothing"].dtype == np.float64
     assert scores["red"].any()
     assert "nothing" not in scores
+
+
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_a_closed_batch_plays_no_turn_and_keeps_its_results(one_by_one):
+    with scene([TAG], max_turns=2).batch(2, one_by_one=one_by_one) as games:
+        games.run()
+        known = games.result(1)
+    for verb in (games.step, games.run, games.reset):
+        with pytest.raises(BadValue, match="This batch is closed"):
+            verb()
+    assert games.is_closed
+    assert games.result(1) == known
+
+
+def test_games_that_go_on_from_here_are_not_recorded():
+    with scene([TAG]).build() as ctx, pytest.raises(BadValue, match="cannot be recorded"):
+        ctx.game.batch(2, record=True)

@@ -431,3 +431,20 @@ def test_pettingzoo_finds_no_fault_in_pictures(monkeypatch):
 
 def test_rl_is_a_module_of_gamms():
     assert gamms.rl is rl
+
+
+@pytest.mark.parametrize(
+    ("make", "actions"),
+    [
+        (lambda: rl.parallel_env(scene(), team="red"), {"red_0": 0}),
+        (lambda: rl.single_agent_env(scene(), agent="red_0"), 0),
+        (lambda: rl.vector_env(scene(), num_games=2, team="red"), np.zeros(4, np.int64)),
+    ],
+)
+def test_a_closed_environment_says_so(make, actions):
+    env = make()
+    env.reset(seed=1)
+    env.close()
+    for call in (env.reset, partial(env.step, actions)):
+        with pytest.raises(BadValue, match="This environment is closed"):
+            call()

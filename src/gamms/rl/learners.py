@@ -241,6 +241,7 @@ class Learners:
             flights: (games, agents, 3) where agents that fly go: east, north and up, in shares of what they reach in a
                 turn. One that is longer than 1 is shortened to 1, and one that is not finite hovers. None: all hover.
         """
+        self._refuse_closed()
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
         chosen = self._own(actions)
         done = flown = None
@@ -308,8 +309,13 @@ class Learners:
             self._seed = self.games.seeds[0] if self._seed is None else self._seed + 1
         self.begin(np.array([0]), [self._seed])
 
+    def _refuse_closed(self) -> None:
+        if self.games.is_closed:
+            raise BadValue("This environment is closed: make another one with the functions of gamms.rl.")
+
     def begin(self, which: IntArray, seeds: Sequence[int]) -> None:
         """Begin games again, with these seeds."""
+        self._refuse_closed()
         self.games.reset(which, seeds=seeds)
         self.has_begun = True
         self._remember()

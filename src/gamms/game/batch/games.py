@@ -67,11 +67,13 @@ class Batch(Fixed):
         seeds: of the games, (games,).
         slow: what has no array form, or on a device is played in NumPy, in words; None: nothing.
         library: which has the arrays of the batch, and on which device; None: NumPy.
+        is_closed: whether `close` was called; results stay.
     """
 
     seeds: Sequence[int]
     slow: str | None
     library: ArrayLibrary | None
+    is_closed: bool
     _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
 
     def __init__(
@@ -92,7 +94,7 @@ class Batch(Fixed):
         start_of = source.game.internals.start_of
         self._first_nodes = [start_of(agent) for agent in self._roster.agents]  # before they move in that context
         self._refuse_too_many(BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
-        self._put_public(seeds=tuple(seeds))
+        self._put_public(seeds=tuple(seeds), is_closed=False)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
             self._engine = OneByOneEngine(source.game, self._roster, seeds)
@@ -142,9 +144,14 @@ class Batch(Fixed):
 
     def close(self) -> None:
         """End the contexts of the batch."""
+        self._put_public(is_closed=True)
         self._source.game.ctx.terminate()
         if self._apart is not None:
             self._apart.close()
+
+    def _refuse_closed(self) -> None:
+        if self.is_closed:
+            raise BadValue("This batch is closed: make another one with scenario.batch(…) or ctx.game.batch(…).")
 
     # -- playing ------------------------------------------------------------------------------------------------
 
@@ -172,6 +179,7 @@ class Batch(Fixed):
                 called. Where a rule before the turn has made one illegal, these rules were; actions may be given again.
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
+        self._refuse_closed()
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
         may_stay = as_choice(on_illegal, "on_illegal", ("raise", "stay")) == "stay"
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
@@ -286,6 +294,7 @@ class Batch(Fixed):
         Raises:
             BadType, BadValue: `progress` or `warn` is no flag, or nothing could ever end these games.
         """
+        self._refuse_closed()
         is_shown, game = as_bool(progress, "progress"), self._source.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
@@ -339,24 +348,21 @@ class Batch(Fixed):
             BadType, BadValue: a number is not that of a game or is there twice, or there is not one seed or boolean for
                 each.
         """
+        self._refuse_closed()
         numbers = self._numbers_of(which)
         given = [self.seeds[game] for game in numbers] if seeds is None else as_ids(seeds, "seeds")
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
         if not numbers:
             return
-        changed, of_all = dict(zip(numbers, given, strict=True)), [*self.seeds]
-        for game, seed in changed.items():
-            of_all[game] = seed
-        self._put_public(seeds=tuple(of_all))
+        changed = dict(zip(numbers, given, strict=True))
+        self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
         if isinstance(self._engine, ArrayEngine):
             self._engine.start(np.array(numbers), given, self._starts(given))
-            if self._apart is not None:
-                for game, seed in changed.items():
-                    self._apart.start(game, seed)
-        else:
+        alone = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
+        if alone is not None:
             for game, seed in changed.items():
-                self._engine.start(game, seed)
+                alone.start(game, seed)
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
