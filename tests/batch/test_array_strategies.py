@@ -1,5 +1,7 @@
 """Strategies that are written in arrays alone play the same in games alone and in batches."""
 
+import functools
+
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
@@ -156,6 +158,31 @@ def test_plans_with_a_form_are_played_in_arrays():
             for number, seed in enumerate((3, 4)):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_a_form_is_replaced_by_itself_alone():
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    def declare(name, index):
+        def form(view):
+            return view.counts + index
+
+        form.__qualname__ = name
+        return gamms.array_strategy(of=last)(form)
+
+    declare("cell", -2)
+    again = declare("cell", -1)  # the cell of a notebook is run again
+    with pytest.raises(BadValue, match=r"last has an array form already, form: it is not replaced"):
+        declare("other", -1)
+    assert last.array_form is again
+
+    @functools.wraps(last)
+    def decorated(state):
+        last(state)
+
+    gamms.array_strategy(of=decorated)(lambda view: view.counts - 1)
+    assert last.array_form is again
 
 
 def test_what_takes_no_form_is_refused():

@@ -63,6 +63,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
 
     Raises:
         BadType: one of them cannot be called.
+        BadValue: `of` has another form already; one of the same name and module is replaced.
     """
     if of is not None:
         return form_declared(of, "array_strategy", "a view")
@@ -118,6 +119,7 @@ def array_rule(
 
     Raises:
         BadType: one of them cannot be called, or `of` takes no attributes.
+        BadValue: `of` has another form already; one of the same name and module is replaced.
     """
     if begins is not None and (of is None or not callable(begins)):
         raise BadType(f"array_rule(of=…, begins=…) needs a rule and a function of its context, not {shown(begins)}.")

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from gamms.arguments import as_function_of
-from gamms.errors import BadType
+from gamms.errors import BadType, BadValue
 from gamms.game.batch.columns import PlayedGame
-from gamms.text import shown
+from gamms.text import as_code, shown
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -15,15 +15,30 @@ BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games 
 
 
 def form_declared(of: object, decorator: str, argument: str, most: int = 1) -> Callable[[F], F]:
-    """Return what declares a function as the array form of another; what it is called with see `as_function_of`."""
+    """Return what declares a function as the array form of another; what it is called with see `as_function_of`.
+
+    One of the same name and module replaces the form that is there, as when a cell of a notebook is run again; another
+    one is refused (BadValue), since games that were checked with the first would silently be others.
+    """
     if not callable(of) or not hasattr(of, "__dict__") or hasattr(of, "__func__"):
         raise BadType(f"{decorator}(of=…) needs the function whose form it declares, not {shown(of)}.")
 
     def declare(form: F) -> F:
+        known, wrapped = form_of(of), getattr(of, "__wrapped__", None)  # of which a decorator has copied the form
+        if known is not None and known is not form_of(wrapped) and _place_of(known) != _place_of(form):
+            raise BadValue(
+                f"{as_code(of)} has an array form already, {as_code(known)}: it is not replaced by {as_code(form)}. "
+                f"Declare one form, or define {as_code(of)} again before."
+            )
         of.__dict__[_FORM] = as_function_of(form, f"What {decorator}(of=…) declares", argument, most)
         return form
 
     return declare
+
+
+def _place_of(form: object) -> tuple[object, object]:
+    """Return the module and the name of a function; of another object, itself."""
+    return getattr(form, "__module__", None), getattr(form, "__qualname__", id(form))
 
 
 def form_of(function: object) -> Any:
