@@ -52,7 +52,9 @@ def test_agents_that_come_take_rows_of_their_team(phase, order):
             assert not games.detached
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+                result = alone.game.run()
+                assert plain(games.result(number)) == plain(result)
+                assert games.result(number).provenance == result.provenance
             assert len(games.result(0).agents) > 5
 
 

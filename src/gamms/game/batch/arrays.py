@@ -37,6 +37,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import IAgent
+from gamms.typing.game import strategy_name
 
 _FEWEST = 4  # games with the same roads closed that are played in arrays; measured in decision 0050
 
@@ -483,6 +484,9 @@ class ArrayEngine:
             for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
             if state.is_there[game, number]
         }
+        plans, known = self._game.settings()["plans"], template.provenance["strategies"]
+        come = [(name, one) for name, one in zip(roster.names, roster.agents, strict=True) if name in agents]
+        strategies = {name: strategy_name(decider_of(one, plans)) for name, one in come if name not in known} | known
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
@@ -495,7 +499,7 @@ class ArrayEngine:
             messages=[] if state.radio is None else [dict(one) for one in state.radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
-            provenance=template.provenance,
+            provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},
             **over,
         )
 
