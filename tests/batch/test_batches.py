@@ -713,6 +713,33 @@ def test_a_closed_batch_plays_no_turn_and_keeps_its_results(one_by_one):
     assert games.result(1) == known
 
 
+@pytest.mark.parametrize(("number", "where"), [(1, "in turn 0 of game 0"), (2, "in turn 0")])
+def test_an_error_in_the_form_of_a_check_names_the_rule_and_the_game_if_it_is_one(number, where):
+    def guard(ctx):
+        pass
+
+    guard.check = lambda ctx: None
+    gamms.array_rule(of=guard)(lambda turn: None)
+    gamms.array_rule(of=guard.check)(lambda turn, ends: 1 / 0)
+    with scene([TAG]).build() as ctx:
+        ctx.game.add(guard)
+        with ctx.game.batch(number) as games, pytest.raises(ZeroDivisionError) as caught:
+            games.step()
+    assert caught.value.__notes__ == [f"In the check of the rule 'guard' of a batch, {where}."]
+
+
+def test_a_wrong_chance_names_the_sensor_in_a_batch():
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0}}
+    chase = {"count": 1, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+    teams = {"red": chase, "blue": {"count": 2, "strategy": "gamms.strategies:random_walk"}}
+    with scene(sensors=near, teams=teams).build() as ctx:
+        for sensor in ctx.agent.get_agent("red_0").sensors.values():
+            sensor.notice.detection = lambda far: far + 2.0
+            named = sensor.sensor_id
+        with ctx.game.batch(2) as games, pytest.raises(BadValue, match=f"detection of '{named}' must give"):
+            games.step()
+
+
 def test_games_that_go_on_from_here_are_not_recorded():
     with scene([TAG]).build() as ctx, pytest.raises(BadValue, match="cannot be recorded"):
         ctx.game.batch(2, record=True)

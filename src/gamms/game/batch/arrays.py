@@ -437,7 +437,9 @@ class ArrayEngine:
         except NoRow:  # which says itself what rule it was, of several that are called one after the other
             raise
         except Exception as error:
-            error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn)}.")
+            error.add_note(
+                f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn, turn.games)}."
+            )
             raise
 
     def view(self, agents: IntArray) -> ArrayView:

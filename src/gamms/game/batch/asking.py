@@ -170,7 +170,7 @@ class Asking:
                     if asked is not None:
                         self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
                 except Exception as error:
-                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn)}.")
+                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
         scalar = self._here.asked
         if scalar is not None and len(agents := scalar.agents[~is_decided[scalar.agents]]):

@@ -301,8 +301,8 @@ class DeviceEngine(ArrayEngine):
             actions = form(view)
             return view.as_actions(actions, group.name) if is_legal else view.checked(actions, group.name)
         except Exception as error:
-            turns = self.state.turn[~self.is_over]
-            error.add_note(f"In the strategy {group.name} of a batch, {in_turns(turns)}.")
+            games = np.flatnonzero(~self.is_over)
+            error.add_note(f"In the strategy {group.name} of a batch, {in_turns(self.state.turn[games], games)}.")
             raise
 
     def _asked_on_host(self, group: Group, agents: IntArray) -> Tensor:

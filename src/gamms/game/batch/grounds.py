@@ -16,7 +16,7 @@ from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SeenNodes
-from gamms.game.batch.turn import ArrayRule, MovesOfTurn
+from gamms.game.batch.turn import ArrayRule, MovesOfTurn, in_turns
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.moves import as_stopped
@@ -42,7 +42,15 @@ class Group(NamedTuple):
 def _checked_form(of: object, named: str) -> Callable[[MovesOfTurn, IntArray], BoolArray] | None:
     """Return the array form of what stops moves, whose result is checked; None: it has none."""
     form = form_of(of)
-    return None if form is None else lambda turn, ends: as_stopped(form(turn, ends), named, ends.shape)
+
+    def checked(turn: MovesOfTurn, ends: IntArray) -> BoolArray:
+        try:
+            return as_stopped(form(turn, ends), named, ends.shape)
+        except Exception as error:
+            error.add_note(f"In {named} of a batch, {in_turns(turn.turn, turn.games)}.")
+            raise
+
+    return None if form is None else checked
 
 
 class Ground:

@@ -484,7 +484,8 @@ def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
     if look.chance is None:
         chances = chances_at(far, np.array(look.chances))
     else:
-        chances = chances_given(look.chance, far, "The function of detection")
+        sensors = sorted({repr(draws[0]) for draws in lookout.draws if draws is not None})
+        chances = chances_given(look.chance, far, f"detection of {' and '.join(sensors)}")
     return kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < chances
 
 

@@ -592,7 +592,8 @@ class ArrayTurn(MovesOfTurn):
         return kernels.draw_bits_rows(purposes, names, self.turn[at])
 
 
-def in_turns(turns: IntArray) -> str:
-    """Say in which turn some games are, (games,), for notes on errors."""
+def in_turns(turns: IntArray, games: IntArray) -> str:
+    """Say in which turn some games are, (games,), for notes on errors; of one game alone, which it is."""
     known = np.unique(turns).tolist() or [0]
-    return f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
+    those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
+    return f"{those} of game {games[0]}" if len(games) == 1 else those
