@@ -266,7 +266,7 @@ def test_a_class_has_at_most_25_public_methods():
                 assert len(methods) <= PUBLISHED.get(node.name, 25), f"{shown(path)}: {node.name} has {len(methods)}"
 
 
-PUBLISHED = {"Graph": 34, "IGraph": 27}  # of which 1.0.0 published 12
+PUBLISHED = {"Graph": 35, "IGraph": 28}  # of which 1.0.0 published 12
 
 
 def is_plain_method(node):

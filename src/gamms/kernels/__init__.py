@@ -10,6 +10,7 @@ from gamms.kernels.cells import (
     CellIndex,
     build_cells,
     candidate_rows,
+    candidates_of_each,
     near_each_other,
     pairs_within,
     rows_around,

@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.kernels.csr import expand_ranges
 
 _POINTS_PER_CELL = 4.0
 _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
 _FAR = 1e150  # coordinates beyond are as far away as this: their squares would overflow
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
 _MOST_PAIRS = 1 << 18  # that are compared at a time
+_MOST_CANDIDATES = 1 << 15  # that are written out at a time, which caches hold
 _FEW_PAIRS = 1 << 12  # that are compared without cells
 _MOST_CELLS_OF_AREA = 1 << 20  # per axis of an area
 
@@ -75,6 +77,39 @@ def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, 
     first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
     last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
     return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
+
+
+def candidates_of_each(
+    cells: CellIndex, x: FloatArray, y: FloatArray, d: float
+) -> Iterator[tuple[int, int, IntArray, IntArray]] | None:
+    """Find a superset of the points within `d` of each of several places, of some places at a time.
+
+    Returns:
+        Of each part the first place and the one behind the last, and pairs of a place, from 0 for the first, ascending,
+        and the row of a point. None when scans of all points are cheaper.
+    """
+    # A point on the rim must not fall out by rounding.
+    reach = d + 1e-9 * (float(max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))) + d)
+    if 2.0 * reach / cells.size > _MOST_STRIPES:
+        return None
+    low_x, high_x = (_cell(edge, cells.origin[0], cells.size)[:, None] for edge in (x - reach, x + reach))
+    low_y, high_y = (_cell(edge, cells.origin[1], cells.size) for edge in (y - reach, y + reach))
+    stripes = low_y[:, None] + np.arange(int((high_y - low_y).max(initial=0)) + 1)
+    first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
+    last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
+    return _expanded(cells.rows, first, last)
+
+
+def _expanded(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple[int, int, IntArray, IntArray]]:
+    """Write out the ranges (places, ranges) of each place; see `candidates_of_each`."""
+    ends = np.cumsum((last - first).sum(axis=1))
+    begin = 0
+    while begin < len(first):
+        before = int(ends[begin - 1]) if begin else 0
+        end = max(begin + 1, int(np.searchsorted(ends, before + _MOST_CANDIDATES, side="right")))
+        ranges, positions = expand_ranges(first[begin:end].ravel(), last[begin:end].ravel())
+        yield begin, end, ranges // first.shape[1], rows[positions]
+        begin = end
 
 
 def pairs_within(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, IntArray, FloatArray]:
