@@ -1,0 +1,122 @@
+"""What agents see that look in one moment is worked out together, and equals what each would see by itself."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import UnknownName
+from gamms.graph import Graph
+from gamms.sensor import views
+from gamms.typing import SensorType
+
+SIDE = 12
+
+
+@pytest.fixture
+def eager(monkeypatch):
+    """Work out together what few agents see."""
+    make_eager(monkeypatch)
+
+
+def make_eager(monkeypatch):
+    monkeypatch.setattr(views, "_FEW_MISSES", 1)
+    monkeypatch.setattr(views, "_FEWEST", 2)
+
+
+def game(agents, radius, with_sensor=lambda i: True, seed=3):
+    """Return a game of agents that walk on a grid and check what they see, and the list of how many checked it."""
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(SIDE, SIDE))
+    graph, checked = ctx.graph.graph, []
+
+    def look(state):
+        for _, data in state["sensor"].values():
+            seen = Graph.within(graph, state["curr_pos"], radius)
+            assert list(data["nodes"].items()) == list(seen.nodes.items())
+            assert data["edges"] == seen.edges
+            data["nodes"].clear()  # which is the strategy's own
+            data["edges"].clear()
+            checked.append(state["curr_pos"])
+        legal = state["legal"]
+        state["action"] = legal[(state["curr_pos"] + state["turn"]) % len(legal)]
+
+    for i, node in enumerate(agents):
+        sensors = {}
+        if with_sensor(i):
+            sensors = {"s": ctx.sensor.create_sensor(f"s{i}", SensorType.RANGE, sensor_range=radius)}
+        ctx.agent.create_agent(f"a{i}", start_node_id=node, strategy=look, sensors=sensors)
+    return ctx, checked
+
+
+def counted(monkeypatch, name):
+    """Return a list that grows with each call of a method of the graph."""
+    calls, method = [], getattr(Graph, name)
+
+    def counting(self, *args):
+        calls.append(args)
+        return method(self, *args)
+
+    monkeypatch.setattr(Graph, name, counting)
+    return calls
+
+
+@given(data=st.data())
+@settings(max_examples=12, deadline=None, derandomize=True)
+def test_agents_see_what_each_would_see_by_itself(data):
+    with pytest.MonkeyPatch.context() as patch:
+        make_eager(patch)
+        patch.setattr(views, "_MOST_WORDS", data.draw(st.sampled_from([1, 900, 4000, 1 << 24])))
+        agents = data.draw(st.lists(st.integers(0, SIDE * SIDE - 1), min_size=1, max_size=24))
+        every = data.draw(st.sampled_from([1, 1, 3]))
+        radius = data.draw(st.sampled_from([0.0, 10.0, 25.0]))
+        ctx, checked = game(agents, radius, lambda i: i % every == 0)
+        for _ in range(4):
+            ctx.game.step()
+            change = data.draw(st.sampled_from(["nothing", "nothing", "edge", "node"]))
+            graph, memo = ctx.graph.graph, ctx.sensor.storage.memory.views
+            assert memo._words <= views._MOST_WORDS
+            if change == "edge":
+                graph.remove_edge(data.draw(st.sampled_from(list(graph.get_edges()))))
+            elif change == "node":
+                taken = {agent.current_node_id for agent in ctx.agent.create_iter()}
+                graph.remove_node(data.draw(st.sampled_from([id for id in graph.get_nodes() if id not in taken])))
+        assert len(checked) == 4 * len(agents[::every])
+        assert not ctx.game.errors
+        ctx.terminate()
+
+
+def test_what_many_agents_see_is_worked_out_together(monkeypatch):
+    together = counted(monkeypatch, "within_many")
+    ctx, _ = game(range(0, SIDE * SIDE, 2), 20.0)
+    ctx.game.step()
+    memo = ctx.sensor.storage.memory.views
+    assert [len(nodes) for nodes, _ in together] == [16, 52]
+    assert len(memo.known(20.0)) == 72
+    assert memo._words == sum(views._words(seen) for seen in memo.known(20.0).values())
+
+
+def test_nothing_is_worked_out_for_agents_that_do_not_look(monkeypatch):
+    together = counted(monkeypatch, "within_many")
+    ctx, checked = game(range(144), 20.0, lambda i: i % 18 == 0)
+    for _ in range(12):
+        ctx.game.step()
+    assert len(checked) == 12 * 8
+    assert sum(len(nodes) for nodes, _ in together) <= 3 * 16
+
+
+def test_in_a_loop_of_the_program_each_look_is_answered_by_itself(eager, monkeypatch):
+    together = counted(monkeypatch, "within_many")
+    ctx, _ = game(range(40), 20.0)
+    for agent in ctx.agent.create_iter():
+        state = agent.get_state()
+        assert len(state["sensor"]["s"][1]["nodes"]) >= 6
+    assert together == []
+
+
+def test_an_agent_on_a_removed_node_spoils_no_view_of_others(eager):
+    ctx, checked = game([0, 5, 20, 40, 77, 100], 20.0)
+    ctx.graph.graph.remove_node(77)
+    with pytest.raises(UnknownName, match="77"):
+        ctx.game.step()
+    assert checked == [0, 5, 20, 40]
