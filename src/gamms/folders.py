@@ -46,7 +46,8 @@ def made_folder(folder: Path) -> Iterator[None]:
     made = [one for one in (folder, *folder.parents) if not one.exists()]
     last = [folder, *folder.parents][len(made)]
     if not last.is_dir():
-        raise BadValue(f"There is {str(last)!r} already, and it is not a folder. Name another folder.")
+        where = "" if last == folder else f", so that {str(folder)!r} cannot be made"
+        raise BadValue(f"There is {str(last)!r} already, and it is not a folder{where}. Name another folder.")
     folder.mkdir(parents=True, exist_ok=True)
     try:
         yield
