@@ -157,7 +157,13 @@ class Streets:
     def ends_of(self, rows: IntArray, actions: IntArray) -> IntArray:
         """Return what `step` does, of actions that are known to be legal."""
         _, width, steps, offsets = self._narrow
-        places = (rows * width if width else offsets.take(rows)) + actions.astype(np.int64, copy=False)
+        # NOTE: in place: to make another array is a twentieth of a turn of 100,000 agents (benchmarks: teams).
+        places: IntArray = np.empty(np.broadcast(rows, actions).shape, np.int64)
+        if width:
+            np.multiply(rows, width, out=places)
+        else:
+            places[...] = offsets[rows]
+        np.add(places, actions, out=places, casting="unsafe")
         return rows + steps.take(places, mode="clip")
 
     def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
