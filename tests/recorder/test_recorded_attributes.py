@@ -120,3 +120,26 @@ def test_a_recording_cannot_set_what_a_program_may_not(ctx, name):
     replayer.state.agents.names = {0: "a"}
     with pytest.raises(RecordingError, match="is no attribute of agent 'a'"):
         replayer.apply(kinds.AGENT_ATTRIBUTE, {"numbers": [0], "name": name, "values": [5]})
+
+
+class Heard:
+    """A follower that keeps the values of attributes that it was told."""
+
+    def __init__(self):
+        self.values = []
+
+    def begin(self, header, state):
+        """Begin."""
+
+    def hear(self, log, *, is_over):
+        self.values += [data["values"] for kind, data in kinds.events_of(log) if kind == kinds.AGENT_ATTRIBUTE]
+
+
+def test_followers_hear_of_what_is_set_after_they_began(ctx):
+    agent, follower = ctx.agent.create_agent("a", start_node_id=0), Heard()
+    ctx.record.start(io.BytesIO())
+    agent.energy = 1
+    ctx.record.follow(follower)
+    agent.energy = 2
+    ctx.visual.simulate()
+    assert follower.values == [[2]]

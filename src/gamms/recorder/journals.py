@@ -103,8 +103,8 @@ class SessionJournal(Journal):
                 self.attributed([row], name, [part[name]] if name in part else None)
             return
         last = self.log[-1] if self.log else None
-        if self.last_set is not None and last is self.last_set and last[1]["name"] == name and type(values) is list:
-            # NOTE: one event for all of whom a rule sets it one by one takes a tenth of the bytes.
+        if last is not None and last is self.last_set and last[1]["name"] == name and type(values) is list:
+            # What a rule sets agent by agent is one event, which takes a tenth of the bytes.
             last[1]["numbers"] += [self.ids[row] for row in rows]
             last[1]["values"] += to_plain(values)
             self.in_arrays += len(values)

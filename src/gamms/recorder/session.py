@@ -184,6 +184,7 @@ class RecordingSession:
             return
         self._note_changes()
         self._heard = self._front = len(self.log)
+        self._journal.last_set = None  # the state that they begin with has it
         self._followed = self.drawings.edits
         looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs()}
         header = self._header(self) | looks
@@ -196,7 +197,8 @@ class RecordingSession:
         if self._followed is None or (self.turn == 1 and is_over and self._followed != self.drawings.edits):
             self._begin_with_followers()
             return
-        heard, self._heard, self._journal.last_set = self._heard, 0 if is_over else len(log), None
+        heard, self._heard = self._heard, 0 if is_over else len(log)
+        self._journal.last_set = None  # they have this event already
         for follower in self._followers:
             follower.hear(log[heard:], is_over=is_over)
 
