@@ -8,6 +8,7 @@ import random
 import subprocess
 import sys
 from heapq import heappop, heappush
+from itertools import islice
 
 import batches
 from worlds import ST, Spent, context, fill, grid, paper_strategy
@@ -633,6 +634,31 @@ def views_from_many_places(side=200, views=15_000):
         for data in ready:
             {key: value.copy() for key, value in data.items()}
         return len(ready)
+
+    return ours, floor
+
+
+def looks_of_many(agents=10_000, side=316, turns=5):
+    """Turns of agents with RANGE sensors, most of which come to places that are not remembered, against `within`."""
+    ctx, rng = lattice(side), random.Random(7)
+    graph, choice = ctx.graph.graph, rng.choice
+
+    def walk(state):
+        state["action"] = choice(state["legal"])
+
+    for i in range(agents):
+        eyes = ctx.sensor.create_sensor(f"eyes_{i}", ST.RANGE, sensor_range=50.0)
+        ctx.agent.create_agent(f"a_{i}", start_node_id=rng.randrange(side * side), sensors=[eyes], strategy=walk)
+    fresh = iter(rng.sample(range(side * side), side * side))
+
+    def ours():
+        ctx.game.run(turns)
+        return turns * agents
+
+    def floor(looks=2000):
+        for node in islice(fresh, looks):
+            graph.within(node, 50.0)
+        return looks
 
     return ours, floor
 

@@ -29,6 +29,7 @@ class Case(NamedTuple):
 
 # Floors of several cases
 READY = "copies of ready answers"
+WITHIN = "`graph.within` from as many new places"
 LOOP = "bare Python that builds the same states"
 KEYS = "bare Python that builds states of ten keys"
 BY_HAND = "the paper's loop over our agents"
@@ -71,6 +72,7 @@ CASES = [
     ),
     Case("targeted: neighbourhoods among 490,000", "node", cases.neighborhoods_beyond_what_is_kept, "slices of lists"),
     Case("targeted: RANGE from 15,000 places in turn", "look", cases.views_from_many_places, READY),
+    Case("targeted: looks of many agents, RANGE of 10,000 on 100,000 nodes", "agent-step", cases.looks_of_many, WITHIN),
     Case("targeted: open a saved map, 90,000 nodes", "map", cases.open_map, "inflating its arrays"),
     Case("targeted: states of a recording, 10 agents", "state", cases.recorded_states, "copies of ten lists"),
     Case("scenario: the paper's loop, 10 agents", "agent-step", cases.loop(10), LOOP, 2.0),

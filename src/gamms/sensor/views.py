@@ -31,12 +31,12 @@ _PART = 8  # one in so many views is forgotten when there are too many
 _WORDS_PER_NODE = 7  # of a dict entry, at most
 _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # of its key and its empty containers
-_FEW_MISSES = 4  # looks of a moment that are answered one by one at least
-_NODES_PER_MISS = 16  # of many nodes, one look for so many more
-_AGENTS_PER_MISS = 512  # of many agents, one look for so many more
+_FEW_MISSES = 4  # looks of a moment that are answered one by one, and
+_AGENTS_PER_MISS = 512  # one more for each so many agents
 _FEWEST, _MOST_AHEAD = 16, 4096  # views that are worked out together
 _GROWTH = 4
-_MOST_BEHIND = 64  # looks from nodes of agents that come earlier, before it is taken that these look later
+_MOST_BEHIND = 64  # looks from nodes that were passed, before it goes back to one, and
+_NODES_PER_LOOK_BEHIND = 16  # one more for each so many nodes
 _SHARE_AHEAD = 4  # one in so many words may be of views that are worked out together
 _MOST_RADII = 64  # at which looks are counted
 
@@ -63,7 +63,7 @@ class LooksToCome:
     as most of it is looked at.
 
     Attributes:
-        views: by node; who looks takes it out.
+        views: by node; a look takes its own out.
         words: what these take in memory.
         largest: what a view that was worked out by itself takes, at most.
     """
@@ -112,9 +112,8 @@ class LooksToCome:
         place = self._places.get(node)
         if place is None:
             return False
-        if (
-            place < self._end and self._behind < _MOST_BEHIND + len(self._nodes) // _NODES_PER_MISS
-        ):  # it was known, and was forgotten since
+        most_behind = _MOST_BEHIND + len(self._nodes) // _NODES_PER_LOOK_BEHIND
+        if place < self._end and self._behind < most_behind:  # the view was known, and was forgotten since
             self._behind += 1
             return False
         self._behind = 0
@@ -136,11 +135,11 @@ class LooksToCome:
         self._end = place
         return found if len(found) >= _FEWEST // 2 else []
 
-    def take(self, nodes: list[int], seen: list[Surroundings], room: int) -> None:
-        """Take what is seen from nodes, as far as there is room for so many words."""
+    def take(self, nodes: list[int], seen: list[Surroundings], most_words: int) -> None:
+        """Keep what is seen from nodes, until it takes so many words."""
         for node, view in zip(nodes, seen, strict=True):
             words = _words(view)
-            if self.words + words > room:
+            if self.words + words > most_words:
                 break
             self.views[node] = view
             self.words += words
@@ -246,6 +245,7 @@ class Views:
         return nodes
 
     def _begin_looks(self) -> None:
+        """Forget what was worked out for looks that have not come, as agents may have moved."""
         for looks in self._to_come.values():
             self._words -= looks.words
             looks.begin()
