@@ -6,6 +6,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.given import as_kept
 
 DEEDS = {
     "scan": {"node": "node"},
@@ -75,6 +76,14 @@ def test_integers_of_all_sizes_are_actions_where_some_agents_are_not_asked(kind)
             one.step({"red": np.ones((2, 3), kind), "blue": np.ones((2, 3), kind)})
         assert games.is_in_arrays
         assert plain(games.result(1)) == plain(alone.result(1))
+
+
+def test_numbers_of_nodes_that_are_kept_take_a_byte_each():
+    moves = np.ones((2, 3), np.int64)
+    assert as_kept(moves, np).dtype == np.uint8
+    assert as_kept(moves * 300, np).tolist() == [[300] * 3] * 2
+    assert as_kept(-moves, np).tolist() == [[-1] * 3] * 2
+    assert as_kept(-moves, np).base is None
 
 
 def test_a_team_that_is_given_no_moves_stays():

@@ -32,7 +32,7 @@ def talk(state):
 
 @gamms.array_strategy(of=talk)
 def talk_in_arrays(view):
-    heard, shape = view.heard("radio"), view.node.shape
+    heard, shape = view["inbox"]["radio"], view.node.shape
     told, number, last = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
     np.add.at(told, (heard.at, heard.hearers), np.where(heard.overheard, 0, np.array(heard.bodies, np.int64)))
     np.add.at(number, (heard.at, heard.hearers), 1)
@@ -132,8 +132,9 @@ def test_impossible_messages_are_refused(arguments, kind, message):
     with scenario.batch(2, strategies={"blue": speak}) as games, pytest.raises(kind, match=message):
         games.step()
     with scene([]).batch(2) as games:
+        assert dict(games.observe("red")["inbox"]) == {}
         with pytest.raises(UnknownName, match="radio"):
-            games.observe("red").heard("radio")
+            games.observe("red")["inbox"]["radio"]
         with pytest.raises(BadValue, match="the game has no channels"):
             games.observe("red").send("radio", True, 1)
 

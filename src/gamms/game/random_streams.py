@@ -2,9 +2,9 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from functools import wraps
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.random import Generator, Philox
@@ -14,6 +14,7 @@ from gamms.arguments import as_array, as_one_shape
 from gamms.errors import BadValue
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 
@@ -224,6 +225,48 @@ class TeamDraws(ArrayDraws):
             self._keys = kernels.later_key_rows(self._first_keys(), np.array([self._turn]))
         self._count += 1
         return kernels.bits_at_rows(self._keys, self._count - 1)
+
+
+class ViewDraws(ArrayDraws):
+    """The keyed draws of the agents of a view: each call gives one number for each, (games, agents).
+
+    They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
+    """
+
+    _later_keys, _bits_at = staticmethod(kernels.later_key_rows), staticmethod(kernels.bits_at_rows)
+
+    def __init__(self, first: BitArray, turns: IntArray, count: IntArray | int = 0) -> None:
+        self._of = first, turns
+        self._keys: BitArray | None = None
+        self._count = count  # how many numbers were drawn in the turn so far
+        self._among: tuple[ViewDraws, BoolArray] | None = None
+
+    def only(self, asked: BoolArray) -> Self:
+        """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
+        narrowed = copy(self)
+        narrowed._among = self, asked
+        return narrowed
+
+    @property
+    def count(self) -> IntArray | int:
+        """How many numbers were drawn in the turn so far: by all, or by each."""
+        return self._count if self._among is None else self._among[0].count
+
+    def bits(self) -> BitArray:
+        """Return 64 random bits for each."""
+        if self._among is not None:
+            return self._among[0].bits_of(self._among[1])
+        return self.bits_of(1)
+
+    def bits_of(self, counted: BoolArray | int) -> BitArray:
+        """Return 64 random bits for each; the next ones are others for those that are counted."""
+        if self._among is not None:
+            return self._among[0].bits_of(counted)
+        if self._keys is None:
+            first, turns = self._of
+            self._keys = self._later_keys(first, turns[:, None])
+        count, self._count = self._count, self._count + counted
+        return self._bits_at(self._keys, count)
 
 
 def _draws_at(seed: int, name: str, turn: int, count: int) -> Draws:

@@ -22,9 +22,10 @@ from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.travel import movement_of
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
-from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
+from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
+from gamms.game.random_streams import ViewDraws
 from gamms.game.snapshots import GameInternals
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray

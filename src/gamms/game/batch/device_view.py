@@ -17,7 +17,8 @@ from gamms.game.batch.sight import Lookout, Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
-from gamms.game.batch.view import ArrayView, ViewDraws, refuse_no_actions
+from gamms.game.batch.view import ArrayView, refuse_no_actions
+from gamms.game.random_streams import ViewDraws
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray

@@ -14,7 +14,7 @@ from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
-from gamms.game.batch.given import Acting, Given, as_given
+from gamms.game.batch.given import Acting, Given, as_given, as_kept
 from gamms.game.batch.libraries import ArrayLibrary
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
@@ -273,7 +273,7 @@ class Batch(Fixed):
         else:
             moves = as_actions(given.moves, by) if library is None else library.own(given.moves, f"Actions of {by}")
         refuse_no_actions(moves, shape, by, xp)
-        return given._replace(moves=xp.asarray(moves, copy=True) if is_kept else moves)
+        return given._replace(moves=as_kept(moves, xp) if is_kept else moves)
 
     def _watched(self) -> AbstractContextManager[None]:
         """Refuse forms that remember elsewhere than in their views and turns; looked at in turns that get rarer."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from math import hypot
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -89,6 +91,13 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
     if flights is not None:
         flights = as_flights(flights, f"Flights of team {shown(team)}", shape)
     return Given(value.get("moves"), deeds, messages, flights)
+
+
+def as_kept(moves: Tensor, xp: ModuleType) -> Tensor:
+    """Return a copy of moves, arrays of a library; in NumPy numbers of legal nodes take a byte each where that fits."""
+    if xp is np and moves.size and moves.min() >= 0:
+        return moves.astype(np.min_scalar_type(moves.max()))
+    return xp.asarray(moves, copy=True)
 
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from gamms import kernels
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
@@ -22,10 +21,9 @@ from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.deeds import DeclaredField
-from gamms.game.random_streams import ArrayDraws
+from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.sensor_engine import ON_GROUND
 
@@ -56,54 +54,13 @@ def portable_form(form: ArrayStrategy) -> ArrayStrategy:
     return form
 
 
-class ViewDraws(ArrayDraws):
-    """The keyed draws of the agents of a view: each call gives one number for each, (games, agents).
-
-    They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
-    """
-
-    _later_keys, _bits_at = staticmethod(kernels.later_key_rows), staticmethod(kernels.bits_at_rows)
-
-    def __init__(self, first: BitArray, turns: IntArray, count: IntArray | int = 0) -> None:
-        self._of = first, turns
-        self._keys: BitArray | None = None
-        self._count = count  # how many numbers were drawn in the turn so far
-        self._among: tuple[ViewDraws, BoolArray] | None = None
-
-    def only(self, asked: BoolArray) -> Self:
-        """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
-        narrowed = copy(self)
-        narrowed._among = self, asked
-        return narrowed
-
-    @property
-    def count(self) -> IntArray | int:
-        """How many numbers were drawn in the turn so far: by all, or by each."""
-        return self._count if self._among is None else self._among[0].count
-
-    def bits(self) -> BitArray:
-        """Return 64 random bits for each."""
-        if self._among is not None:
-            return self._among[0].bits_of(self._among[1])
-        return self.bits_of(1)
-
-    def bits_of(self, counted: BoolArray | int) -> BitArray:
-        """Return 64 random bits for each; the next ones are others for those that are counted."""
-        if self._among is not None:
-            return self._among[0].bits_of(counted)
-        if self._keys is None:
-            first, turns = self._of
-            self._keys = self._later_keys(first, turns[:, None])
-        count, self._count = self._count, self._count + counted
-        return self._bits_at(self._keys, count)
-
-
 class ArrayView(Mapping[str, Any]):
     """The agents that one strategy decides for, in all games that are played: arrays (games, agents).
 
     It has the keys of `state` that have an array form: `view["curr_pos"]` are the ids of nodes, `view["legal"]` those
     of legal nodes (games, agents, most), behind the last one -1, `view["mask"]` which agents are alive; `name` and
-    `team` are one for each agent, `turn` one for each game.
+    `team` are one for each agent, `turn` one for each game; `sensor` and `inbox` have by name what sensors show and
+    what came by channels.
 
     Attributes:
         games: (games,) numbers in the batch.
@@ -142,9 +99,11 @@ class ArrayView(Mapping[str, Any]):
         lock((self.games, self.agents, self.node, self.mask, self.turn))
 
     def __getitem__(self, key: str) -> Any:
-        if key not in _VALUES:
-            raise UnknownName("key of a view", key, tuple(_VALUES))
-        return _VALUES[key](self)
+        if key in _VALUES:
+            return _VALUES[key](self)
+        if key in _OTHERWISE:
+            raise UnknownName(f"key of a view: use {_OTHERWISE[key]} instead of", key)
+        raise UnknownName("key of a view", key, tuple(_VALUES))
 
     def __iter__(self) -> Iterator[str]:
         return iter(_VALUES)
@@ -582,6 +541,23 @@ class Sensors(Mapping[str, Seen | SeenNodes]):
         return len(self._names)
 
 
+class Inbox(Mapping[str, Heard]):
+    """What the agents of a view have in their inboxes, by channels; see `ArrayView.heard`."""
+
+    def __init__(self, view: ArrayView) -> None:
+        self._view, radio = view, view._state.radio
+        self._channels = () if radio is None else tuple(radio.channels)
+
+    def __getitem__(self, channel: str) -> Heard:
+        return self._view.heard(channel)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._channels)
+
+    def __len__(self) -> int:
+        return len(self._channels)
+
+
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "curr_pos": lambda view: view.streets.ids_of(view.node),
     "edge": lambda view: view.places().edge,
@@ -597,4 +573,17 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "draw": lambda view: view.draw,
     "facts": lambda view: view._state.facts,
     "sensor": Sensors,
+    "blocked": lambda view: view.blocked,
+    "deeds": lambda view: view.declared,
+    "inbox": Inbox,
+}
+
+_OTHERWISE = {  # keys of `state` -> what is there instead
+    "memory": "view.keep(key, make)",
+    "team_memory": "view.keep(key, make) and view.memory_of",
+    "rng": "view.draw",
+    "outbox": "view.send(channel, where, body)",
+    "action": "what the form returns, and view.do(deed, where)",
+    "quat": "view['xy'] of two turns",
+    "fork": "ctx.game.batch",
 }
