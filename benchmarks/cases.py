@@ -508,14 +508,14 @@ def path_by_hand(leaving, source, target):
     return path[::-1]
 
 
-def agent_look_after_a_move(agents=10_000):
+def agent_look_after_a_move(agents=10_000, kind=ST.AGENT, **keywords):
     """AGENT looks between moves of one agent, against copying the dict that they give."""
     ctx = context()
     fill(ctx.graph.graph, 100)
     rng = random.Random(3)
     for i in range(agents):
         ctx.agent.create_agent(f"a_{i}", start_node_id=rng.randrange(10_000))
-    sensor, mover = ctx.sensor.create_sensor("x", ST.AGENT), ctx.agent.get_agent("a_7")
+    sensor, mover = ctx.sensor.create_sensor("x", kind, **keywords), ctx.agent.get_agent("a_7")
     sensor.sense(0)
     ready = sensor.data
 

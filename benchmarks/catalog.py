@@ -64,6 +64,12 @@ CASES = [
     ),
     Case("targeted: AGENT after a move among 10,000", "look", cases.agent_look_after_a_move, READY),
     Case(
+        "targeted: OCCLUDED_AGENT after a move among 100,000",
+        "look",
+        lambda: cases.agent_look_after_a_move(100_000, ST.OCCLUDED_AGENT, sensor_range=20.0),
+        READY,
+    ),
+    Case(
         "targeted: contacts within 5 of 2,000 agents",
         "agent",
         cases.near_in_a_straight_line,

@@ -70,6 +70,22 @@ def test_an_agent_behind_a_wall_is_hidden_until_the_wall_goes(ctx, sense):
     assert sensor.data == {"seen": 2, "hidden": 1}
 
 
+def test_looks_between_moves_of_single_agents_show_where_these_are_now(ctx):
+    wall(ctx, (0.5, -0.5), (0.5, 0.5))
+    movers = [ctx.agent.create_agent(name, start_node_id=5) for name in ("anna", "bert")]
+    looks = [
+        ctx.sensor.create_sensor("past", SensorType.OCCLUDED_AGENT),
+        ctx.sensor.create_sensor("near", SensorType.AGENT_RANGE, sensor_range=1.5, detection=[(1.0, 1.0), (1.4, 0.0)]),
+    ]
+    for node, unhidden, noticed in [(1, {}, {"anna": 1}), (2, {"anna": 2}, {"anna": 2}), (0, {"anna": 0}, {"anna": 0})]:
+        movers[0].current_node_id = node
+        movers[1].current_node_id = 5
+        for sensor in looks:
+            sensor.sense(0)
+        assert looks[0].data == {**unhidden, "bert": 5}
+        assert looks[1].data == noticed
+
+
 def test_from_the_air_a_roof_hides_what_is_below(ctx):
     ctx.graph.add_obstacle_face(1, (1.4, 0.4, 3), (0.6, 0.4, 3), (1.4, -0.4, 3), (0.6, -0.4, 3), 1)
     ctx.agent.create_agent("below", start_node_id=1)

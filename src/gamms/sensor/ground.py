@@ -465,11 +465,11 @@ class AgentSensor(DetectingSensor, GroundSensor):
         xy, height = self._memory.nearby.xy, self._observer_height
         between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
         on_nodes = sorted({*rows}.difference(between)) if between else rows
-        nodes = NodeColumns(positions.node_ids[on_nodes], xy(on_nodes))
+        nodes = NodeColumns(positions.node_ids_of(on_nodes), xy(on_nodes))
         tunnel = self._tunnel(place)
         seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height, tunnel))
         if between:
-            places = NodeColumns(positions.node_ids[between], xy(between))
+            places = NodeColumns(positions.node_ids_of(between), xy(between))
             seen += _selected(between, is_unhidden(self.ctx, place, places, height, tunnel))
         return sorted(seen)
 

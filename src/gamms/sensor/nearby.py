@@ -92,13 +92,16 @@ class NearbyAgents:
             UnknownName (KeyError): an agent stands on a node that was removed.
         """
         positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
-        key = (positions, positions.version, graph.revision)
-        if self._places is None or key != self._key or key[2] is None:
+        if self._places is None or not self._are_places_known(positions):
             xy = self._xy_of(positions)
             for row in positions.travellers:
                 xy[row] = self._travellers.place(positions, row) or xy[row]
-            self._places, self._key, self._coordinates = xy, key, None
+            self._places, self._key, self._coordinates = xy, (positions, positions.version, graph.revision), None
         return self._places
+
+    def _are_places_known(self, positions: Positions) -> bool:
+        revision = self._ctx.graph.graph.revision
+        return revision is not None and self._key == (positions, positions.version, revision)
 
     def coordinates(self) -> Coordinates:
         """Return where all agents are in space.
@@ -132,10 +135,11 @@ class NearbyAgents:
     def xy(self, rows: list[int]) -> FloatArray:
         """Return where some agents are on the map (rows, 2)."""
         positions = self._ctx.agent.positions
-        if not positions.travellers:
+        # While agents decide, many ask for what is the same for all; else one may move after each look.
+        if not positions.travellers and (self._phase.moment is not None or self._are_places_known(positions)):
             return self.places()[rows]
         xy = self._xy_of(positions, rows)
-        for i, row in enumerate(rows):
+        for i, row in enumerate(rows if positions.travellers else ()):
             xy[i] = self._travellers.place(positions, row) or xy[i]
         return xy
 
@@ -289,7 +293,7 @@ class NearbyAgents:
 
     def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
         """Return where the nodes are that some agents are on, or have passed last (rows, 2); None: of all."""
-        graph, nodes = self._ctx.graph.graph, positions.node_ids if rows is None else positions.node_ids[rows]
+        graph, nodes = self._ctx.graph.graph, positions.node_ids if rows is None else positions.node_ids_of(rows)
         try:
             return graph.positions(nodes)
         except UnknownName:
