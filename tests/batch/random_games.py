@@ -271,6 +271,7 @@ class Drawn:
     max_turns: int = 10
     heights: list | None = None
     walls: list = ()
+    is_bent: bool = False
     reserved: dict | None = None
     default_action: object = None  # where strategies may raise
 
@@ -309,8 +310,12 @@ class Drawn:
             z = {} if self.heights is None else {"z": self.heights[number]}
             ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4, **z})
         for number, (source, target, length) in enumerate(self.streets):
-            ends = {"source": NODES[source], "target": NODES[target]}
-            ctx.graph.graph.add_edge({"id": number * 7 % 71, **ends, "length": length, "slow": 2.0 - length})
+            edge = {"source": NODES[source], "target": NODES[target], "length": length, "slow": 2.0 - length}
+            if self.is_bent and number % 3:
+                (x, y), (x1, y1) = divmod(source, 7)[::-1], divmod(target, 7)[::-1]
+                between = [(x + 0.4, y - 0.3), (x1 - 0.2, y1 + 0.7)][: number % 3]
+                edge["linestring"] = [(x, y), *between, (x1, y1)]
+            ctx.graph.graph.add_edge({"id": number * 7 % 71, **edge})
         for number, is_upright, height in self.walls:
             x, y = number % 7 + 0.5, number // 7 - 0.5
             ends = ((x, y), (x, y + 1)) if is_upright else ((x, y), (x + 1, y))
@@ -343,7 +348,7 @@ class Drawn:
             ctx.game.add(strike, phase=phase)
         for kind in ("scan", "mark") if self.deeds else ():
             ctx.game.add(cooldown(kind, 2), phase=self.deeds[0])
-        if self.deeds is not None and "speed_unit" not in (self.motion or {}):  # by edges has no form by metres
+        if self.deeds is not None:
             prices = {"rest": 0.4, "mark": 0.7, "scan": 1}
             ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
         for name, phase in self.called:
@@ -391,6 +396,7 @@ def games(draw, how=tuple(MOTIONS)):
             st.one_of(st.none(), st.none(), st.lists(st.sampled_from([0.0, 0.4, 2.0]), min_size=14, max_size=14))
         ),
         walls=draw(st.one_of(st.just([]), walls)),
+        is_bent=draw(st.booleans()),
         reserved={agents[min(agents)][0]: ["b9", "y9", "z9"]},
         default_action=default_action,
     )

@@ -1,5 +1,6 @@
 """Rules in batches: each game is the one that is played alone, whatever the rules do in it."""
 
+import math
 from pathlib import Path
 
 import networkx as nx
@@ -127,11 +128,32 @@ def test_agents_that_are_near_are_tagged_as_in_games_that_are_played_alone(given
     same_as_one_by_one(scene([rule("tag", taggers="red", tagged="blue", **given)], max_turns=10), SEEDS)
 
 
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"metres": 8.5, "mutual": True},
+        {"metres": 4, "crossing": True, "territory": OWNERS},
+        {"metres": 1e9, "then": "eliminate"},
+        {"euclid": 8.5, "mutual": True},
+        {"euclid": 6, "passing": False, "crossing": True},
+        {"euclid": math.inf, "then": "eliminate"},
+    ],
+)
+def test_agents_by_metres_are_tagged_when_they_first_are_near_as_alone(given, decide, monkeypatch, same_as_one_by_one):
+    monkeypatch.setattr("gamms.rules.meetings_in_arrays._PAIRS_AT_ONCE", 3)
+    tag, settings = rule("tag", taggers="red", tagged="blue", **given), {"speed_unit": "metres", "decide": decide}
+    scenario = scene([tag], side=4, max_turns=6, settings=settings | {"order": [["blue"], ["red"]]})
+    same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 17.0}), SEEDS[:2])
+
+
 @pytest.mark.parametrize("given", [{"euclid": 15, "mutual": True}, {"euclid": 0, "then": "eliminate"}])
-def test_near_agents_of_large_teams_are_found_by_cells(given, monkeypatch, same_as_one_by_one):
-    monkeypatch.setattr("gamms.rules.contacts_in_arrays._MANY", 3)
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_near_agents_of_large_teams_are_found_by_cells(given, unit, monkeypatch, same_as_one_by_one):
+    for module in ("contacts_in_arrays", "meetings_in_arrays"):
+        monkeypatch.setattr(f"gamms.rules.{module}._MANY", 3)
     tag = rule("tag", taggers="red", tagged="blue", **given)
-    same_as_one_by_one(scene([tag], red=7, blue=9, max_turns=8), SEEDS)
+    same_as_one_by_one(scene([tag], red=7, blue=9, max_turns=8, settings={"speed_unit": unit}), SEEDS)
 
 
 def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):

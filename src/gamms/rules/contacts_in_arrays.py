@@ -11,7 +11,7 @@ import numpy as np
 from gamms import kernels
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.movement import Legs, Paths
+from gamms.game.batch.movement import Paths
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
@@ -19,6 +19,8 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.contacts import Nearness
 from gamms.rules.meetings import TIME_SLACK
+from gamms.rules.meetings_in_arrays import Met, Sides, equal_keys, near_on_travels, of_sides, on_streets
+from gamms.rules.near_nodes import NearNodes
 
 
 class ArrayContacts(NamedTuple):
@@ -96,18 +98,14 @@ def may_meet(us: Hashable, them: Hashable, nearness: Nearness, turn: DeviceTurn)
     return xp.any(xp.reshape(near, (near.shape[0], -1)), axis=1)
 
 
-def _equal(turn: DeviceTurn, keys: Tensor, others: Tensor, sides: tuple[IntArray, IntArray]) -> Tensor:
+def _equal(turn: DeviceTurn, keys: Tensor, others: Tensor, sides: Sides) -> Tensor:
     """Return which living agents of two sides have equal keys, none negative, (games, agents, agents)."""
     xp, (ours, theirs) = turn.xp, sides
     left, right = turn.of(xp.where(turn.alive, keys, -1), ours), turn.of(xp.where(turn.alive, others, -2), theirs)
     return left[:, :, None] == right[:, None, :]
 
 
-_Met = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, BoolArray, IntArray, IntArray]
-"""Contacts: games, agents of both sides, times, distances, whether on an edge, where both were."""
-
-
-def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[_Met]:
+def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[Met]:
     """Return the contacts of agents that go along one edge at most."""
     by_move, nodes, passing = turn.is_there_by_move, len(turn.streets.counts), nearness.passing
     went = turn.starts != turn.ends
@@ -118,7 +116,7 @@ def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: N
         at, a, b, far = _near_pairs(turn, turn.node, turn.alive, (ours, theirs), nearness)
     since = np.where(by_move & ~went, 0.0, 1.0) if passing else np.ones(went.shape)
     places = turn.node[at, a], turn.node[at, b]
-    met: list[_Met] = [(at, a, b, np.maximum(since[at, a], since[at, b]), far, np.zeros(len(at), np.bool_), *places)]
+    met: list[Met] = [(at, a, b, np.maximum(since[at, a], since[at, b]), far, np.zeros(len(at), np.bool_), *places)]
     if nearness.crossing:
         ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
         at, a, b = _equal_pairs(ways, turn.alive & by_move & went, ours, theirs, nodes**2, back)
@@ -128,16 +126,26 @@ def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: N
     return met
 
 
-def _met_on_paths(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], nearness: Nearness) -> list[_Met]:
+def _met_on_paths(turn: ArrayTurn, paths: Paths, sides: Sides, nearness: Nearness) -> list[Met]:
     """Return the contacts of agents that go along several edges."""
-    met = [_on_nodes(turn, sides, passing=nearness.passing)] if nearness.unit is None else []
-    if nearness.unit is not None:
+    passing, unit, limit = nearness.passing, nearness.unit, nearness.limit
+    met = [_on_nodes(turn, sides, passing=passing)] if unit is None else []
+    if unit is not None and (unit == "hops" or paths.legs is None):
         met = list(_near_on_paths(turn, paths, sides, nearness))
+    elif unit is not None:
+        near = None if unit == "euclid" else _near_nodes(turn, nearness)
+        met = [_none(), *near_on_travels(turn, paths, sides, limit, near, passing=passing)]
     if nearness.crossing and paths.legs is not None:
-        met.append(_on_streets(turn, paths, paths.legs, sides, passing=nearness.passing))
+        met.append(on_streets(turn, paths, paths.legs, sides, passing=passing))
     elif nearness.crossing:
-        met.append(_on_edges(turn, paths, sides, passing=nearness.passing))
+        met.append(_on_edges(turn, paths, sides, passing=passing))
     return met
+
+
+def _none() -> Met:
+    none: IntArray = np.zeros(0, np.int64)
+    nowhere: FloatArray = np.zeros(0)
+    return none, none, none, nowhere, nowhere, nowhere < 0.0, none, none
 
 
 def _are_first(at: IntArray, a: IntArray, b: IntArray, times: FloatArray) -> BoolArray:
@@ -153,20 +161,12 @@ def _are_first(at: IntArray, a: IntArray, b: IntArray, times: FloatArray) -> Boo
     return is_first
 
 
-def _of_sides(turn: ArrayTurn, agents: IntArray, sides: tuple[IntArray, IntArray]) -> list[IntArray]:
-    """Return which rows of a column of agents are of each side."""
-    is_of = np.zeros((2, len(turn.roster.names)), np.bool_)
-    for which, side in zip(is_of, sides, strict=True):
-        which[side] = True
-    return [np.flatnonzero(which[agents]) for which in is_of]
-
-
-def _on_nodes(turn: ArrayTurn, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:
+def _on_nodes(turn: ArrayTurn, sides: Sides, *, passing: bool) -> Met:
     """Return the pairs that were at one node at one time."""
     visits = turn.visits(turn.alive, passing=passing)
-    ours, theirs = (visits.those(rows) for rows in _of_sides(turn, visits.agents, sides))
+    ours, theirs = (visits.those(rows) for rows in of_sides(turn, visits.agents, sides))
     nodes = len(turn.streets.counts)
-    i, j = _equal_keys(ours.at * nodes + ours.nodes, theirs.at * nodes + theirs.nodes)
+    i, j = equal_keys(ours.at * nodes + ours.nodes, theirs.at * nodes + theirs.nodes)
     slack = 0.0 if turn.paths is None or turn.paths.legs is None else TIME_SLACK
     together = (ours.begin[i] <= theirs.end[j] + slack) & (theirs.begin[j] <= ours.end[i] + slack)
     one, other = ours.those(i[together]), theirs.those(j[together])
@@ -174,7 +174,7 @@ def _on_nodes(turn: ArrayTurn, sides: tuple[IntArray, IntArray], *, passing: boo
     return one.at, one.agents, other.agents, times, times * 0.0, times < 0.0, where, where
 
 
-def _on_edges(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:
+def _on_edges(turn: ArrayTurn, paths: Paths, sides: Sides, *, passing: bool) -> Met:
     """Return the pairs that were on one edge at one time, or, unless passing counts, at any, in opposite directions."""
     counts = (np.arange(paths.nodes.shape[-1] - 1) + 1 < paths.lengths[..., None]) & (
         turn.is_there_by_move & turn.alive
@@ -183,9 +183,9 @@ def _on_edges(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], *
     at, agents, number = np.nonzero(counts)
     ends = [paths.nodes[at, agents, number + k] for k in (0, 1)]
     since, until = ((paths.times[at, agents, number + k] if passing else np.ones(len(at))) for k in (0, 1))
-    ours, theirs = _of_sides(turn, agents, sides)
+    ours, theirs = of_sides(turn, agents, sides)
     ways, back = ((at * len(turn.streets.counts) + a) * len(turn.streets.counts) + b for a, b in (ends, ends[::-1]))
-    i, j = _equal_keys(ways[ours], back[theirs])
+    i, j = equal_keys(ways[ours], back[theirs])
     i, j = ours[i], theirs[j]
     together = (since[i] <= until[j]) & (since[j] <= until[i])
     i, j = i[together], j[together]
@@ -194,53 +194,7 @@ def _on_edges(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], *
     return games, a, b, times, times * 0.0, times >= 0.0, *where
 
 
-def _on_streets(turn: ArrayTurn, paths: Paths, legs: Legs, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:
-    """Return the pairs that are at one place of a street at one time, as `meetings.on_edges` does."""
-    counts = (legs.edge >= 0) & (turn.alive & turn.is_there_by_move)[..., None]
-    if not passing:  # those that are on an edge at the end: its share is that at the end of the last leg
-        is_last = np.arange(legs.edge.shape[-1]) == (legs.edge >= 0).sum(axis=-1)[..., None] - 1
-        counts &= is_last & (legs.end > 0.0) & (legs.end < 1.0)
-    which = np.nonzero(counts)
-    at, agents = which[:2]
-    begin, end, since, until = (column[which] for column in (legs.begin, legs.end, legs.since, legs.until))
-    if not passing:
-        begin, since, until = end, np.ones(len(at)), np.ones(len(at))
-    movement, edge = turn.movement, legs.edge[which]
-    street, is_ahead = movement.street[edge], movement.is_ahead[edge]
-    ours, theirs = _of_sides(turn, agents, sides)
-    keys = at * len(movement.street) + street
-    i, j = _equal_keys(keys[ours], keys[theirs])
-    i, j = ours[i], theirs[j]
-    first, last = np.maximum(since[i], since[j]), np.minimum(until[i], until[j])
-
-    def place(rows: IntArray, time: FloatArray) -> FloatArray:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            way = (end - begin)[rows] * (time - since[rows]) / (until - since)[rows]
-        share = np.where(until[rows] <= since[rows], end[rows], begin[rows] + way)
-        return np.where(is_ahead[rows], share, 1.0 - share)
-
-    gap, later = (place(i, time) - place(j, time) for time in (first, last))
-    is_at_once, is_at_end = np.abs(gap) <= TIME_SLACK, np.abs(later) <= TIME_SLACK
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = first + (last - first) * gap / (gap - later)
-    time = np.where(is_at_once, first, np.where(gap * later < 0.0, crossing, last))
-    meets = np.where(is_at_once, (first > 0.0) | is_at_end, (gap * later < 0.0) | is_at_end) & (first <= last)
-    i, j, time = i[meets], j[meets], time[meets]
-    games, a, b = at[i], agents[i], agents[j]
-    nodes = [_node_at(paths, games, one, time) for one in (a, b)]
-    return games, a, b, time, time * 0.0, time >= 0.0, nodes[0], nodes[1]
-
-
-def _node_at(paths: Paths, at: IntArray, agents: IntArray, time: FloatArray) -> IntArray:
-    """Return the nodes that agents have passed last at some times."""
-    passed = (paths.times[at, agents] <= time[:, None]).sum(axis=-1) - 1
-    found: IntArray = paths.nodes[at, agents, np.maximum(passed, 0)]
-    return found
-
-
-def _near_on_paths(
-    turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], nearness: Nearness
-) -> Iterator[_Met]:
+def _near_on_paths(turn: ArrayTurn, paths: Paths, sides: Sides, nearness: Nearness) -> Iterator[Met]:
     """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
     goes = turn.is_there_by_move & turn.alive & np.isin(np.arange(turn.alive.shape[1]), np.concatenate(sides))
     times = np.where(goes[..., None] & paths.arrives, paths.times, np.inf)
@@ -297,15 +251,8 @@ def _equal_pairs(
         return at, ours[i], theirs[j]
     at, i = np.nonzero(counts[:, ours])
     others, j = np.nonzero(counts[:, theirs])
-    rows, places = _equal_keys(at * bound + left[at, i], others * bound + right[others, j])
+    rows, places = equal_keys(at * bound + left[at, i], others * bound + right[others, j])
     return at[rows], ours[i[rows]], theirs[j[places]]
-
-
-def _equal_keys(keys: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the rows of all pairs of equal keys of two columns."""
-    order = np.argsort(others, kind="stable")
-    rows, places = kernels.expand_ranges(*(np.searchsorted(others[order], keys, side) for side in ("left", "right")))
-    return rows, order[places]
 
 
 def _pair_keys(names: tuple[str, ...], a: IntArray, b: IntArray) -> BitArray:
@@ -319,22 +266,17 @@ def _pair_keys(names: tuple[str, ...], a: IntArray, b: IntArray) -> BitArray:
 _AT_ONCE = 1 << 20  # pairs of agents that are compared
 _MANY = 128  # agents of one side: in straight lines, of so many those that are near are found by cells of the map
 _FAR = 1e150  # map units, of which squares are not infinite
-_MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
 
 
 def _near_pairs(
-    turn: ArrayTurn, nodes: IntArray, counts: BoolArray, sides: tuple[IntArray, IntArray], nearness: Nearness
+    turn: ArrayTurn, nodes: IntArray, counts: BoolArray, sides: Sides, nearness: Nearness
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """Return the games of pairs of agents that count and are on nodes near each other, both agents, and how far."""
     (ours, theirs), unit, limit = sides, nearness.unit, nearness.limit
     if unit == "euclid" and len(theirs) > _MANY and limit < _FAR:
         return _near_by_cells(turn.streets, (nodes, counts), ours, theirs, limit)
     size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs)))
-    near: _NearNodes | _Straight
-    if unit == "euclid":
-        near = _Straight(turn.streets, limit)
-    else:
-        near = turn.shared(("near", unit, limit), lambda: _NearNodes(turn.streets, limit, by_length=unit == "metres"))
+    near = _Straight(turn.streets, limit) if unit == "euclid" else _near_nodes(turn, nearness)
     parts = []
     for first in range(0, len(turn.games), size):
         games = slice(first, first + size)
@@ -348,6 +290,11 @@ def _near_pairs(
     at, a, b, far = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     is_near = np.isfinite(far)
     return at[is_near], a[is_near], b[is_near], far[is_near]
+
+
+def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
+    unit, limit = nearness.unit, nearness.limit
+    return turn.shared(("near", unit, limit), lambda: NearNodes(turn.streets, limit, by_length=unit == "metres"))
 
 
 def _near_by_cells(
@@ -385,105 +332,3 @@ class _Straight:
         dx, dy = self._x[starts] - self._x[ends], self._y[starts] - self._y[ends]
         squares: FloatArray = dx * dx + dy * dy
         return squares
-
-
-class _NearNodes:
-    """The nodes that can be reached from others within a distance, found when they are first asked for.
-
-    Args:
-        streets: the graph.
-        limit: the distance.
-        by_length: whether lengths of edges count, rather than their number.
-    """
-
-    def __init__(self, streets: Streets, limit: float, *, by_length: bool) -> None:
-        columns, self._limit = streets.columns, limit
-        weights = columns.lengths if by_length else np.ones(len(columns.lengths))
-        self._nodes = len(columns.node_ids)
-        self._arcs = kernels.make_arcs(columns.sources, columns.targets, weights, self._nodes)
-        self._forget()
-
-    def _forget(self) -> None:
-        self._offset = np.full(self._nodes, -1, np.int64)
-        self._count = np.zeros(self._nodes, np.int64)
-        self._ends, self._far, self._used = np.zeros(0, np.int64), np.zeros(0), 0
-        self._open_gate(1 << 12)
-
-    def _open_gate(self, pairs: int) -> None:
-        """Make a table that says, by the sum of the hashes of two nodes, whether they may be near; of so many pairs."""
-        size = 1 << (8 * pairs).bit_length()
-        hashes = kernels.draw_bits_many(0, np.arange(self._nodes, dtype=np.uint64), 0)
-        self._hash: IntArray = (hashes % np.uint64(size)).astype(np.int64)
-        self._gate, self._room = np.zeros(2 * size, np.bool_), pairs
-        self._admit(np.flatnonzero(self._offset >= 0))
-
-    def _admit(self, rows: IntArray) -> None:
-        pairs, entries = kernels.expand_ranges(self._offset[rows], self._offset[rows] + self._count[rows])
-        self._gate[self._hash[rows][pairs] + self._hash[self._ends[entries]]] = True
-
-    def _learn(self, rows: IntArray) -> None:
-        """Look around these nodes, as far as that was not done before."""
-        new = np.unique(rows[self._offset[rows] < 0])
-        if not len(new):
-            return
-        if self._used > _MOST_KNOWN:
-            self._forget()
-            new = np.unique(rows)
-        index, ends, far = self._around(new)
-        self._count[new] = np.bincount(index, minlength=len(new))
-        self._offset[new] = self._used + np.cumsum(self._count[new]) - self._count[new]
-        after = self._used + len(ends)
-        if after > len(self._ends):
-            self._ends = np.concatenate((self._ends[: self._used], np.empty(2 * after - self._used, np.int64)))
-            self._far = np.concatenate((self._far[: self._used], np.empty(2 * after - self._used)))
-        self._ends[self._used : after], self._far[self._used : after], self._used = ends, far, after
-        if after > self._room:
-            self._open_gate(2 * after)
-        else:
-            self._admit(new)
-
-    def _around(self, rows: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return what can be reached: the places in `rows`, ascending, rows of nodes, and the distances.
-
-        The weights of a path are added from its start, so that the sums are those of `kernels.shortest_distances`.
-        """
-        nodes, arcs = self._nodes, self._arcs
-        keys, far = np.arange(len(rows)) * nodes + rows, np.zeros(len(rows))
-        order = np.argsort(keys)
-        keys, far = keys[order], far[order]
-        new, new_far = keys, far
-        while len(new):
-            entries, runs = kernels.chosen_runs(arcs.offsets, new % nodes)
-            lines = np.repeat(np.arange(len(new)), np.diff(runs))
-            sums = new_far[lines] + arcs.weights[entries]
-            reached = (new // nodes)[lines] * nodes + arcs.ends[entries]
-            is_near = sums <= self._limit
-            reached, sums = reached[is_near], sums[is_near]
-            order = np.lexsort((sums, reached))
-            new, first = np.unique(reached[order], return_index=True)
-            new_far = sums[order][first]
-            at = kernels.rows_of(keys, new)
-            is_known = at >= 0
-            is_better = ~is_known | (new_far < far[at])
-            far[at[is_known & is_better]] = new_far[is_known & is_better]
-            added = ~is_known
-            keys, far = np.concatenate((keys, new[added])), np.concatenate((far, new_far[added]))
-            order = np.argsort(keys, kind="stable")
-            keys, far = keys[order], far[order]
-            new, new_far = new[is_better], new_far[is_better]
-        return keys // nodes, keys % nodes, far
-
-    def may_be_near(self, starts: IntArray, ends: IntArray) -> BoolArray:
-        """Return which pairs of nodes may be near each other; the others are not. The shapes are broadcast."""
-        self._learn(np.concatenate((starts.ravel(), ends.ravel())))
-        found: BoolArray = self._gate[self._hash[starts] + self._hash[ends]]
-        return found
-
-    def distances(self, starts: IntArray, ends: IntArray) -> FloatArray:
-        """Return how far it is there or back, whichever is shorter; infinite where that is too far."""
-        found = np.full(len(starts), np.inf)
-        for one, other in ((starts, ends), (ends, starts)):
-            pairs, entries = kernels.expand_ranges(self._offset[one], self._offset[one] + self._count[one])
-            is_there = self._ends[entries] == other[pairs]
-            found[pairs[is_there]] = np.minimum(found[pairs[is_there]], self._far[entries[is_there]])
-        return found

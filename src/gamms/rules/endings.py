@@ -53,8 +53,6 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[..., object] | None
     """The same for many games at once, of a check too, see `gamms.array_rule`; None: they are played one by one."""
-    array_form_by_edges: bool
-    """Whether that form is not for games by metres."""
     array_trigger: Callable[[DeviceTurn], Tensor] | None
     """Says for arrays of any library in which games there may be something to do, (games,); None: in all."""
     why_not_in_arrays: Callable[[Sequence[IAgent]], str | None]

@@ -127,14 +127,13 @@ def within_euclid(graph: Graph, ours: Sequence[Journey], theirs: Sequence[Journe
         return
     low_a, high_a = _boxes([lines[one.name] for one in ours])
     low_b, high_b = _boxes([lines[one.name] for one in theirs])
-    reach = sum(
+    reach = with_rim(limit, max(float(np.abs(ends).max()) for ends in (low_a, high_a, low_b, high_b)))
+    spread = sum(
         float(np.sqrt(((high - low) ** 2).sum(axis=1).max())) for low, high in ((low_a, high_a), (low_b, high_b))
     )
-    rows, columns, _ = kernels.pairs_within(
-        (low_a + high_a) / 2, (low_b + high_b) / 2, (limit + reach) * (1.0 + TIME_SLACK)
-    )
+    rows, columns, _ = kernels.pairs_within((low_a + high_a) / 2, (low_b + high_b) / 2, reach + spread)
     gaps = np.maximum(low_a[rows] - high_b[columns], low_b[columns] - high_a[rows]).clip(0.0)
-    near = np.flatnonzero((gaps * gaps).sum(axis=1) <= limit * limit * (1.0 + TIME_SLACK))
+    near = np.flatnonzero((gaps * gaps).sum(axis=1) <= reach * reach)
     for row, column in zip(rows[near].tolist(), columns[near].tolist(), strict=True):
         one, other = ours[row], theirs[column]
         pairs = ((a, b) for a in lines[one.name] for b in lines[other.name])
@@ -142,6 +141,11 @@ def within_euclid(graph: Graph, ours: Sequence[Journey], theirs: Sequence[Journe
         if found:
             time, distance = min(found)
             yield time, distance, False, one.name, other.name, one.node_at(time), other.node_at(time)
+
+
+def with_rim(limit: float, farthest: float) -> float:
+    """Return a distance that is longer than any that counts as a limit after rounding, where coordinates are so far."""
+    return limit + TIME_SLACK * (limit + farthest)
 
 
 def _boxes(journeys: Sequence[Sequence[_Line]]) -> tuple[FloatArray, FloatArray]:
@@ -177,15 +181,16 @@ def _first_near(a: _Line, b: _Line, limit: float) -> tuple[float, float] | None:
     since, until = max(a.since, b.since), min(a.until, b.until)
     if since > until:
         return None
-    gap = [x - y for x, y in zip(_at(a, since), _at(b, since), strict=True)]
-    distance = sqrt(sum(part * part for part in gap))
-    if distance <= limit:
-        return since, distance
-    last = [x - y for x, y in zip(_at(a, until), _at(b, until), strict=True)]
-    change = [y - x for x, y in zip(gap, last, strict=True)]
-    square, mixed = sum(part * part for part in change), sum(x * y for x, y in zip(gap, change, strict=True))
+    x, y, z = (one - other for one, other in zip(_at(a, since), _at(b, since), strict=True))
+    # Squares are compared, which are the same on every machine and in `meetings_in_arrays`.
+    far = x * x + y * y + z * z
+    if far <= limit * limit:
+        return since, sqrt(far)
+    last = (one - other for one, other in zip(_at(a, until), _at(b, until), strict=True))
+    dx, dy, dz = (then - now for then, now in zip(last, (x, y, z), strict=True))
+    square, mixed = dx * dx + dy * dy + dz * dz, x * dx + y * dy + z * dz
     # |gap + share * change| = limit is a quadratic equation; its smaller root is when they come near.
-    inside = mixed * mixed - square * (distance * distance - limit * limit)
+    inside = mixed * mixed - square * (far - limit * limit)
     if square == 0.0 or inside < 0.0:
         return None
     share = (-mixed - sqrt(inside)) / square

@@ -122,7 +122,6 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         teams=[side for side in (taggers, tagged) if not callable(side)],
         array_form=in_arrays if has_form else None,
         array_trigger=partial(may_meet, taggers, tagged, nearness) if nearness.unit in {None, "euclid"} else None,
-        array_form_by_edges=nearness.unit in ("metres", "euclid"),
     )
 
 

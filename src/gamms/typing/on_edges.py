@@ -5,7 +5,11 @@ from itertools import accumulate, pairwise
 from math import hypot
 from typing import Any, NamedTuple, Self
 
+import numpy as np
+
+from gamms import kernels
 from gamms.errors import ContextTerminated, UnknownName
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.graph_engine import IGraph
 
@@ -75,6 +79,71 @@ class Line(NamedTuple):
             left -= length
         return *points[-1], 0.0, 0.0
 
+    def shares(self) -> list[float]:
+        """Return the shares of it at which its points are, but for the first."""
+        whole = sum(self.lengths) or 1.0
+        return [far / whole for far in accumulate(self.lengths)]
+
+
+class Lines:
+    """The polylines of all edges of a graph, to find many places on them: to the bit those that a `Line` finds.
+
+    Args:
+        columns: of the graph.
+    """
+
+    def __init__(self, columns: GraphColumns) -> None:
+        ends = np.concatenate((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
+        lines = [Line.of(flat) for flat in ends.tolist()]
+        for row, polyline in columns.polylines.items():
+            lines[row] = Line.of(polyline.ravel().tolist())
+        self._count = np.array([len(line.lengths) for line in lines], np.int64)  # (edges,) straight parts
+        self._first = np.cumsum(self._count + 1) - self._count - 1
+        self._whole = np.array([sum(line.lengths) for line in lines])
+        points = [point for line in lines for point in line.points]
+        self._x, self._y = np.array(points, np.float64).reshape(-1, 2).T.copy()
+        # By point: how far it is to the next one, and the share of the line that is behind it.
+        self._lengths = np.array([far for line in lines for far in (*line.lengths, 0.0)])
+        self._shares = np.array([share for line in lines for share in (0.0, *line.shares())])
+
+    def at(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the points x and y after shares of edges, by rows, and the directions cos and sin there, (places,)."""
+        place, left = self._first[edges], shares * self._whole[edges]
+        last = place + self._count[edges]
+        x, y, cos, sin = self._x[last], self._y[last], np.zeros(len(edges)), np.zeros(len(edges))
+        open_ = np.arange(len(edges))
+        while len(open_):
+            length = self._lengths[place]
+            is_here = (length > 0.0) & (left <= length)
+            here, found, far = place[is_here], open_[is_here], left[is_here]
+            cos[found] = (self._x[here + 1] - self._x[here]) / length[is_here]
+            sin[found] = (self._y[here + 1] - self._y[here]) / length[is_here]
+            x[found], y[found] = self._x[here] + far * cos[found], self._y[here] + far * sin[found]
+            goes_on = ~is_here & (place + 1 < last[open_])
+            open_, place, left = open_[goes_on], place[goes_on] + 1, (left - length)[goes_on]
+        return x, y, cos, sin
+
+    def corners(
+        self, edges: IntArray, begin: FloatArray, end: FloatArray
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Return the corners of parts of edges, as `line_along` does: the numbers of the parts, shares, x and y."""
+        number, first = np.arange(len(edges)), self._first[edges]
+        bent = np.flatnonzero(self._count[edges] > 1)
+        of, points = kernels.expand_ranges(first[bent] + 1, (first + self._count[edges])[bent] + 1)
+        of, share = bent[of], self._shares[points]
+        between = (np.minimum(begin, end)[of] < share) & (share < np.maximum(begin, end)[of])
+        of, points, share = of[between], points[between], share[between]
+        counts = np.bincount(of, minlength=len(edges))
+        begins = np.cumsum(counts + 2) - counts - 2  # where the corners of each part begin
+        rank = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]
+        places = begins[of] + 1 + np.where((begin <= end)[of], rank, counts[of] - 1 - rank)
+        which = np.repeat(number, counts + 2)
+        shares, x, y = np.empty((3, len(which)))
+        shares[places], x[places], y[places] = share, self._x[points], self._y[points]
+        for where, ends in ((begins, begin), (begins + counts + 1, end)):
+            shares[where], (x[where], y[where]) = ends, self.at(edges, ends)[:2]
+        return which, shares, x, y
+
 
 def placed(progress: Progress, length: float, line: Line) -> OnEdge:
     """Return where on the map an agent is that is on an edge of a length, along a polyline."""
@@ -91,9 +160,8 @@ def point_along(flat: Sequence[float], share: float) -> tuple[float, float, floa
 
 def line_along(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
     """Return the corners of a part of such a polyline, from one share of it to another: (share, x, y) of each."""
-    points, lengths = Line.of(flat)
-    whole, low, high = sum(lengths) or 1.0, *sorted((begin, end))
-    bends = [(far / whole, *point) for far, point in zip(accumulate(lengths), points[1:], strict=True)]
+    line, (low, high) = Line.of(flat), sorted((begin, end))
+    bends = [(share, *point) for share, point in zip(line.shares(), line.points[1:], strict=True)]
     between = [bend for bend in bends if low < bend[0] < high]
     ends = [(share, *point_along(flat, share)[:2]) for share in (begin, end)]
     return [ends[0], *(between if begin <= end else reversed(between)), ends[1]]

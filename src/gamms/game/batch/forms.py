@@ -5,13 +5,11 @@ from typing import Any, TypeVar
 
 from gamms.arguments import as_function_of
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.columns import PlayedGame
 from gamms.text import as_code, shown
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _FORM = "array_form"  # the attribute of a scalar form that has its array form
-BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games by metres
 
 
 def form_declared(of: object, decorator: str, argument: str, most: int = 1) -> Callable[[F], F]:
@@ -44,9 +42,3 @@ def _place_of(form: object) -> tuple[object, object]:
 def form_of(function: object) -> Any:
     """Return the array form of a strategy, a rule, a check, a plan or a resolver; None: it has none."""
     return getattr(function, _FORM, None)
-
-
-def form_in(game: PlayedGame, rule: object) -> Any:
-    """Return the array form of a rule for a game; None: it has none there."""
-    by_metres = game.settings()["speed_unit"] != "edges"
-    return None if by_metres and getattr(rule, BY_EDGES, False) else form_of(rule)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, joined_rows, some_rows
-from gamms.game.batch.forms import form_in, form_of
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
@@ -104,7 +104,7 @@ class Ground:
         for one in self.game.rules:
             if one.phase != phase:
                 continue
-            form = form_in(self.game, one.rule)
+            form = form_of(one.rule)
             if form is not None:
                 found.append((one, form))
                 group = []

@@ -17,6 +17,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
+from gamms.typing.on_edges import Lines
 
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
@@ -304,8 +305,14 @@ class Movement:
         self.streets = streets
         self.edge = self.street = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
         self.share, self.now = np.zeros((0, 0)), np.zeros(0)
+        self.back: IntArray = np.zeros(0, np.int64)
         self.is_ahead: BoolArray = np.zeros(0, np.bool_)
         self._tables: dict[str | None, RouteTable] = {}
+
+    @cached_property
+    def lines(self) -> Lines:
+        """The polylines of the edges."""
+        return Lines(self.streets.columns)
 
     @cached_property
     def width(self) -> int:

@@ -9,7 +9,7 @@ from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import PlayedGame, put_locked
-from gamms.game.batch.forms import form_in
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.legality import ResolvedAction
@@ -212,7 +212,7 @@ class RuleFork:
     @property
     def rules_in_arrays(self) -> list[Callable[..., object]]:
         """The rules that have array forms."""
-        return [one.rule for one in self.game.rules if form_in(self.game, one.rule) is not None]
+        return [one.rule for one in self.game.rules if form_of(one.rule) is not None]
 
     @property
     def facts(self) -> dict[str, Any]:

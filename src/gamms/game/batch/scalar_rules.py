@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.columns import PlayedGame, put_locked
-from gamms.game.batch.forms import form_in, form_of
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTurnEngine, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
@@ -29,7 +29,7 @@ def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
     """Return what of a game has no array form and is called game by game: in words -> it."""
     checks = [(one.name, check) for one in game.rules if (check := getattr(one.rule, "check", None)) is not None]
     conflicts = game.settings()["conflicts"]
-    found = {f"the rule {one.name!r}": one.rule for one in game.rules if form_in(game, one.rule) is None}
+    found = {f"the rule {one.name!r}": one.rule for one in game.rules if form_of(one.rule) is None}
     found |= {f"the check of the rule {name!r}": check for name, check in checks if form_of(check) is None}
     found |= {f"the collector {name!r}": one.fn for name, one in collectors_of(game).items()}
     if conflicts is not None and form_of(conflicts) is None:

@@ -25,8 +25,6 @@ from gamms.ir.progress import Motion, Progress
 from gamms.text import as_code
 from gamms.typing import AgentType
 from gamms.typing.game import Leg
-from gamms.typing.graph_engine import IGraph
-from gamms.typing.on_edges import point_along
 
 _ALONG = 1 << 62  # actions from here on lead to an end of an edge, and along it; see `ByMetres.along`
 
@@ -35,8 +33,7 @@ class ByMetres(Movement):
     """Agents that are anywhere on edges, and go as far in a turn as their speeds in metres say.
 
     Args:
-        graph: of the map.
-        streets: likewise.
+        streets: of the map.
         speeds: of the agents in the order of the roster; None: along one edge in a turn.
         terms: by what they travel.
 
@@ -54,10 +51,10 @@ class ByMetres(Movement):
     is_plain, leaves_nodes = False, True
     idle = STOP
 
-    def __init__(self, graph: IGraph, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:
+    def __init__(self, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:
         super().__init__(streets)
         self.remembers = ("edge", "share", "motion") if terms.decides_at_arrivals else ("edge", "share")
-        self._graph, self.terms = graph, terms
+        self.terms = terms
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)
@@ -240,17 +237,14 @@ class ByMetres(Movement):
         return found
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
-        """Return where agents are; those on edges are found one by one."""
+        """Return where agents are."""
         columns, edge, share = self.streets.columns, self.edge[which], self.share[which]
         xy, ids = columns.xy[node].copy(), np.full((*node.shape, 3), -1)
         on = np.nonzero(edge >= 0)
         rows = edge[on]
         ends = columns.node_ids[columns.sources[rows]], columns.node_ids[columns.targets[rows]]
         ids[on] = np.column_stack((*ends, columns.edge_ids[rows]))
-        for at, edge_id, part in zip(
-            np.transpose(on).tolist(), ids[on][:, 2].tolist(), share[on].tolist(), strict=True
-        ):
-            xy[tuple(at)] = point_along(self._graph.get_edge(edge_id).points, part)[:2]
+        xy[on] = np.column_stack(self.lines.at(rows, share[on])[:2])
         return Places(ids, self.offsets(which), xy)
 
     def offsets(self, which: tuple[IntArray, IntArray]) -> FloatArray:
@@ -572,7 +566,7 @@ def movement_of(game: PlayedGame, roster: Roster) -> Movement:
         seconds = costs if weight == "travel_time" and is_by_seconds else None
         turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
         terms = TravelTerms(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
-        return ByMetres(graph.graph, streets, speeds, terms)
+        return ByMetres(streets, speeds, terms)
     return Movement(streets) if speeds.count(None) == len(speeds) else ByEdges(streets, speeds)
 
 
