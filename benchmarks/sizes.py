@@ -3,8 +3,8 @@
     python benchmarks/sizes.py            # all, each in a process of its own; a line of JSON for each figure
     python benchmarks/sizes.py sight
 
-Times are those of the CPU, but for the table of sight, which several processes make: those that pass. Memory is the
-most that the process has had.
+Times are those of the CPU, but for films and the table of sight, at which several threads or processes work: those that
+pass. Memory is the most that the process has had.
 """
 
 import argparse
@@ -21,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 import teams
-from worlds import context
+from pictures import quiet_pygame
+from worlds import context, fill
 
 import gamms
 from gamms.ir.packing import Decoder
@@ -99,7 +100,40 @@ def sight():
     yield "its table is made, by the clock", time.perf_counter() - began, "s"
 
 
-PROGRAMS = {program.__name__: program for program in (million, graphs, snapshots, walks, sight)}
+def crowds():
+    """Frames of a window that pans over teams that walk at random, and of films of them, 1280 x 720."""
+    quiet_pygame()
+    for agents in (1_000, 10_000):
+        ctx = crowd(agents, gamms.visual.Engine.PYGAME)
+        ctx.visual.update()
+        view, frames = ctx.visual._render_manager, []
+        for frame in range(200):
+            if frame % 5 == 0:
+                ctx.game.step()
+            view.camera_x += 2.0
+            frames.append(spent(ctx.visual.update)[0])
+        yield f"a frame of a window that pans over {agents:,} agents that move", statistics.median(frames), "s"
+        yield "… 99 % of the frames", statistics.quantiles(frames, n=100)[-1], "s"
+        ctx.terminate()
+    for agents in (1_000, 10_000, 100_000):
+        with crowd(agents) as ctx:
+            began, options = time.perf_counter(), {"width": 1280, "height": 720, "frames_per_turn": 5}
+            with ctx.visual.film(f"{agents}.mp4", **options) as film:
+                ctx.game.run(max_turns=10)
+            yield f"a frame of a film of {agents:,}, by the clock", (time.perf_counter() - began) / film.frames, "s"
+
+
+def crowd(agents, vis_engine=gamms.visual.Engine.NO_VIS):
+    """Return the context of a team that walks at random on 10,000 nodes."""
+    size = {"width": 1280, "height": 720} if vis_engine is gamms.visual.Engine.PYGAME else None
+    ctx = context(vis_engine=vis_engine, vis_kwargs=size, seed=1)
+    fill(ctx.graph.graph, 100)
+    ctx.agent.create_team("red", np.random.default_rng(1).integers(0, 10_000, agents))
+    ctx.game.command("red", teams.by_keys, arrays=True)
+    return ctx
+
+
+PROGRAMS = {program.__name__: program for program in (million, graphs, snapshots, walks, sight, crowds)}
 
 
 def spent(work, times=1):
