@@ -70,6 +70,12 @@ CASES = [
         READY,
     ),
     Case(
+        "targeted: AGENT_RANGE with false alarms among 10,000",
+        "look",
+        lambda: cases.agent_look_after_a_move(10_000, ST.AGENT_RANGE, sensor_range=20.0, false_alarm_rate=0.5),
+        READY,
+    ),
+    Case(
         "targeted: contacts within 5 of 2,000 agents",
         "agent",
         cases.near_in_a_straight_line,

@@ -8,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms import kernels
 from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue
 from gamms.graph import Engine
 from gamms.sensor import SensorType
+from gamms.sensor.sighting_errors import Look, Reportable
 
 KINDS = ["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"]
 FLYING = ["AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
@@ -120,6 +122,38 @@ def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_not
         assert {name for report in reports for name in report} == {"anna", "bert"}
         assert {report["anna"] for report in reports} == {0}  # who is noticed is where it is
         assert len({report["bert"] for report in reports if "bert" in report}) > 3
+
+
+@settings(max_examples=50, deadline=None)
+@given(seen=st.sets(st.integers(0, 11)), count=st.integers(0, 14), size=st.integers(1, 12), turn=st.integers(0, 9))
+def test_false_alarms_go_to_the_highest_lots_of_those_that_are_not_seen(seen, count, size, turn):
+    look, names = Look(5, "s", "a3", turn, 1), [f"a{i}" for i in range(size)]
+    among = Reportable(names, kernels.name_keys(names))
+    found = look.false_alarms(count, among, {f"a{i}" for i in seen}, np.array([7, 8, 9]))
+    left = [name for name in names if name != "a3" and int(name[1:]) not in seen]
+    for i in range(min(count, len(left))):
+        purpose = kernels.purpose_key(5, "false alarm", "s", "a3", i)
+        left.remove(max(left, key=lambda name: kernels.draw_bits(purpose, kernels.name_key(name), turn, 1)))
+        assert [*found][i] not in left
+    assert len(found) == min(count, len(found) + len(left))
+    assert {*found.values()} <= {7, 8, 9}
+
+
+def test_a_death_and_a_change_of_team_count_for_false_alarms_at_once():
+    with field(["anna", "bert", "cleo"]) as ctx:
+        sensor = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=3.0, team="blue", false_alarm_rate=50.0)
+
+        def reported():
+            sensor.sense(0)
+            return [*sensor.data]
+
+        assert reported() == ["anna", "bert", "cleo"]
+        ctx.agent.get_agent("anna").alive = False
+        ctx.agent.get_agent("cleo").team = "red"
+        assert reported() == ["bert"]
+        sensor.notice.team = ["red", "green"]
+        ctx.agent.create_agent("anton", start_node_id=210, team="green")
+        assert reported() == ["cleo", "anton"]
 
 
 @pytest.mark.parametrize("kind", KINDS + FLYING)

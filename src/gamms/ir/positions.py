@@ -56,6 +56,11 @@ class Positions:
         return block.version
 
     @property
+    def structure_version(self) -> int:
+        """A number that changes whenever agents come or go, or a team or life of one may have changed."""
+        return self._block.structure.version
+
+    @property
     def names(self) -> Sequence[str]:
         """The names (agents,)."""
         return self._block.names
@@ -205,6 +210,10 @@ class Positions:
         """Return the rows of the living agents on some nodes, ascending."""
         by_node = self.by_node
         return sorted([row for node in by_node.keys() & node_ids for row in by_node[node]])
+
+    def row_of(self, name: str) -> int:
+        """Return the row of an agent (KeyError)."""
+        return self._block.rows.of(name)
 
     def found(self, rows: list[int]) -> dict[str, int]:
         """Return name -> node id of agents whose rows were asked for just now."""

@@ -260,9 +260,9 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         report = self._report(look, None, seen)
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in report.items()}
 
-    def _reportable(self) -> list[int]:
+    def _reportable_rows(self) -> list[int]:
         flyers = set(self.ctx.agent.positions.flyers.tolist())
-        return [row for row in super()._reportable() if row not in flyers]
+        return [row for row in super()._reportable_rows() if row not in flyers]
 
     def _sighting(self, node_id: int) -> _Sighting:
         node, ground = self.ctx.graph.graph.get_node(node_id), ground_at(self.ctx, node_id)

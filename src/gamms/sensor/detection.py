@@ -18,8 +18,9 @@ from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Coverage, Sensed, ragged
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
-from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, delayed, forget_delayed
+from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, Reportable, delayed, forget_delayed
 from gamms.typing import IContext
+from gamms.typing.routes import made_last
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
 Detection = float | Sequence[tuple[float, float]] | Chance | None
@@ -249,13 +250,11 @@ class DetectingSensor(Sensor):
     def _report(self, look: Look, node_id: int | None, seen: dict[str, Any]) -> dict[str, Any]:
         """Return what is reported of what is seen, by the names of agents in the order of their creation."""
         notice = self.notice
-        if notice.false_alarm_rate:
-            positions = self.ctx.agent.positions
-            names, rows = positions.names, notice.wanted(self._reportable(), positions.teams)
-            others = [names[row] for row in rows if names[row] not in seen and names[row] != look.owner]
-            alarms = look.false_alarms(notice.false_alarm_rate, others, self._covered(node_id)[0])
+        if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
+            node_ids, row_of = self._covered(node_id)[0], self.ctx.agent.positions.row_of
+            alarms = look.false_alarms(count, self._reportable(), seen, node_ids) if len(node_ids) else {}
             seen = seen | {name: self._sighting(node) for name, node in alarms.items()}
-            seen = {name: seen[name] for name in names if name in seen}
+            seen = {name: seen[name] for name in sorted(seen, key=row_of)}
         if notice.position_noise_m and seen:
             errors = look.noise([*seen], notice.position_noise_m)
             seen = dict(zip(seen, self._displaced([*seen.values()], errors), strict=True))
@@ -265,8 +264,22 @@ class DetectingSensor(Sensor):
         """Return the names of the agents seen last, if they are where they were reported."""
         return () if self._notice is not None and self._notice.has_errors else tuple(self.data)
 
-    def _reportable(self) -> list[int]:
-        """Return the rows of the agents that may be reported though they are not noticed."""
+    def _reportable(self) -> Reportable:
+        """Return the agents that may be reported though they are not noticed."""
+        positions, notice = self.ctx.agent.positions, self.notice
+        teams = [None if given is None else (*teams_in(given),) for given in (notice.team, notice.exclude)]
+
+        def make() -> Reportable:
+            rows = notice.wanted(self._reportable_rows(), positions.teams)
+            names = [positions.names[row] for row in rows]
+            return Reportable(names, kernels.name_keys(names))
+
+        # NOTE: the same for the looks of all agents, until one dies or changes its team (benchmarks: false alarms).
+        slot = "false alarms", type(self).__name__, repr(teams)
+        return made_last(self.ctx.graph.routes, slot, (positions, positions.structure_version, teams), make)
+
+    def _reportable_rows(self) -> list[int]:
+        """Return the rows of these agents, whatever their team."""
         rows: list[int] = self.ctx.agent.positions.living.tolist()
         return rows
 

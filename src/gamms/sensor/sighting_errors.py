@@ -4,7 +4,7 @@ The model is the usual one of target tracking (Bar-Shalom, Willett and Tian, "Tr
 errors of places are Gaussian and independent, and false sightings are a Poisson process, uniform on what is covered.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,14 @@ from gamms.typing import IContext
 
 AXES = ("x", "y", "z")
 MOST_FALSE_ALARMS = 100.0  # per look: so many would hide any agent
+_NO_NAME = kernels.name_key("")
+
+
+class Reportable(NamedTuple):
+    """Agents that may be reported falsely, in the order of their creation."""
+
+    names: list[str]
+    keys: BitArray  # (names,) their hashes
 
 
 class Look(NamedTuple):
@@ -29,34 +37,53 @@ class Look(NamedTuple):
     turn: int
     number: int  # of the looks of this owner in this turn, from 0
 
-    def bits(self, names: Iterable[str], purpose: str, *which: str | int) -> BitArray:
+    def bits(self, names: Iterable[str], purpose: str) -> BitArray:
         """Return 64 random bits for each name, (names,)."""
-        key = kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
-        return kernels.draw_bits_many(key, kernels.name_keys(names), self.turn, self.number)
+        return self._bits(kernels.name_keys(names), purpose)
 
     def noise(self, names: Sequence[str], deviation: float) -> FloatArray:
         """Return the errors of the places of agents, (names, 3)."""
-        axes = [kernels.normals(self.bits(names, "position noise", axis).tolist()) for axis in AXES]
+        keys = kernels.name_keys(names)
+        axes = [kernels.normals(self._bits(keys, "position noise", axis).tolist()) for axis in AXES]
         return deviation * np.column_stack(axes)
 
-    def false_alarms(self, rate: float, names: Sequence[str], node_ids: IntArray) -> dict[str, int]:
+    def count_false_alarms(self, rate: float) -> int:
+        """Return how many there are, where so many are to be expected."""
+        return kernels.poisson(self._one("false alarms"), rate)
+
+    def false_alarms(self, count: int, among: Reportable, seen: Collection[str], node_ids: IntArray) -> dict[str, int]:
         """Return agent -> the node on which it is reported and is not.
 
         Args:
-            rate: how many there are to be expected.
-            names: of the agents that may be reported falsely, each once at most.
-            node_ids: where they may be reported (nodes,).
+            count: how many there are, if there are so many agents.
+            among: agents that may be reported falsely, each once at most.
+            seen: the names of those that are reported anyway.
+            node_ids: where they may be reported (nodes,), one at least.
         """
         found: dict[str, int] = {}
-        for i in range(kernels.poisson(self._one("false alarms"), rate)):
-            others = [name for name in names if name not in found]
-            if others and len(node_ids):  # each draws a lot and the highest counts, so that no other agent changes much
-                name = others[int(np.argmax(self.bits(others, "false alarm", i)))]
-                found[name] = int(node_ids[kernels.below(self._one("false alarm", "place", i), len(node_ids))])
+        (names, keys), others = among, {*seen, self.owner}
+        left = np.arange(len(names))
+        if 2 * len(others) > len(names):  # else hardly one of them has the highest lot
+            left = np.array([i for i, name in enumerate(names) if name not in others], np.int64)
+        for i in range(count):  # each draws a lot and the highest counts, so that no other agent changes much
+            lots = self._bits(keys[left], "false alarm", i)
+            while len(left):
+                highest = int(lots.argmax())
+                name = names[left[highest]]
+                left, lots = np.delete(left, highest), np.delete(lots, highest)
+                if name not in others:
+                    found[name] = int(node_ids[kernels.below(self._one("false alarm", "place", i), len(node_ids))])
+                    break
         return found
 
+    def _bits(self, keys: BitArray, purpose: str, *which: str | int) -> BitArray:
+        return kernels.draw_bits_many(self._key(purpose, *which), keys, self.turn, self.number)
+
     def _one(self, purpose: str, *which: str | int) -> int:
-        return int(self.bits([""], purpose, *which)[0])
+        return kernels.draw_bits(self._key(purpose, *which), _NO_NAME, self.turn, self.number)
+
+    def _key(self, purpose: str, *which: str | int) -> int:
+        return kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
 
 
 def delayed(ctx: IContext, look: Look, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
