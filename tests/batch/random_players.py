@@ -88,8 +88,22 @@ def attentive(state, *more):
     legal, memory, shared = state["legal"], state["memory"], state.get("team_memory", {})
     sights = {name: (str(kind), [*data.items()]) for name, (kind, data) in state["sensor"].items() if kind in SHOWN}
     sights |= {name: (str(kind), data) for name, (kind, data) in state["sensor"].items() if kind not in SHOWN}
+    places = [
+        [getattr(seen, "xy", None) for seen in data.values()]
+        for _, data in state["sensor"].values()
+        if hasattr(data, "values")
+    ]
     facts = {name: repr(value) for name, value in state["facts"].items() if name in ("land", "flags")}
-    known = [sights, facts, [*memory.items()], sorted(shared.items()), state["name"], state["team"], state["turn"]]
+    known = [
+        sights,
+        places,
+        facts,
+        [*memory.items()],
+        sorted(shared.items()),
+        state["name"],
+        state["team"],
+        state["turn"],
+    ]
     known += [state.get(key) for key in ("inbox", "edge", "offset_m", "xy")]
     lot = zlib.crc32(repr([*known, legal, state["curr_pos"], *more, state["draw"].below(3)]).encode())
     memory[state["turn"]] = lot % 97

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch import sight
+from gamms.sensor import views
 from gamms.strategies import chase, flee
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
@@ -200,5 +201,35 @@ def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, see
             assert games.slow is None
             games.run()
             for number, seed in enumerate(seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+@pytest.mark.parametrize(
+    ("kind", "keywords"),
+    [
+        ("OCCLUDED_AGENT", {}),
+        ("OCCLUDED_AGENT", {"at": 12, "detection": 0.7}),
+        ("OCCLUDED_AGENT", {"at": (13.0, 22.0), "position_noise_m": 4.0, "delay_turns": 1}),
+    ],
+)
+def test_agents_on_edges_act_on_what_they_see_as_alone(kind, keywords, decide):
+    settings = {"speed_unit": "metres", "decide": decide}
+    with scene(max_turns=5, settings=settings).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(views, "_MOST_FACES", 0 if "at" in keywords else 9)
+        ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
+        for node, z in ((7, 20.0), (12, 3.0)):
+            ctx.graph.graph.update_node({"id": node, "z": z, "underground": node == 7})
+        for i, (name, agent) in enumerate(ctx.agent.agents.items()):
+            field = FIELD if "ARC" in kind else {}
+            eye = ctx.sensor.create_sensor(f"{name}/eye", kind, sensor_range=35.0, **keywords, **field)
+            agent.register_sensor("eye", eye)
+            agent.register_strategy((flee if agent.team == "red" else chase)(ctx))
+            agent.speed = (3.0, 7.0, 13.0)[i % 3]
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())

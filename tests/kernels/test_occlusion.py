@@ -24,6 +24,7 @@ def is_blocked(origin, target, face):
     one = [np.array([value], np.float64) for value in (origin, target, face)]
     blocked = bool(kernels.blocks(*one)[0])
     assert kernels.visible(one[2], one[0][0], one[1]).tolist() == [not blocked]
+    assert kernels.visible_pairs(one[2], one[0], one[1]).tolist() == [not blocked]
     return blocked
 
 
@@ -242,7 +243,9 @@ def scenes(draw):
 def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     there = np.array([shift, shift, 0.0])
     corners, origin, targets = (np.nan_to_num(array + there, posinf=1.0, neginf=1.0) for array in scene)
-    assert kernels.visible(corners, origin, targets).tolist() == by_brute_force(corners, origin, targets).tolist()
+    expected = by_brute_force(corners, origin, targets).tolist()
+    assert kernels.visible(corners, origin, targets).tolist() == expected
+    assert kernels.visible_pairs(corners, np.broadcast_to(origin, targets.shape), targets).tolist() == expected
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -263,6 +266,7 @@ def test_the_fast_form_agrees_on_whole_towns(seed):
     for origin in (targets[0], *targets[1:6], corners[50, 0], (0.0, 0.0, 80.0)):
         fast = kernels.visible(corners, np.array(origin), targets)
         assert np.array_equal(fast, by_brute_force(corners, origin, targets))
+        assert np.array_equal(fast, kernels.visible_pairs(corners, np.broadcast_to(origin, targets.shape), targets))
         assert not fast.all()
 
 

@@ -26,7 +26,6 @@ _FEW = 256  # faces that are looked through one by one
 _KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
 _MOST = 2**63 - 1
 _LATE = 256
-_MARGIN = 0.01  # how much farther than its box a face may count for a sight line: see `kernels.visible`
 _type_of = type  # the contract calls an argument of faces `type`
 
 Corner2D = tuple[float, float]
@@ -244,7 +243,7 @@ class FaceGrid:
         low, high = boxes[rows, :3] / 2.0, boxes[rows, 3:] / 2.0
         half = high - low
         with np.errstate(over="ignore"):
-            spread = half[:, :2].max(axis=1) + 2.0 * _MARGIN * half.sum(axis=1)
+            spread = half[:, :2].max(axis=1) + 2.0 * kernels.MARGIN * half.sum(axis=1)
         most_large = isqrt(len(rows))
         order = np.argpartition(spread, len(rows) - 1 - most_large)
         small, self._others = order[: len(rows) - most_large], rows[order[len(rows) - most_large :]]
@@ -270,7 +269,7 @@ def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Cor
     """Return the corners of a rectangle that has all faces which may block lines from `origin` to `targets`."""
     low, high = np.minimum(targets.min(axis=0), origin), np.maximum(targets.max(axis=0), origin)
     with np.errstate(over="ignore"):
-        margin = _MARGIN * float((high - low).sum())
+        margin = kernels.MARGIN * float((high - low).sum())
     (low_x, low_y, _), (high_x, high_y, _) = low.tolist(), high.tolist()
     return (low_x - margin, low_y - margin), (high_x + margin, high_y + margin)
 

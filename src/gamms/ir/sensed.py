@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -66,6 +67,9 @@ class AgentLook(NamedTuple):
         draws: the names of the sensor and of its owner, which what is drawn follows from; None: nothing is drawn.
         height: of its sight lines above the ground; None: obstacles hide nothing.
         hides: returns which nodes (ids of nodes,) obstacles hide from a node, or from `place`.
+        hides_pairs: returns which agents obstacles hide from others, (pairs,), where some are on edges: called with the
+            ids of the nodes that those who look have passed last, where they are (pairs, 2), which of them are on
+            edges, and likewise the ids of nodes and the places of those that they look at.
         chance: returns probabilities of noticing agents at distances, (agents,); None: `chances` says them.
         noise: the standard deviation of the error of a reported place along each axis, map units; 0.0: no error.
         nearest: returns the ids of the nodes that are nearest to places x and y.
@@ -83,7 +87,8 @@ class AgentLook(NamedTuple):
     chances: tuple[tuple[float, float], ...] | None
     draws: tuple[str, str] | None
     height: float | None
-    hides: "Callable[[int, IntArray], np.ndarray[Any, np.dtype[np.bool_]]] | None"
+    hides: "Callable[[int, IntArray], BoolArray] | None"
+    hides_pairs: "Callable[[IntArray, FloatArray, BoolArray, IntArray, FloatArray], BoolArray] | None"
     chance: "Callable[[FloatArray], FloatArray] | None"
     noise: float
     nearest: "Callable[[FloatArray, FloatArray], IntArray] | None"
@@ -100,7 +105,7 @@ class AgentLook(NamedTuple):
     @property
     def what(self) -> "AgentLook":
         """The same without what is others for each sensor though they look alike."""
-        return self._replace(hides=None, draws=None, nearest=None, covers=None)
+        return self._replace(hides=None, hides_pairs=None, draws=None, nearest=None, covers=None)
 
 
 class NodeLook(NamedTuple):

@@ -23,6 +23,8 @@ _MOST_SLACK = 1e-5  # what rounding leaves open, at most, as a share of the face
 # between observer and face plus twice the size of the face (docs/decisions/0009); the fast form widens faces by it.
 _BLUR = 1e-3
 _TURN = 2.0 * np.pi
+MARGIN = 0.01  # how much farther than its box a face may count for a line, as a share of what both boxes measure
+_COMPARED = 1 << 18  # pairs of line and face
 # NOTE: few at a time, because the nearest faces hide most targets (decision 0009).
 _SHARE = 8  # one in so many pairs of face and target is tested at a time,
 _FEW = 512  # but not fewer than these
@@ -71,6 +73,34 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
                 faces, rows = faces[is_open], rows[is_open]
             done, first = int(near.ends[last - 1]), last
     return seen
+
+
+def visible_pairs(corners: FloatArray, origins: FloatArray, targets: FloatArray) -> BoolArray:
+    """Return whether no quadrangle blocks each of several lines, which may begin anywhere: `blocks` for all pairs.
+
+    Args:
+        corners: (faces, 4, 3)
+        origins: (lines, 3)
+        targets: (lines, 3)
+    """
+    seen, size = np.ones(len(targets), np.bool_), max(1, _COMPARED // max(1, len(corners)))
+    with np.errstate(over="ignore"):
+        low, high = _widened(corners.min(axis=1), corners.max(axis=1))
+        first, last = _widened(np.minimum(origins, targets), np.maximum(origins, targets))
+    for begin in range(0, len(targets) if len(corners) else 0, size):
+        some = slice(begin, begin + size)
+        is_out = (first[0, some, None] > high[0]) | (last[0, some, None] < low[0])
+        is_out |= (first[1, some, None] > high[1]) | (last[1, some, None] < low[1])
+        lines, faces = np.nonzero(~is_out)
+        lines += begin
+        seen[lines[blocks(origins[lines], targets[lines], corners[faces])]] = False
+    return seen
+
+
+def _widened(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return boxes (boxes, 3) as (2, boxes) of the plan, so wide that a face can only block a line that meets it."""
+    margin = MARGIN * (high - low).sum(axis=1)
+    return low[:, :2].T - margin, high[:, :2].T + margin
 
 
 def _axes(vectors: FloatArray) -> FloatArray:

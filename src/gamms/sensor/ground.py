@@ -21,7 +21,18 @@ from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.nearby import memory_of
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import FULL_CIRCLE, Place, View, coordinates, in_sight, is_unhidden, nodes_ahead
+from gamms.sensor.views import (
+    FULL_CIRCLE,
+    Place,
+    View,
+    are_unhidden,
+    coordinates,
+    ground_at,
+    ground_of,
+    in_sight,
+    is_unhidden,
+    nodes_ahead,
+)
 from gamms.typing import IAgent, IContext
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import ISensor, SensorType
@@ -397,6 +408,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
             (self.sensor_id, owner if self._at is None else "") if draws else None,
             self._observer_height if self._is_occluded else None,
             self._hidden_from if self._is_occluded else None,
+            self._hidden_between if self._is_occluded else None,
             detection if callable(detection) else None,
             0.0 if notice is None else notice.position_noise_m or 0.0,
             self.ctx.graph.graph.nearest_node,
@@ -413,6 +425,20 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _hidden_from(self, node_id: int, others: IntArray) -> BoolArray:
         nodes = NodeColumns(others, self.ctx.graph.graph.positions(others))
         return ~in_sight(self.ctx, self.place(node_id), nodes, self.range, self._observer_height)
+
+    def _hidden_between(
+        self, nodes: IntArray, xy: FloatArray, are_on_edges: BoolArray, other_nodes: IntArray, other_xy: FloatArray
+    ) -> BoolArray:
+        ctx, height, there = self.ctx, self._observer_height, ground_of(self.ctx, other_nodes)
+        if self._at is not None:
+            xy, here = np.array([coordinates(ctx, self._at)]), ground_at(ctx, self._at)
+        else:
+            here = ground_of(ctx, nodes)
+            here.z[are_on_edges] = ground_of(ctx, ctx.graph.graph.nearest_node(*xy[are_on_edges].T)).z
+        ends = there.eyes(other_xy, height)
+        eyes = np.broadcast_to(here.eyes(xy, height), ends.shape)
+        is_near: BoolArray = here.tunnels == there.tunnels
+        return ~(is_near & are_unhidden(ctx, eyes, ends))
 
     @property
     def _is_convex(self) -> bool:

@@ -14,7 +14,7 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
-from gamms.game.batch.sight import look_of, sees_from_edges
+from gamms.game.batch.sight import Seen, look_of, sees_from_edges
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
@@ -34,6 +34,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IAgent
 from gamms.typing.game import EdgePlace
+from gamms.typing.on_edges import PassedNode
 from gamms.typing.sensor_engine import ISensor, SensorType
 
 # From how many games on arrays are not slower, see decisions 0057 and 0058: where agents are asked, where they decide
@@ -145,6 +146,7 @@ class ScalarStrategies:
     ) -> None:
         self._context, self._state, self.agents, self._players = context, state, agents, players
         self._numbers = frozenset(agents.tolist())
+        self._is_exact: dict[str, BoolArray] = {}  # sensor -> (agents,) whether it shows agents where they are
         self._cells: dict[str, dict[int, list[Any]]] = {}  # sensor -> agent -> what it shows, where arrays say that
         self._fork: RuleFork | None = None  # for which it was worked out what follows
         self._needs_game: dict[int, bool] = {}  # agent -> whether it must be asked in the context of its game
@@ -370,6 +372,7 @@ class ScalarStrategies:
         if fork is self._fork:
             return
         self._fork, self._cells, self._counting, self._targets = fork, {}, [], _Targets(fork)
+        self._is_exact = {}
         plans, movement = self._context.start().settings()["plans"], self._state.movement
         own, by_metres = fork.parts.settings.plans, movement.leaves_nodes
         self._facts = [facts for rule in fork.rules_in_arrays if (facts := getattr(rule, "facts_in_game", None))]
@@ -382,6 +385,8 @@ class ScalarStrategies:
             for name, sensor in getattr(agent, "sensors", {}).items():
                 if _is_in_arrays(sensor, agent, by_metres=by_metres):
                     self._cells.setdefault(name, {})[number] = [None]
+                    is_exact = self._is_exact.setdefault(name, np.zeros(len(self._state.roster.names), np.bool_))
+                    is_exact[number] = not (look := look_of(sensor, agent)) or not look.errs
                 elif not _sees_from_node(sensor):
                     needs_game = True
                     if _counts_looks(sensor):
@@ -400,8 +405,19 @@ class ScalarStrategies:
         order = np.lexsort((rank[found.others], looking))
         names = [view.roster.names[number] for number in found.others[order].tolist()]
         nodes = view.streets.ids(found.nodes[order]).tolist()
+        if self._state.movement.leaves_nodes:
+            self._locate(nodes, view.games, found.of(order), self._is_exact[name][whom])
         ends = np.cumsum(np.bincount(looking, minlength=len(view.games) * width)).tolist()
         return [dict(zip(names[a:b], nodes[a:b], strict=True)) for a, b in pairwise([0, *ends])]
+
+    def _locate(self, nodes: list[int], games: IntArray, found: Seen, is_exact: BoolArray) -> None:
+        """Have nodes that are shown say where on edges agents are, if those who look, (viewers,), see that exactly."""
+        which, movement = (games[found.at], found.others), self._state.movement
+        on = np.flatnonzero(is_exact[found.viewers] & (movement.edge[which] >= 0))
+        places = movement.places(found.nodes[on], (which[0][on], which[1][on]))
+        columns = (one.tolist() for one in (on, *places))
+        for i, edge, offset, xy in zip(*columns, strict=True):
+            nodes[i] = PassedNode(nodes[i], tuple(edge), offset, tuple(xy))
 
 
 def _is_in_arrays(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:

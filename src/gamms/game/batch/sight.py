@@ -1,7 +1,7 @@
 """Which agents the sensors of agents show, in all games of a view at once."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,9 +11,9 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.columns import Roster, places_of, some_rows
+from gamms.game.batch.sight_lines import SightLines, Spots
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import KnownViews, mask_of_pairs
-from gamms.game.streets import Streets
 from gamms.ir.chances import chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -26,7 +26,6 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 DELAYS = "delayed looks"  # the key under which a batch shares what sensors are still to report
 _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
-_MOST_HIDDEN = 1 << 22  # pairs of nodes of which it is known whether something is between them
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
 
@@ -180,7 +179,7 @@ def sees_from_edges(sensor: ISensor, agent: IAgent) -> bool:
     look = look_of(sensor, agent)
     if look is None:
         return sensor.type not in ON_GROUND
-    return not (look.false_alarms or look.hides is not None or (look.cone and look.turns))
+    return not (look.false_alarms or (look.cone and look.turns))
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
@@ -299,6 +298,12 @@ class _World:
         rows = np.broadcast_to(self.games[:, None], self.node.shape), np.indices(self.node.shape)[1]
         xy = movement.places(self.node, rows).xy
         return xy[..., 0], xy[..., 1]
+
+    def spots(self, at: IntArray, agents: IntArray) -> Spots:
+        """Return where some agents are."""
+        (x, y), edge, which = self.axes, self.state.movement.edge, (at, agents)
+        on_edge = edge[self.games[at], agents] >= 0 if len(edge) else np.zeros(len(at), np.bool_)
+        return Spots(self.node[which], on_edge, x[which], y[which])
 
 
 Pairs = tuple[IntArray, IntArray, IntArray]  # games of the view, and carriers and others of a lookout, by their places
@@ -436,43 +441,17 @@ def in_turned_cone(
 def _unhidden(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
     """Return between which pairs no obstacle is; None: all."""
     look, (at, carriers, others) = lookout.look, pairs
-    if look.hides is None:
+    if look.height is None:
         return None
     key = (
         "hidden",
         look.what._replace(chances=None, chance=None, teams=None, others=(), noise=0.0, false_alarms=0.0, delay=0),
     )
-    known = world.state.shared.setdefault(key, _KnownSights(world.state.streets, look.hides))
-    starts = world.node[at, lookout.carriers[carriers]] if look.place is None else np.zeros_like(at)
-    is_hidden: BoolArray = known.hidden(starts, world.node[at, lookout.others[others]])
+    known = world.state.shared.setdefault(key, SightLines(world.state.streets, look))
+    is_hidden: BoolArray = known.hidden(
+        world.spots(at, lookout.carriers[carriers]), world.spots(at, lookout.others[others])
+    )
     return ~is_hidden
-
-
-class _KnownSights:
-    """Between which nodes obstacles are, of those that were asked for."""
-
-    def __init__(self, streets: Streets, hides: Callable[[int, IntArray], BoolArray]) -> None:
-        self._streets, self._hides = streets, hides
-        self._keys, self._is_hidden = np.zeros(0, np.int64), np.zeros(0, np.bool_)
-
-    def hidden(self, starts: IntArray, ends: IntArray) -> BoolArray:
-        """Return which nodes are hidden from others, by rows, (pairs,)."""
-        pairs, which = np.unique(starts * len(self._streets.counts) + ends, return_inverse=True)
-        new = pairs[~np.isin(pairs, self._keys, assume_unique=True)]
-        if len(new):
-            if len(self._keys) + len(new) > _MOST_HIDDEN:
-                self._keys, self._is_hidden, new = np.zeros(0, np.int64), np.zeros(0, np.bool_), pairs
-            keys = np.concatenate((self._keys, new))
-            order = np.argsort(keys, kind="stable")
-            self._keys, self._is_hidden = keys[order], np.concatenate((self._is_hidden, self._looked(new)))[order]
-        found: BoolArray = self._is_hidden[np.searchsorted(self._keys, pairs)][which]
-        return found
-
-    def _looked(self, pairs: IntArray) -> BoolArray:
-        ids = self._streets.columns.node_ids
-        first, last = _split(pairs, len(ids))
-        runs = np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(first)) + 1)
-        return np.concatenate([self._hides(int(ids[first[run[0]]]), ids[last[run]]) for run in runs])
 
 
 def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
