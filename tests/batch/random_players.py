@@ -76,10 +76,12 @@ def rash(state):
 # what it would have known of the turns before the batch.
 LEAVE = re.compile(
     "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
+    "changes roads(, where agents go by metres| where agents are about to move)|"
     r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
 )
 ONE_BY_ONE = re.compile(
-    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"
+    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'|"
+    "closed since the start"
 )
 
 
@@ -235,6 +237,19 @@ def refuses(_):
 refuses.check = refuse
 
 
+def dig(ctx):
+    """Close roads at random, others in each game, and open or remove some."""
+    draw, graph = ctx.stream("dig", ctx.game.turn), ctx.graph
+    lot = draw.random()
+    if lot < 0.5 and (edges := [*graph.graph.get_edges()]):
+        graph.close_roads([edges[int(draw.integers(len(edges)))] for _ in range(1 + int(3 * draw.random()))])
+    elif lot < 0.7:
+        graph.open_roads([edge for edge in graph.closed_roads if draw.random() < 0.6][::-1])
+    elif lot > 0.97 and (edges := [*graph.graph.get_edges()]):
+        graph.graph.remove_edge(edges[int(draw.integers(len(edges)))])
+    ctx.game.scores["open"] = len(list(graph.graph.get_edges())) if lot < 0.8 else 0
+
+
 def purge(ctx):
     """Let a team lose all its agents."""
     if ctx.game.turn == 1:
@@ -272,7 +287,15 @@ TAKEN = {
     "game": lambda ctx: [ctx.game.turn, dict(ctx.game.scores), len(ctx.game.events), ctx.game.over is None],
     "agent": lambda agent: [agent.current_node_id, agent.prev_node_id, agent.edge, agent.offset_m, agent.alive],
 }
-CALLED = {"look": look, "push": push, "recruit": recruit, "refuses": refuses, "purge": purge, "toll": collect_toll}
+CALLED = {
+    "dig": dig,
+    "look": look,
+    "push": push,
+    "recruit": recruit,
+    "refuses": refuses,
+    "purge": purge,
+    "toll": collect_toll,
+}
 
 
 def caller(ctx):

@@ -83,6 +83,12 @@ def storm(ctx):
         ctx.graph.graph.remove_edge(next(ctx.graph.graph.get_edges()))
 
 
+def widen(ctx):
+    """Make a road longer in some games, which arrays cannot have."""
+    if ctx.game.turn == 2 and not ctx.seed % 2:
+        ctx.graph.graph.update_edge({"id": 40, "length": 99.0})
+
+
 RULES = [bonus, meet, strike, lucky, near]
 ruled = st.lists(st.tuples(st.sampled_from(RULES), st.sampled_from(["before", "after"])), min_size=1, max_size=4)
 
@@ -175,8 +181,7 @@ def test_roads_that_rules_close_are_closed_in_their_games_alone(
         for number, (rule, when) in enumerate([*made * are_first, (storm, phase), *rules, *made * (not are_first)]):
             ctx.game.add(rule, phase=when, name=f"{rule.__name__} {number}")
         ctx.game.conflicts = None if capacity is None else Conflicts(capacity)
-        detached = check(ctx, seeds * 5, restart=restart)  # so many that they stay in arrays, unless one begins again
-        assert detached.keys() <= {0}
+        assert check(ctx, seeds, restart=restart) == {}
 
 
 def listen(ctx):
@@ -233,15 +238,6 @@ def test_forms_of_rules_close_roads_in_many_games_at_once(phase, more):
         assert check(ctx, [1, 2, 3, 5, 7, 9, 11, 13]) == {}
 
 
-def test_a_game_of_which_few_have_roads_closed_by_a_form_names_that_rule():
-    with scene(max_turns=6).build(seed=1) as ctx:
-        for rule in (flood, bonus):
-            ctx.game.add(rule)
-        detached = check(ctx, [1, 2, 3])
-        assert detached
-        assert all(why.startswith("the rule 'flood': roads are closed") for why in detached.values())
-
-
 def test_roads_that_are_not_there_cannot_be_closed():
     def close(ctx):
         ctx.graph.close_roads([999])
@@ -285,7 +281,7 @@ def test_what_is_observed_of_games_that_left_the_arrays_is_what_is_there(options
     walkers = {"count": 2, "strategy": "gamms.strategies:random_walk", "sensors": [*sensors], **speed}
     teams = {"red": walkers, "blue": walkers}
     with scene(teams=teams, sensors=sensors, settings=options.get("settings", {})).build(seed=1) as ctx:
-        ctx.game.add(storm)
+        ctx.game.add(storm), ctx.game.add(widen)
         with ctx.game.batch(seeds=[1, 1, 1, 1, 2]) as games, ctx.game.fork(0).ctx as alone:
             for _ in range(6):
                 games.step()
@@ -304,12 +300,10 @@ def test_what_is_observed_of_games_that_left_the_arrays_is_what_is_there(options
                     assert seen == sorted(state["sensor"]["near"][1])
 
 
-def test_games_of_which_few_have_the_same_roads_closed_go_on_one_by_one():
+def test_games_that_all_have_other_roads_closed_stay_in_arrays():
     with scene([TAG], max_turns=12).build(seed=1) as ctx:
         ctx.game.add(storm)
-        detached = check(ctx, [1, 1, 1, 1, 2, 3])
-        assert sorted(detached) == [4]
-        assert detached[4] == "the rule 'storm': roads are closed in it as in fewer than 4 games"
+        assert check(ctx, [1, 2, 3, 4]) == {}
 
 
 def wall_in(ctx):
@@ -319,7 +313,7 @@ def wall_in(ctx):
         ctx.graph.close_roads([edge for edge in graph.get_edges() if graph.get_edge(edge).source == 0])
 
 
-@pytest.mark.parametrize("seeds", [[1], [1, 3, 2, 4], [2, 4, 1, 3, 5, 7, 9]])  # all, some and none leave the arrays
+@pytest.mark.parametrize("seeds", [[1], [1, 3, 2, 4]])
 def test_an_action_that_a_closed_road_makes_illegal_is_refused_before_any_game_is_played(seeds):
     with scene(red=1).build(seed=1) as ctx:
         ctx.agent.get_agent("red_0").current_node_id = 0

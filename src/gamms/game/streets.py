@@ -2,7 +2,7 @@
 
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -10,7 +10,16 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
-from gamms.typing.routes import RouteQueries
+
+
+class Ways(Protocol):
+    """What `ctx.graph.routes` says of the edges of a map."""
+
+    def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
+        """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
+
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
 
 
 class Streets:
@@ -22,14 +31,15 @@ class Streets:
 
     Attributes:
         columns: of the graph.
+        num_nodes: how many nodes there are.
         counts: (nodes,) how many nodes are legal from each, its own included.
         offsets: (nodes + 1,) those of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: rows of nodes; of each node its own first, then its neighbours in the order of `state["legal"]`.
     """
 
-    def __init__(self, columns: GraphColumns, queries: RouteQueries) -> None:
-        self.columns, self._queries = columns, queries
-        self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, len(columns.node_ids))
+    def __init__(self, columns: GraphColumns, queries: Ways) -> None:
+        self.columns, self._queries, self.num_nodes = columns, queries, len(columns.node_ids)
+        self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, self.num_nodes)
         self.counts: IntArray = np.diff(self.offsets)
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
@@ -43,6 +53,10 @@ class Streets:
     def ways_to(self, weight: str | None) -> kernels.Arcs:
         """Return the edges with their weights, reversed: paths along them are found from their ends."""
         return self._queries.arcs(weight, reverse=True)
+
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+        return self._queries.weights(weight)
 
     def apart(self) -> "Streets":
         """Return the same for what is kept longer than the graph, which it does not keep in memory."""
@@ -88,7 +102,7 @@ class Streets:
         Raises:
             BadType, BadValue: they are no integers, or one is not the row of a node.
         """
-        return as_numbers_of(rows, name, len(self.counts), "nodes")
+        return as_numbers_of(rows, name, self.num_nodes, "nodes")
 
     @property
     def axes(self) -> FloatArray:

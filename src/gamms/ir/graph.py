@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -180,6 +180,42 @@ class GraphColumns:
     edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
     revision: int
     crs: str | None
+
+
+def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edges: IntArray) -> GraphColumns:
+    """Return a graph with some of its edges, in another order.
+
+    Args:
+        columns: of the graph.
+        rows: (chosen,) of these edges.
+        offsets: (nodes + 1,) see `GraphColumns`.
+        out_edges: (chosen,) likewise.
+    """
+    moved = np.full(len(columns.edge_ids), -1)
+    moved[rows] = np.arange(len(rows))
+    of_edges = {name: _renamed(values, moved) for name, values in columns.edge_attributes.items()}
+    return replace(
+        columns,
+        edge_ids=read_only(columns.edge_ids[rows]),
+        sources=read_only(columns.sources[rows]),
+        targets=read_only(columns.targets[rows]),
+        lengths=read_only(columns.lengths[rows]),
+        offsets=read_only(offsets),
+        out_edges=read_only(out_edges),
+        polylines=_renamed(columns.polylines, moved),
+        edge_attributes={name: values for name, values in of_edges.items() if values},
+    )
+
+
+def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
+    """Return what rows have under their new numbers (rows,), in any order; -1 for those that are left out."""
+    old = values.rows if isinstance(values, ByRow) else np.fromiter(values, np.int64, len(values))
+    rows = moved[old]
+    places = np.flatnonzero(rows >= 0)
+    places = places[np.argsort(rows[places])]
+    if isinstance(values, ByRow):
+        return values.chosen(places, rows[places])
+    return {row: values[one] for row, one in zip(rows[places].tolist(), old[places].tolist(), strict=True)}
 
 
 def shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:

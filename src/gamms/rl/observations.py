@@ -10,6 +10,8 @@ import numpy as np
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView
+from gamms.game.batch.game_forms import views_by_map
+from gamms.game.batch.roads import StreetsOfMaps
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
@@ -41,6 +43,13 @@ class Neighbourhood:
     def __call__(self, view: ArrayView) -> Array:
         """Return the entries of the nodes around the agents of a view."""
         host = on_host(view)
+        if isinstance(host.streets, StreetsOfMaps):
+            parts = [(places, self(part)) for places, part in views_by_map(host)]
+            order = np.argsort(np.concatenate([places for places, _ in parts]))
+            most = max(part.shape[2] for _, part in parts)
+            padded = [np.pad(part, ((0, 0), (0, 0), (0, most - part.shape[2]), (0, 0))) for _, part in parts]
+            found = np.concatenate(padded)[order]
+            return found if view.xp is np else view.library.put(found)  # type: ignore[attr-defined]
         streets = host.streets
         if streets not in self._tables:
             self._tables[streets] = self._table(streets)
@@ -99,7 +108,8 @@ class MapGraph:
     def __call__(self, view: ArrayView) -> Array:
         """Return the entries of all nodes."""
         host = on_host(view)
-        columns, (games, agents) = host.streets.columns, host.node.shape
+        streets, (games, agents) = host.streets, host.node.shape
+        columns = (streets.whole if isinstance(streets, StreetsOfMaps) else streets).columns
         self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
         nodes = len(columns.node_ids)
         refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")

@@ -114,7 +114,7 @@ class MovesInArrays:
 
     def __init__(self, turn: MovesTurn, ends: IntArray, rank: ArrayResolver, *, per_team: bool) -> None:
         edges = 0 if turn.places is None else len(turn.streets.columns.edge_ids)
-        self.turn, self.rank, self._nodes = turn, rank, len(turn.streets.counts) + edges
+        self.turn, self.rank, self._nodes = turn, rank, turn.streets.num_nodes + edges
         self._per_team = per_team
         self.starts, self.ends = turn.node if turn.places is None else turn.places, ends
         if per_team:
@@ -146,7 +146,7 @@ class MovesInArrays:
 
     def _are_nodes(self) -> BoolArray:
         """Return which agents begin and end on nodes, rather than edges."""
-        nodes = len(self.turn.streets.counts)
+        nodes = self.turn.streets.num_nodes
         return (self.starts % self._nodes < nodes) & (self.ends % self._nodes < nodes)
 
     def _games_with_swaps(self) -> IntArray:

@@ -107,7 +107,7 @@ def _equal(turn: DeviceTurn, keys: Tensor, others: Tensor, sides: Sides) -> Tens
 
 def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[Met]:
     """Return the contacts of agents that go along one edge at most."""
-    by_move, nodes, passing = turn.is_there_by_move, len(turn.streets.counts), nearness.passing
+    by_move, nodes, passing = turn.is_there_by_move, turn.streets.num_nodes, nearness.passing
     went = turn.starts != turn.ends
     if nearness.unit is None:
         at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
@@ -165,7 +165,7 @@ def _on_nodes(turn: ArrayTurn, sides: Sides, *, passing: bool) -> Met:
     """Return the pairs that were at one node at one time."""
     visits = turn.visits(turn.alive, passing=passing)
     ours, theirs = (visits.those(rows) for rows in of_sides(turn, visits.agents, sides))
-    nodes = len(turn.streets.counts)
+    nodes = turn.streets.num_nodes
     i, j = equal_keys(ours.at * nodes + ours.nodes, theirs.at * nodes + theirs.nodes)
     slack = 0.0 if turn.paths is None or turn.paths.legs is None else TIME_SLACK
     together = (ours.begin[i] <= theirs.end[j] + slack) & (theirs.begin[j] <= ours.end[i] + slack)
@@ -184,7 +184,7 @@ def _on_edges(turn: ArrayTurn, paths: Paths, sides: Sides, *, passing: bool) -> 
     ends = [paths.nodes[at, agents, number + k] for k in (0, 1)]
     since, until = ((paths.times[at, agents, number + k] if passing else np.ones(len(at))) for k in (0, 1))
     ours, theirs = of_sides(turn, agents, sides)
-    ways, back = ((at * len(turn.streets.counts) + a) * len(turn.streets.counts) + b for a, b in (ends, ends[::-1]))
+    ways, back = ((at * turn.streets.num_nodes + a) * turn.streets.num_nodes + b for a, b in (ends, ends[::-1]))
     i, j = equal_keys(ways[ours], back[theirs])
     i, j = ours[i], theirs[j]
     together = (since[i] <= until[j]) & (since[j] <= until[i])

@@ -341,7 +341,7 @@ class _Views:
         self._roster, self._streets = turn.roster, turn.streets
         self._ids = turn.streets.ids(hidden)
         self._places = _Places(self._ids, turn.streets.columns.xy[hidden])
-        self._number = np.full((len(turn.roster.names), len(turn.streets.counts)), -1)
+        self._number = np.full((len(turn.roster.names), turn.streets.num_nodes), -1)
         self._seen = np.zeros((1, len(hidden)), np.bool_)  # one row at least, for -1 is looked up, too
 
     def seen(self, node: IntArray, looks: BoolArray) -> BoolArray:

@@ -349,7 +349,7 @@ def _goes(turn: ArrayTurn, edges: IntArray) -> BoolArray:
 
 def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
     """Return how long it is from nodes to others, (games, agents): along an edge, else in a straight line."""
-    nodes, columns = len(turn.streets.counts), turn.streets.columns
+    nodes, columns = turn.streets.num_nodes, turn.streets.columns
 
     def make() -> tuple[IntArray, FloatArray]:
         ways = columns.sources * nodes + columns.targets

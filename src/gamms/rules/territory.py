@@ -141,7 +141,7 @@ class Ground(NamedTuple):
         owners, teams = self.of(turn.facts), turn.roster.teams
 
         def make() -> tuple[Territory, IntArray]:
-            numbers = np.full(len(turn.streets.counts), -1)
+            numbers = np.full(turn.streets.num_nodes, -1)
             for row, node in enumerate(turn.streets.columns.node_ids.tolist()):
                 if node in owners and owners[node] in teams:
                     numbers[row] = teams.index(owners[node])

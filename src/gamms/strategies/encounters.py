@@ -194,7 +194,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
 
 def _guard_in_arrays(post: int, reach: float, view: ArrayView) -> IntArray:
     routes, place = view.routes(), view.streets.rows(post)
-    is_near = routes.distances(np.arange(len(view.streets.counts)), place) <= reach
+    is_near = routes.distances(np.arange(view.streets.num_nodes), place) <= reach
     seen = view.enemies()
     targets = nearest_seen(view, seen.of(is_near[seen.nodes]), is_near[view.node])
     after = np.nonzero(targets >= 0)
@@ -467,7 +467,7 @@ def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
     is_nearest = is_legal & (far == far.min(axis=1, keepdims=True))
     tied = np.flatnonzero(is_nearest.sum(axis=1) > 1)
     sizes = np.zeros(legal.shape, np.int64)
-    most = max(1, _MOST_AT_ONCE // (len(view.streets.counts) * legal.shape[1]))
+    most = max(1, _MOST_AT_ONCE // (view.streets.num_nodes * legal.shape[1]))
     for first in range(0, len(tied), most):
         some = tied[first : first + most]
         lines, columns = np.nonzero(is_nearest[some])
@@ -478,7 +478,7 @@ def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
 
 def _sizes_of_cells(view: ArrayView, chased: Seen, nodes: IntArray) -> IntArray:
     """Return how many nodes enemies reach before agents that go to these nodes, and their mates in sight, (pairs,)."""
-    all_nodes, flows, speeds = np.arange(len(view.streets.counts)), view.flows(), np.maximum(_speeds(view), LITTLE)
+    all_nodes, flows, speeds = np.arange(view.streets.num_nodes), view.flows(), np.maximum(_speeds(view), LITTLE)
     own = 1.0 + flows.edges(nodes[:, None], all_nodes) / speeds[view.agents[chased.viewers], None]
     theirs = flows.edges(chased.nodes[:, None], all_nodes) / speeds[chased.others, None]
     mates = view.mates()

@@ -84,7 +84,7 @@ def sweep(
 def _sweep_in_arrays(
     chosen: tuple[int, ...] | None, sees: bool, again: bool, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    nodes = len(view.streets.counts)
+    nodes = view.streets.num_nodes
     rows = np.arange(nodes) if chosen is None else np.unique(view.streets.rows(chosen))
     board, memory = _Visited(view), view.memory_of[view.agents]
     target, here = remembered(view, "sweep", target=-1)["target"], view.node
@@ -133,8 +133,8 @@ class _Visited:
 
         def make(games: int) -> Arrays:
             return {
-                "visited": np.zeros((games, memories, len(view.streets.counts)), np.bool_),
-                "seen": np.zeros((games, memories, len(view.streets.counts)), np.bool_),  # in that turn
+                "visited": np.zeros((games, memories, view.streets.num_nodes), np.bool_),
+                "seen": np.zeros((games, memories, view.streets.num_nodes), np.bool_),  # in that turn
                 "turn": np.full((games, memories), -1),
                 "keeps": np.zeros((games, memories), np.bool_),  # whether what was visited before still counts
                 "next": np.full((games, agents), -1),  # what agents have visited in that turn

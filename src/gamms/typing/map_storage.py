@@ -1,9 +1,10 @@
 """Contracts of maps, which are a graph and its obstacles, as bytes and as snapshots; for engines, not for programs."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from gamms.ir.graph import GraphColumns
+from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.plugins import Registry
 
@@ -96,6 +97,26 @@ class IMapStorage(ABC):
     @abstractmethod
     def copy_from(self, snapshot: Any) -> None:
         """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
+
+    @abstractmethod
+    def restore_when_read(
+        self, before: Any, edges: Callable[[], GraphColumns] | None, closed: Mapping[int, Mapping[str, Any]]
+    ) -> None:
+        """Restore the graph of a snapshot, which may have other edges, once edges are asked for.
+
+        Args:
+            before: the snapshot.
+            edges: returns that graph with other edges; None: it has its own.
+            closed: id -> edge, of those that are closed.
+        """
+
+    @abstractmethod
+    def has_other_roads(self) -> bool | None:
+        """Whether roads were closed, opened or removed since `restore_when_read`; None: the map changed otherwise."""
+
+    @abstractmethod
+    def roads(self) -> tuple[IntArray, Mapping[int, Mapping[str, Any]]]:
+        """Return the ids of the edges, in their order, and those that are closed, as `restore_when_read` takes them."""
 
     @abstractmethod
     def restart_stream(self) -> None:

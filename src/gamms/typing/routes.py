@@ -378,6 +378,10 @@ class RouteQueries:
         """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
         return self._routes.arcs(weight, reverse=reverse)
 
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+        return self._routes.weights(weight)
+
     def nearest_edge(self, x: float, y: float, within: float | None = None) -> NearestEdge | None:
         """Return the edge that is nearest to a place by the straight line, and where on it.
 

@@ -9,9 +9,10 @@ remembers, `begun.py` what of that is taken from a game that has begun, `movemen
 metres (`reach.py`: to which nodes), `asking.py` asks what agents do, at each arrival by `arrivals.py`, `deeds.py` what
 agents do besides moving, `channels.py` what they send, `given.py` what comes from outside. `forms.py` declares array
 forms; `scalar_rules.py` calls rules that have none and `scalar_strategies.py` such strategies, in the context of
-`rule_fork.py`; `grounds.py` has the maps on which rules have closed roads; `alone.py` plays array strategies and rules
-in games that are played alone. With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays
-the games there; strategies get views of `device_view.py`.
+`rule_fork.py`; `game_forms.py` has all of these, `roads.py` the roads that rules have closed in games, and
+`joined_view.py` shows games that have left the arrays beside the others; `alone.py` plays array strategies and rules in
+games that are played alone. With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays
+the games there; strategies get views of `device_view.py`, and `actions.py` checks what any of them give.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy

@@ -1,7 +1,6 @@
 """Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from copy import deepcopy
 from functools import partial
 from typing import Any
@@ -13,20 +12,22 @@ from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
 from gamms.game.batch.begun import Beginning, remembers, why_not_begun
 from gamms.game.batch.channels import Outbox, Radio
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, preparing
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, in_turns, preparing
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
+from gamms.game.batch.game_forms import GameForms, key_of
 from gamms.game.batch.given import Given
-from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, key_of
-from gamms.game.batch.movement import Anywhere, Movement, Moves
+from gamms.game.batch.joined_view import JoinedView
+from gamms.game.batch.movement import Movement, Moves
+from gamms.game.batch.roads import ClosedEdges, OpenRoads
 from gamms.game.batch.rule_fork import NoRow, OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
 from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings, NotTakenUp
 from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart, in_turns
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.messages import ANTENNA, Scene
@@ -38,8 +39,6 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import IAgent
 from gamms.typing.game import strategy_name
-
-_FEWEST = 4  # games with the same roads closed that are played in arrays; measured in decision 0050
 
 
 class ArrayEngine:
@@ -75,17 +74,12 @@ class ArrayEngine:
         self._arriving = movement if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals else None
         self._own: list[OwnState | None] = [None] * len(seeds)
         self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
-        self._here = self._made_ground(game, lambda: game.fork(0), roster, movement)
-        self._here.shared, self._here.now = self.state.shared, self.state.now
+        self._here = self._made_forms(game)
         if self._here.asked is not None:
             self.state.note_blocked = self._here.asked.note_blocked
-        self._grounds = [self._here]  # the maps of games, that of the start first
-        self._numbers: dict[Hashable, int] = {}  # what is open and closed -> the number of the ground
-        self._changed_roads: dict[tuple[int, tuple[int, ...], bool], int] = {}  # the number of the ground that follows
-        self._closed_by: dict[int, str] = {}  # game -> the rule that has closed roads in it last, in words
-        self._calling = ""  # a rule, in words
-        self._can_close_roads = len(self._parts) == 1 and type(movement) in (Movement, Anywhere)
-        if self._can_close_roads:
+        if movement.may_lose_roads:
+            closed = game.ctx.graph.storage.roads()[1]
+            self.state.roads = OpenRoads(movement.streets, closed, len(seeds))
             self.state.change_roads = self._change_roads
         self._beginning = Beginning(game, self.state)
         self._publish_facts(game.facts)
@@ -99,12 +93,10 @@ class ArrayEngine:
         before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
         return Headings(streets, np.array(fixed, np.float64).reshape(-1, 2), np.array(before), self.state.start)
 
-    def _made_ground(
-        self, game: PlayedGame, start: Callable[[], PlayedGame], roster: Roster, movement: Movement
-    ) -> Ground:
-        context = RuleContext(start, self.state, self._own, self._close, self._admit)
+    def _made_forms(self, game: PlayedGame) -> GameForms:
+        context = RuleContext(lambda: game.fork(0), self.state, self._own, self._take_roads, self._admit)
         asked = ScalarStrategies(context, self.state, *self._askable) if len(self._askable[0]) else None
-        return Ground(game, context, roster, movement, asked)
+        return GameForms(game, self.state, context, asked)
 
     def _admit(self, agent: IAgent, sensors: Sequence[Any]) -> str | None:
         """Have an agent that has come, with its sensors as they are described; or return why that is not possible."""
@@ -113,8 +105,6 @@ class ArrayEngine:
         named, kind = shown(agent.name), (agent.type, agent.team, agent.speed, key_of(form_of(decider)), sensors)
         if kind[:3] != (like.type, like.team, like.speed):
             return f"agent {named} comes with another team, kind or speed than the first of its team has"
-        if len(self._grounds) > 1:
-            return f"agent {named} comes in a batch in which roads are closed"
         if agent.name not in self._kinds:
             why = next(map(_as_prepared, preparing(agent, settings["plans"])), None)
             why = why or next((why for _, why in why_not_decided(game, [agent])), None)
@@ -126,80 +116,30 @@ class ArrayEngine:
                 return f"agent {named} comes with a sensor that reports late"
             self._kinds[agent.name], roster.agents[roster.names.index(agent.name)] = kind, agent
             self._here.gather()
-            for key in [key for key in self._here.shared if key != DELAYS]:
-                del self._here.shared[key]
+            for key in [key for key in self.state.shared if key != DELAYS]:
+                del self.state.shared[key]
         return None if self._kinds[agent.name] == kind else f"agent {named} comes otherwise than in another game"
 
-    def _close(self, game: int, map_now: Any, by: str) -> str | None:
-        """Put a game on the ground of a map, on which a rule has closed roads; return why that is not possible."""
-        if not self._can_close_roads:
-            return "it changes roads, where agents have speeds or an order of play"
-        if self._kinds:
-            return "it changes roads in a batch in which agents have come"
-        columns = map_now.columns
-        key = columns.edge_ids.tobytes(), tuple(map_now.closed)
-        known = self._grounds[self._numbers.get(key, 0)].movement.streets.columns
-        if not is_other_by_roads(known, columns):
-            return "it changes more of the map than which roads are closed"
-        if key not in self._numbers:
-            self._numbers[key] = len(self._grounds)
-            closed = self._grounds[0].context.start().fork(0)
-            closed.ctx.graph.storage.copy_from(map_now)
-            reserved = self.state.roster.reserved
-            roster = Roster.of(closed.agents, reserved)
-            ground = self._made_ground(closed, lambda: closed, roster, movement_of(closed, roster))
-            ground.shared[DELAYS] = self._grounds[0].shared[DELAYS]
-            self._grounds.append(ground)
-        self.state.ground[game], self._closed_by[game] = self._numbers[key], by
+    def _take_roads(self, game: int, edge_ids: IntArray, closed: ClosedEdges) -> str | None:
+        """Let a game have the edges that a rule has left open, in their order; return why that is not possible."""
+        if not self.state.movement.may_lose_roads:
+            return "it changes roads, where agents go by metres"
+        try:
+            roads = self.state.roads.map_with(edge_ids, closed)
+        except BadValue as error:
+            return str(error)
+        self.state.put_roads(np.array([game]), roads)
         return None
 
     def _change_roads(self, games: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
-        """Put games on the grounds on which roads are opened or closed, too."""
-        before = self.state.ground[games]
-        for number in np.unique(before).tolist():
-            change, those = (number, edges, is_open), games[before == number]
-            if change not in self._changed_roads:
-                graph = self._grounds[number].context.start().fork(0).ctx.graph
-                (graph.open_roads if is_open else graph.close_roads)(edges)
-                why = self._close(int(those[0]), graph.storage.snapshot(), self._calling)
-                if why is not None:
-                    raise BadValue(f"{why}: open roads in arrays that were closed in arrays.")
-                self._changed_roads[change] = int(self.state.ground[those[0]])
-            self.state.ground[those] = self._changed_roads[change]
-            self._closed_by |= dict.fromkeys(those.tolist(), self._calling)
-
-    @contextmanager
-    def _on(self, ground: Ground) -> Iterator[GameArrays]:
-        """Play games on a ground."""
-        before = self._here
-        self._stand_on(ground)
-        try:
-            yield self.state
-        finally:
-            self._stand_on(before)
-
-    def _stand_on(self, ground: Ground) -> None:
-        state, self._here = self.state, ground
-        state.roster, state.movement, state.streets = ground.roster, ground.movement, ground.movement.streets
-        state.shared, state.now = ground.shared, ground.now
-
-    def _leave_small_grounds(self) -> None:
-        """Let games leave the arrays of which few have the same roads closed: the turn engine is faster then."""
+        """Open or close roads in games, too."""
         state = self.state
-        if len(self._grounds) == 1 or not self._has_scalar_rules:
-            return
-        is_small = np.bincount(state.ground, minlength=len(self._grounds)) < _FEWEST
-        is_small[0] = False
-        for game in self._playing()[is_small[state.ground[self._playing()]]].tolist():
-            why = f"roads are closed in it as in fewer than {_FEWEST} games"
-            state.apart[game] = f"{self._closed_by[game]}: {why}"
-
-    def _by_ground(self, games: IntArray) -> list[tuple[Ground, IntArray]]:
-        """Return games by the grounds that they are on."""
-        if len(self._grounds) == 1:
-            return [(self._here, games)] if len(games) else []
-        on = self.state.ground[games]
-        return [(self._grounds[number], games[on == number]) for number in np.unique(on).tolist()]
+        changed = [
+            (games[places], state.roads.changed(roads, edges, is_open=is_open))
+            for roads, places in state.roads.by_map(games)
+        ]
+        for those, roads in changed:
+            state.put_roads(those, roads)
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return GameArrays(roster, movement, seeds, start)
@@ -213,7 +153,8 @@ class ArrayEngine:
         xyz = np.concatenate((places.xy, z[..., None]), axis=-1)
 
         def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
-            return movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
+            games = turn.games[at][:, None]
+            return movement.ways(None).distances(node[at, transmitters][:, None], node[at], at=games) <= hops
 
         return Scene(
             teams=radio.teams,
@@ -239,7 +180,7 @@ class ArrayEngine:
     @property
     def forms(self) -> list[Callable[..., object]]:
         """The array forms that it calls, and the rules that have none."""
-        return self._grounds[0].forms
+        return self._here.forms
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
@@ -274,42 +215,37 @@ class ArrayEngine:
             self.state.now.clear()
 
     def _step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
-        state = self.state
-        if given and (self._here.rules["before"] or len(self._grounds) > 1):
+        state, before = self.state, self._here.rules["before"]
+        if given and (before or state.roads.are_closed):
             self._check(given)
-        for number in range(len(self._here.rules["before"])):  # a game that one of them ends is over for the others
-            for ground, games in self._by_ground(self._playing()):
-                with self._on(ground):
-                    turn = ArrayTurn(state, games)
-                    turn.resume()
-                    self._call(*ground.rules["before"][number], turn)
-                    turn.close()
+        for named, form in before:  # a game that one of them ends is over for the others
+            if len(playing := self._playing()):
+                turn = ArrayTurn(state, playing)
+                turn.resume()
+                self._call(named, form, turn)
+                turn.close()
         state.last_deeds = []
-        self._leave_small_grounds()
-        if given and (self._here.rules["before"] or len(self._grounds) > 1):
+        if given and (before or state.roads.are_closed):
             self._check(given)  # again, by the roads that these rules have closed
         before_moves()
-        for ground, games in self._by_ground(self._playing()):
-            with self._on(ground):
-                self._play_turn(ArrayTurn(state, games), given)
-        for ground in self._grounds:
-            ground.now.clear()
+        if len(playing := self._playing()):
+            self._play_turn(ArrayTurn(state, playing), given)
+        state.now.clear()
         if state.radio is not None:
             state.radio.end_turn()
 
     def _check(self, given: Mapping[Hashable, Given]) -> None:
         """Refuse what cannot be done in one of the games, before rules are called and others are played."""
-        for ground, games in self._by_ground(self._playing()):
-            with self._on(ground):
-                asking = Asking(self.state, ground, given, at_arrivals=self._arriving is not None)
-                asking.check(ArrayTurn(self.state, games), self._resting(games))
+        if len(playing := self._playing()):
+            asking = Asking(self.state, self._here, given, at_arrivals=self._arriving is not None)
+            asking.check(ArrayTurn(self.state, playing), self._resting(playing))
 
     def _resting(self, games: IntArray) -> BoolArray | None:
         """Return which agents are not on their way where they decide at arrivals, (games, agents); else None."""
         return None if self._arriving is None else ~self._arriving.is_going(games)
 
     def _play_turn(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of games on one ground, whose rules of the phase "before" were applied."""
+        """Play one turn of games whose rules of the phase "before" were applied."""
         state, asking = self.state, Asking(self.state, self._here, given, at_arrivals=self._arriving is not None)
         actions, is_given = asking.given(turn, self._resting(turn.games))
         for number, members in enumerate(self._parts):
@@ -364,31 +300,12 @@ class ArrayEngine:
         turn.end_moves()
         if self._here.rules["before"]:
             turn.keep_moves()
-        parts = [(self._here, turn)]
         try:
-            for number in range(len(self._here.rules["after"])):
-                for ground, part in parts:
-                    with self._on(ground):
-                        self._call(*ground.rules["after"][number], part)
-                if len(self._grounds) > 1:
-                    parts = [one for _, part in parts for one in self._parted(part)]
-            for ground, part in parts:
-                with self._on(ground):
-                    ground.context.collect(part)
+            for named, form in self._here.rules["after"]:
+                self._call(named, form, turn)
+            self._here.context.collect(turn)
         finally:  # the agents have moved: the turn is played, without the rules that follow
-            for ground, part in parts:
-                with self._on(ground):
-                    part.close()
-
-    def _parted(self, turn: ArrayTurn) -> list[tuple[Ground, ArrayTurn]]:
-        """Return a turn as turns of games on one ground each, after a rule has closed roads in some of them."""
-        on, parts = self.state.ground[turn.games], list[tuple[Ground, ArrayTurn]]()
-        for number in np.unique(on).tolist():
-            other = self._grounds[number]
-            part = turn if (on == number).all() else turn.of(on == number)
-            part.roster, part.streets = other.roster, other.movement.streets
-            parts.append((other, part))
-        return parts
+            turn.close()
 
     def _play_part(
         self,
@@ -411,8 +328,8 @@ class ArrayEngine:
         if self._here.checks or deeds or self._here.rules["deeds"]:
             turn.begin_part(moves, deeds)
             is_refused = np.zeros(moves.ends.shape, np.bool_)
-            for check in self._here.checks:
-                is_refused |= check(turn, moves.ends) & moves.goes
+            for name, check in self._here.checks:
+                is_refused |= self._here.stopped(name, check, turn, moves.ends) & moves.goes
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, is_refused, None)
             moves = turn.refused(moves, is_refused)
@@ -422,7 +339,10 @@ class ArrayEngine:
         if in_conflict is None and self._here.has_conflicts:
             turn.places, ends = self.state.movement.ends(moves)
             stops, context = self._here.conflicts, self._here.context
-            in_conflict = (context.resolve(turn, moves) if stops is None else stops(turn, ends)) & moves.goes
+            if stops is None:
+                in_conflict = context.resolve(turn, moves) & moves.goes
+            else:
+                in_conflict = self._here.stopped("the conflicts", stops, turn, ends) & moves.goes
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, in_conflict, ends)
             moves = moves.without(in_conflict)
@@ -430,10 +350,9 @@ class ArrayEngine:
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         turn.has_scalar_form = not getattr(named.rule, IN_ARRAYS_ALONE, False)
-        self._calling = f"the rule {named.name!r}"
         turn.lock()
         try:
-            form(turn)
+            self._here.play(named, form, turn)
         except NoRow:  # which says itself what rule it was, of several that are called one after the other
             raise
         except Exception as error:
@@ -448,16 +367,9 @@ class ArrayEngine:
         alone, observed = np.zeros(len(state), np.bool_), state.observed_apart
         alone[[*state.apart]] = True
         if observed is None or not alone.any():
-            if not state.ground.any():
-                return ArrayView(state, games, agents)
-            alone[:] = False
-        parts: list[tuple[IntArray, Callable[[], AbstractContextManager[GameArrays]]]] = [
-            (those, partial(self._on, ground)) for ground, those in self._by_ground(games[~alone])
-        ]
-        if observed is not None and alone.any():
-            there = nullcontext(observed)
-            parts.append((games[alone], lambda: there))
-        return ViewOfGrounds(state, agents, parts)
+            return ArrayView(state, games, agents)
+        parts = [(those, there) for those, there in ((games[~alone], state), (games[alone], observed)) if len(those)]
+        return JoinedView(state, agents, parts)
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""

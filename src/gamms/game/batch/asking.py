@@ -1,20 +1,21 @@
 """What agents of many games do: what strategies decide in arrays or one by one, and what is given from outside."""
 
 from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms.game.batch.arrivals import Decided
 from gamms.game.batch.channels import MOST_AT_ONCE, Outbox
-from gamms.game.batch.columns import places_of
+from gamms.game.batch.columns import in_turns, places_of
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.game_forms import GameForms, Group
 from gamms.game.batch.given import Given
-from gamms.game.batch.grounds import Ground
 from gamms.game.batch.movement import Illegal, Moves, Route
 from gamms.game.batch.sight import DELAYS
 from gamms.game.batch.state import Failure, GameArrays
-from gamms.game.batch.turn import ArrayTurn, in_turns
+from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
 from gamms.game.legality import IllegalAction
 from gamms.ir.graph import IntArray
@@ -23,11 +24,11 @@ from gamms.text import shown
 
 
 class Asking:
-    """What the agents of games on one ground are asked in a turn.
+    """What the agents of games are asked in a turn.
 
     Args:
         state: of all games.
-        here: the ground.
+        here: the forms of strategies.
         given: team -> what its agents do, in place of what their strategies decide.
         at_arrivals: whether agents are asked where they arrive, each by itself.
 
@@ -35,7 +36,9 @@ class Asking:
         outboxes: what they send.
     """
 
-    def __init__(self, state: GameArrays, here: Ground, given: Mapping[Hashable, Given], *, at_arrivals: bool) -> None:
+    def __init__(
+        self, state: GameArrays, here: GameForms, given: Mapping[Hashable, Given], *, at_arrivals: bool
+    ) -> None:
         self._state, self._here, self._given, self._at_arrivals = state, here, given, at_arrivals
         self.outboxes, self._moment = list[Outbox](), 0  # how often agents were asked
         self._acts: _Acts | None = None  # that are given
@@ -62,7 +65,7 @@ class Asking:
 
     def moves(self, turn: ArrayTurn, actions: IntArray) -> Moves:
         """Return where the actions of those that were asked lead, of all agents of the games."""
-        movement, routes, self._routes = self._state.movement, self._routes, []
+        movement, routes, self._routes = turn.movement, self._routes, []
         moves = movement.moves(turn.node, actions, turn.games)
         if not routes:
             return moves
@@ -160,13 +163,11 @@ class Asking:
             agents = group.agents[~is_decided[group.agents]]
             if len(agents):
                 view = ArrayView(self._state, turn.games, agents, asked)
-                view.deeds, view.outboxes = [], []
-                view.lock()
                 try:
                     columns = agents if len(agents) < actions.shape[1] else np.s_[:]
-                    actions[:, columns] = view.checked(group.form(view), group.name, may_aim=True)
-                    deeds += view.deeds
-                    self._send(turn, view.outboxes)
+                    actions[:, columns] = self._here.decide(group, view, partial(_decided_by, group))
+                    deeds += view.deeds or []
+                    self._send(turn, view.outboxes or [])
                     if asked is not None:
                         self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
                 except Exception as error:
@@ -180,6 +181,12 @@ class Asking:
         if asked is not None:
             self._state.looks[turn.games] += asked
         return actions, [one for one in deeds if len(one.at)]
+
+
+def _decided_by(group: Group, view: ArrayView) -> IntArray:
+    """Return the actions that a strategy gives in a view."""
+    view.lock()
+    return view.checked(group.form(view), group.name, may_aim=True)
 
 
 class _Acts(NamedTuple):

@@ -35,7 +35,7 @@ class ByEdges(Movement):
         covered: (games, agents) how much of it.
     """
 
-    is_plain = False
+    is_plain, may_lose_roads = False, False
     remembers = ("begun", "covered")
 
     def __init__(self, streets: Streets, speeds: Sequence[float | None]) -> None:

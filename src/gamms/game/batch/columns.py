@@ -294,3 +294,10 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     if num_games is not None and as_count(num_games, "num_games") != len(given):
         raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
     return given
+
+
+def in_turns(turns: IntArray, games: IntArray) -> str:
+    """Say in which turn some games are, (games,), for notes on errors; of one game alone, which it is."""
+    known = np.unique(turns).tolist() or [0]
+    those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
+    return f"{those} of game {games[0]}" if len(games) == 1 else those

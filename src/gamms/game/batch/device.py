@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine, teams_asked
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, in_turns
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
+from gamms.game.batch.game_forms import Group
 from gamms.game.batch.given import Given
-from gamms.game.batch.grounds import Group
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.scalar_rules import collectors_of
 from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.turn import ArrayTurn, in_turns
+from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
 from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray
@@ -326,7 +326,7 @@ class DeviceEngine(ArrayEngine):
     def _unopposed(self, playing: BoolArray, node: Tensor, wanted: Tensor) -> Tensor:
         """Return where agents go when those have stayed that checks refuse to move and conflicts stop."""
         ends, state, xp, put = wanted, self.state, self.library.xp, self.library.put
-        for check in self._here.checks:
+        for _, check in self._here.checks:
             games = np.flatnonzero(playing)
             refused = np.zeros(state.blocked.shape, np.bool_)
             refused[games] = check(HostTurn(state, games, before_moves=True), self.library.get(wanted)[games])

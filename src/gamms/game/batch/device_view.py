@@ -8,16 +8,18 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_one_shape
 from gamms.errors import BadValue
+from gamms.game.batch.actions import refuse_no_actions
 from gamms.game.batch.columns import Table, some_rows
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Places
+from gamms.game.batch.roads import refuse_several_maps
 from gamms.game.batch.routes import RouteTable, of_asked
 from gamms.game.batch.sight import Lookout, Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
-from gamms.game.batch.view import ArrayView, refuse_no_actions
+from gamms.game.batch.view import ArrayView
 from gamms.game.random_streams import ViewDraws
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -519,6 +521,12 @@ class CopiedView(DeviceView):
     def _legal(self) -> Tensor:
         return self.library.put(self.on_host()["legal"])
 
+    def routes(self, weight: str | None = "length") -> "DeviceRoutes":  # type: ignore[override] # the same in arrays
+        """Return how far it is to nodes, and which action leads there, where all games have the same roads."""
+        if self._state.roads.are_closed:
+            refuse_several_maps("What view.routes() says on a device")
+        return super().routes(weight)
+
     def action_to(self, nodes: Any) -> Tensor:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal."""
         wanted = self.library.get(nodes) if self.library.is_own(nodes) else nodes
@@ -529,7 +537,7 @@ def moved(view: ArrayView, library: ArrayLibrary) -> DeviceView:
     """Return a view of all games, which are played on the host, with copies of its arrays on a device."""
     known = view._state.shared
     if "streets on a device" not in known:
-        known["streets on a device"] = DeviceStreets(view.streets, library)
+        known["streets on a device"] = DeviceStreets(view._state.streets, library)
     return CopiedView(view, known["streets on a device"])
 
 

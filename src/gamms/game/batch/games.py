@@ -10,6 +10,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.actions import as_actions, refuse_no_actions
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
@@ -20,7 +21,7 @@ from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
-from gamms.game.batch.view import ArrayView, as_actions, refuse_no_actions
+from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -377,7 +378,7 @@ class Batch(Fixed):
             BadValue: the games are not played in NumPy's arrays, or rules have closed roads in them.
         """
         state = self._arrays("columns").state
-        if state.apart or state.ground.any():
+        if state.apart or state.roads.are_closed:
             raise BadValue("A rule has closed roads in these games, which columns do not have: play them one by one.")
         return state.columns()
 
@@ -555,8 +556,7 @@ class Batch(Fixed):
 
     def _on_host(self, given: Mapping[Hashable, Given]) -> dict[Hashable, Given]:
         """Return actions with moves as arrays of the host."""
-        library = self.library
-        if library is None:
+        if (library := self.library) is None:
             return dict(given)
         return {team: one._replace(moves=library.get(one.moves)) for team, one in given.items()}
 

@@ -2,15 +2,17 @@
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from gamms.arguments import as_key
 from gamms.errors import BadValue
 from gamms.game.batch.columns import some_rows
-from gamms.game.batch.routes import RouteTable, shared_routes
+from gamms.game.batch.roads import OpenRoads, RoadMap
+from gamms.game.batch.routes import RoutesOfMaps, RouteTable, shared_routes
 from gamms.game.legality import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
@@ -295,11 +297,15 @@ class Movement:
         is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
         leaves_nodes: whether agents may be elsewhere than on nodes.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
+        may_lose_roads: whether rules may close roads in some games.
+        roads: of the games; None: in all of them those are open that are in `streets`.
     """
 
     idle = 0
-    is_plain, leaves_nodes = True, False
+    is_plain, leaves_nodes, may_lose_roads = True, False, True
     remembers: tuple[str, ...] = ()
+    roads: OpenRoads | None = None
+    _whole: "Movement | None" = None  # of the map at the start, where this is of another one
 
     def __init__(self, streets: Streets) -> None:
         self.streets = streets
@@ -321,6 +327,8 @@ class Movement:
         Raises:
             BadValue: more than 4096.
         """
+        if self._whole is not None:
+            return self._whole.width
         most = self.most_legal(_MOST_ACTIONS)
         if most > _MOST_ACTIONS:
             raise BadValue(
@@ -328,6 +336,13 @@ class Movement:
                 "masks and vectors have: give agents lower speeds, a smaller map, or leave legal='edges'."
             )
         return most
+
+    def on(self, roads: RoadMap) -> Self:
+        """Return how the same agents go in games that have a map of their own."""
+        own = copy(self)
+        own.roads, own.streets, own._tables, own._whole = None, roads.streets, {}, self
+        vars(own).pop("width", None)
+        return own
 
     def most_legal(self, limit: int) -> int:
         """Return how many nodes are legal at most; a number above the limit where there are more than that."""
@@ -353,11 +368,11 @@ class Movement:
             node: rows.
             which: the games and the agents, by their numbers in the batch and in the roster, that broadcast with them.
         """
-        return node
+        return node if self.roads is None else self.roads.choices(node, which[0])
 
     def are_plain(self, agents: IntArray) -> bool:
-        """Whether to some agents, by their numbers in the roster, the own node and its neighbours are legal."""
-        return self.is_plain
+        """Whether to some agents, by their numbers in the roster, what `streets` has is legal, whatever the game."""
+        return self.is_plain and self.roads is None
 
     def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
         """Return the places where moves begin and end, as conflicts compare them; None: at the nodes of the agents."""
@@ -369,11 +384,11 @@ class Movement:
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        return self.streets.counts_of(choices).astype(np.int64)
+        return self.streets.counts_of(choices).astype(np.int64) if self.roads is None else self.roads.counts(choices)
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        return self.streets.ends_of(choices, actions)
+        return self.streets.ends_of(choices, actions) if self.roads is None else self.roads.ends(choices, actions)
 
     def legal(self, choices: IntArray) -> tuple[IntArray, BoolArray]:
         """Return the rows of all legal nodes, with one axis more, and which of them count."""
@@ -398,17 +413,21 @@ class Movement:
             which: the games and the agents, by their numbers in the batch and in the roster, of the same shape.
             allowed: (nodes,) which may be entered; None: all.
         """
-        return self.routes("length").actions(node, targets, allowed)
+        return self.ways("length").actions(node, targets, allowed, at=which[0])
+
+    def ways(self, weight: str | None) -> RouteTable | RoutesOfMaps:
+        """Return the tables of ways in all games, by their numbers in the batch."""
+        return self.routes(weight) if self.roads is None else RoutesOfMaps(self.roads, weight, None)
 
     def routes(self, weight: str | None) -> RouteTable:
-        """Return the tables of ways by a weight of edges."""
+        """Return the tables of ways along `streets`, by a weight of edges."""
         if as_key(weight, "weight") not in self._tables:
             self._tables[weight] = shared_routes(self.streets, weight)
         return self._tables[weight]
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
-        ends = self.nodes(node, actions)
+        ends = self.nodes(self.choices(node, (games[:, None], np.arange(node.shape[1]))), actions)
         return Moves(node, ends, ends != node)
 
     def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
@@ -446,6 +465,10 @@ class Anywhere(Movement):
     """Agents that go to any node in a turn."""
 
     is_plain = False
+
+    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the numbers of the choices of agents: those of their nodes, whatever roads are open."""
+        return node
 
     def most_legal(self, limit: int) -> int:
         """Return how many nodes there are."""

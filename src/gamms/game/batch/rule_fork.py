@@ -10,6 +10,7 @@ from gamms.errors import BadValue, GammsError
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.forms import form_of
+from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.legality import ResolvedAction
@@ -118,8 +119,9 @@ class RuleFork:
         self._gather(())
         self._first_attributes = [copied(own) for own in self._attributes]
         self._casts: dict[tuple[str, ...], _Cast] = {(): self._cast()}
-        self._first_map = self.ctx.graph.storage.snapshot()
-        self._map = self._map_as_it_is()
+        self._map, self._obstacles = self.ctx.graph.storage.snapshot(), self.ctx.graph.obstacle_revision
+        self._shown: RoadMap | None = None  # whose roads are open
+        self._show(None)
         self._loaded: tuple[Any, ...] = ()
         self._brought_by: str | None = None  # the first of the rules that were called which let agents come, in words
         self._at: tuple[int, int, GameColumns]
@@ -181,8 +183,9 @@ class RuleFork:
         """Have agents, sensors and the map again as they were before an error; return whether all else is so, too."""
         came, known = self.came, (self._fixed, self._sensors, self._heading)
         self.came = ("",)  # none has this name: all is restored
-        self.ctx.graph.storage.restore(self._first_map)
-        self._map = self._map_as_it_is()
+        self.ctx.graph.storage.restore(self._map)
+        self._show(None)
+        self._obstacles = self.ctx.graph.obstacle_revision
         self.stand(came)
         return not self.notes and known == (self._fixed, self._sensors, self._heading)
 
@@ -350,7 +353,7 @@ class RuleFork:
                 self.functions[named.name](self.ctx)
             if self._brought_by is None and self._newcomers():
                 self._brought_by = self.calling
-            if self.changed_map_by is None and self._map_as_it_is() != self._map:
+            if self.changed_map_by is None and self.ctx.graph.storage.has_other_roads() is not False:
                 self.changed_map_by = self.calling
 
     def collect(self) -> None:
@@ -471,19 +474,32 @@ class RuleFork:
         columns = zip(block.names, block.teams, block.speed, self.ctx.agent.agents.values(), strict=True)
         return [(*values, agent.strategy, list(agent.sensors.items())) for *values, agent in columns]
 
-    def _map_as_it_is(self) -> tuple[int, int]:
-        graph = self.ctx.graph
-        return graph.graph.revision, graph.obstacle_revision
+    def show_roads(self, roads: RoadMap | None) -> None:
+        """Have the roads open that are open in a game; None: those of the start."""
+        if roads is not self._shown:
+            self._show(roads)
 
-    def taken_map(self) -> Any:
-        """Return the map that rules have changed, and have the own one again; None: they have not."""
-        if self._map_as_it_is() == self._map:
-            return None
+    def _show(self, roads: RoadMap | None) -> None:
+        storage, self._shown = self.ctx.graph.storage, roads
+        if roads is None:
+            storage.restore_when_read(self._map, None, {})
+        else:
+            storage.restore_when_read(self._map, roads.columns, roads.closed)
+
+    def taken_roads(self) -> tuple[IntArray, Any] | None:
+        """Return the edges that rules have left open, in their order, and the closed ones; None: as they were."""
         storage = self.ctx.graph.storage
-        changed = storage.snapshot()
-        storage.restore(self._first_map)
-        self._map = self._map_as_it_is()
-        return changed
+        has_changed = storage.has_other_roads()
+        if has_changed is False:
+            return None
+        self.calling = self.changed_map_by or self.calling
+        if has_changed is None:
+            self._show(self._shown)
+            raise LeavesArrays("it changes more of the map than which roads are closed")
+        edges, closed = storage.roads()
+        found = edges.copy(), closed
+        self._show(self._shown)
+        return found
 
     def _refuse_changes(self, *, has_come: bool) -> None:
         """Refuse what cannot be written into arrays."""
@@ -516,7 +532,7 @@ class RuleFork:
 
     def _refuse_what_detaches(self) -> None:
         """Refuse what lets this game leave the arrays."""
-        if self.ctx.graph.obstacle_revision != self._map[1]:
+        if self.ctx.graph.obstacle_revision != self._obstacles:
             raise LeavesArrays("it changes the obstacles")
         block = self.ctx.agent.block
         is_same = block is self._block and block.structure.version == self._structure and not block.has_arrays

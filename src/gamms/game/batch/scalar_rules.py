@@ -13,6 +13,7 @@ import numpy as np
 from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
+from gamms.game.batch.roads import ClosedEdges
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTurnEngine, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -65,7 +66,7 @@ class RuleContext:
         start: returns the game of the batch at its start, whose context is not played in.
         state: of all games.
         own: what each game has beside the arrays; None: as at the start.
-        close: puts a game on a map on which a rule has closed roads, or returns why that is not possible.
+        take_roads: lets a game have the edges that a rule has left open, or returns why that is not possible.
         admit: lets arrays have an agent that has come and its sensors, or returns why that is not possible.
     """
 
@@ -74,11 +75,11 @@ class RuleContext:
         start: Callable[[], PlayedGame],
         state: GameArrays,
         own: list[OwnState | None],
-        close: Callable[[int, Any, str], str | None],
+        take_roads: Callable[[int, IntArray, ClosedEdges], str | None],
         admit: Admit,
     ) -> None:
         self.start, self._state, self._own = cache(start), state, own
-        self._close, self._admit = close, admit
+        self._take_roads, self._admit = take_roads, admit
         self._known: RuleFork | None = None
 
     @property
@@ -147,6 +148,7 @@ class RuleContext:
             if game in self._state.apart:
                 continue
             self.fork.forget_calls()
+            self.fork.show_roads(self._state.roads.of(game))
             try:
                 if columns is not None:
                     own = self._own[game] or self.fork.first_state()
@@ -154,7 +156,7 @@ class RuleContext:
                 act(self.fork, at)
                 if not decides:
                     self._own[game] = self.fork.taken(at, turn)
-                    self._take_map(game, own, phase, named)
+                    self._take_map(game, phase)
             except NoRow as error:
                 by = self.fork.calling or named
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {by}.")
@@ -171,14 +173,13 @@ class RuleContext:
             # those too that have ended in this turn, for the numbers that they got are not their own
             self._leave(turn.games.tolist(), named, NeedsTurnEngine("it draws from the global random"))
 
-    def _take_map(self, game: int, own: OwnState, phase: str, named: str) -> None:
-        """Put a game on the map that was made of its own."""
-        map_now = self.fork.taken_map()
-        if map_now is not None:
-            is_early = own.came or phase not in ("before", "after")
-            why = "it changes roads where agents have come, or are about to move" if is_early else None
+    def _take_map(self, game: int, phase: str) -> None:
+        """Let a game have the roads that were left open in it."""
+        changed = self.fork.taken_roads()
+        if changed is not None:
+            why = None if phase in ("before", "after") else "it changes roads where agents are about to move"
             self.fork.calling = self.fork.changed_map_by
-            why = why or self._close(game, map_now, self.fork.calling or named)
+            why = why or self._take_roads(game, *changed)
             if why is not None:
                 raise LeavesArrays(why)
 

@@ -1,6 +1,7 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
@@ -14,6 +15,8 @@ from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
+from gamms.game.batch.roads import OpenRoads, RoadMap, StreetsOfMaps
+from gamms.game.batch.routes import RoutesOfMaps, RouteTable
 from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
@@ -109,6 +112,18 @@ class EventLog(GameLog[Emitted]):
         if later.any():
             self._unread[reader] = [one.those(later[one.games]) for one in found if later[one.games].any()]
         return found
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return what takes back all that is noted from now on."""
+        before = [*self._pending], [len(entries) for entries in self._of_game]
+        unread = {reader: [*noted] for reader, noted in self._unread.items()}
+
+        def undo() -> None:
+            self._pending[:], self._unread = before[0], unread
+            for entries, number in zip(self._of_game, before[1], strict=True):
+                del entries[number:]
+
+        return undo
 
     def forget(self, games: IntArray) -> None:
         """Forget the events of some games."""
@@ -213,6 +228,29 @@ class Headings:
         return np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
 
 
+class World(NamedTuple):
+    """Where agents of some games go.
+
+    Attributes:
+        streets: of their map; of several maps, what is the same on all.
+        movement: how the agents go there.
+        shared: what was worked out for this map, or these.
+    """
+
+    streets: Streets
+    movement: Movement
+    shared: dict[Hashable, Any]
+
+
+def routes_of(
+    state: "GameArrays", movement: Movement, weight: str | None, games: IntArray
+) -> RouteTable | RoutesOfMaps:
+    """Return the tables of ways of some games, whose agents go so."""
+    if movement.roads is None or not isinstance(state.world(games).streets, StreetsOfMaps):
+        return movement.routes(weight)
+    return RoutesOfMaps(movement.roads, weight, games)
+
+
 class GameArrays:
     """The state of all games of a batch.
 
@@ -240,7 +278,7 @@ class GameArrays:
         sighted: game and agent -> such a sensor -> others, and the rows of nodes where they are reported.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
-        ground: (games,) the number of the map of each, which differ in the roads that are closed.
+        roads: which are open in each game.
         change_roads: opens or closes roads in games, by ids of edges; None: that is not possible.
         apart: games that the turn engine plays, by their numbers, and why.
         observed_apart: those as that engine has observed them; None: it has played none.
@@ -270,7 +308,8 @@ class GameArrays:
         self.node = start.copy()
         self.apart: dict[int, str] = {}
         self.observed_apart: GameArrays | None = None
-        self.ground = np.zeros(games, np.int64)
+        self.roads = OpenRoads(movement.streets, {}, games)
+        self._of_maps: World | None = None  # of games that have several maps
         self.change_roads: Callable[[IntArray, tuple[int, ...], bool], None] | None = None
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
         self.is_there = self.alive.copy()
@@ -285,8 +324,7 @@ class GameArrays:
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.radio: Radio | None = None
         self.deeds = DeclaredDeeds({}, None, roster, movement.streets, games)
-        self.over: list[dict[str, Any] | None] = [None] * games
-        self.is_going = np.ones(games, np.bool_)
+        self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.facts, self.collected = dict[str, Any](), dict[int, dict[str, dict[str, list[Any]]]]()
@@ -316,7 +354,8 @@ class GameArrays:
         self.start[games] = self.node[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games], self.turn[games], self.stops[games] = True, 0, 0
-        self.blocked[games], self.ground[games] = False, 0
+        self.blocked[games] = False
+        self.put_roads(games, None)
         self.movement.clear(games)
         if self.headings is not None:
             self.headings.begin(games, start)
@@ -341,6 +380,29 @@ class GameArrays:
         """Return a column with other rows of some games."""
         column[games] = rows
         return column
+
+    def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
+        """Let games have a map on which other roads are open; None: that of the start."""
+        if roads is not None or self.roads.are_closed:
+            self.roads.put(games, roads)
+            self.movement.roads = self.roads if self.roads.are_closed else None
+
+    def world(self, games: IntArray) -> World:
+        """Return where agents of some games go."""
+        if not self.roads.are_closed:
+            return World(self.streets, self.movement, self.shared)
+        number = self.roads.number[games]
+        if len(games) and (number != number[0]).any():
+            if self._of_maps is None:
+                self._of_maps = World(StreetsOfMaps(self.streets), self.movement, self.roads.shared)
+            return self._of_maps
+        roads = self.roads.of(int(games[0])) if len(games) else None
+        if roads is None:
+            return World(self.streets, self.movement, self.shared)
+        if roads.world is None:
+            roads.world = World(roads.streets, self.movement.on(roads), roads.shared)
+        found: World = roads.world
+        return found
 
     def share_memories(self) -> None:
         """Let the agents of each team share a memory; those of no team have their own."""
@@ -419,6 +481,33 @@ class GameArrays:
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make
         return known
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return what takes back all that forms change from now on, but for where agents are."""
+        by_name: list[dict[Any, Any]] = [self.scores, self.has_score, self.is_float, *self.kept.values()]
+        columns = [self.stops, self.is_going, *(getattr(self.movement, name) for name in self.movement.remembers)]
+        columns += [one for those in (*by_name, self.counts) for one in those.values()]
+        if self.headings is not None:
+            columns.append(self.headings.previous)
+        copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
+        names = [(those, {*those}) for those in (*by_name, self.kept, self._makers)]
+        over, facts, undo_events = [*self.over], dict(self.facts), self.events.checkpoint()
+        num_errors = [len(errors) for errors in self.errors]
+
+        def undo() -> None:
+            for column, values in zip(columns, copies, strict=True):
+                column[...] = values
+            for those, known in names:
+                for name in those.keys() - known:
+                    del those[name]
+            self.over[:] = over
+            self.facts.clear()
+            self.facts.update(facts)
+            undo_events()
+            for errors, number in zip(self.errors, num_errors, strict=True):
+                del errors[number:]
+
+        return undo
 
     def note_failure(self, failure: Failure) -> None:
         """Note in the log of a game what an agent did wrong, and let it know."""

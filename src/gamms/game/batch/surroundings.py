@@ -64,6 +64,8 @@ class NodeLookout(NamedTuple):
     cone: tuple[tuple[float, float], float] | None = None  # that turns with its agent, of what the views show around
 
 
+Near = Callable[[IntArray, IntArray], tuple[IntArray, IntArray]]
+"""Returns what `KnownRows.of` does of nodes in games, (looks,) each: the games, by their places, and rows of nodes."""
 Ahead = Callable[[IntArray, IntArray, IntArray, tuple[tuple[float, float], float]], BoolArray]
 """Returns which nodes are in the fields of view of agents: games, agents, rows of nodes (pairs,) each, and the cone."""
 
@@ -108,7 +110,14 @@ def _look_of(agent: IAgent, name: str) -> NodeLook:
     return found
 
 
-def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], nodes: int, ahead: Ahead) -> SeenNodes:
+def seen_nodes(
+    node: IntArray,
+    asked: BoolArray,
+    looks: Sequence[NodeLookout],
+    nodes: int,
+    ahead: Ahead,
+    near: "Near | None" = None,
+) -> SeenNodes:
     """Return which nodes some agents see.
 
     Args:
@@ -117,13 +126,15 @@ def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], n
         looks: their sensors.
         nodes: how many there are on the map.
         ahead: says what is in fields of view that turn with their agents.
+        near: says which nodes are next to nodes in games where roads were closed; None: they are in none.
     """
     shape, none = (*node.shape, nodes), np.zeros(0, np.int64)
     parts = [(none, none, none)]
     for views, columns, cone in looks:
         at, carriers = np.nonzero(asked[:, columns])
         viewers = columns[carriers]
-        runs, rows = views.of(node[at, viewers])
+        here = node[at, viewers]
+        runs, rows = views.of(here) if near is None or not views.are_next else near(at, here)
         counts = np.diff(runs)
         part = np.repeat(at, counts), np.repeat(viewers, counts), rows
         if cone is not None:
@@ -194,12 +205,17 @@ class KnownViews(KnownRows):
 
     def __init__(self, streets: Streets, look: NodeLook) -> None:
         self._streets, self._look = streets, look
-        super().__init__(len(streets.counts), self._near if look.from_node is None else self._from_each)
+        super().__init__(streets.num_nodes, self._near if look.from_node is None else self._from_each)
+
+    @property
+    def are_next(self) -> bool:
+        """Whether the node itself is shown, and those to which edges lead from there."""
+        return self._look.radius is None
 
     def of(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
         """Return what is seen from some nodes; see `KnownRows`."""
         look = self._look
-        if look.radius is None:
+        if self.are_next:
             return self._streets.legal_of(nodes)
         if look.radius == np.inf and look.cone is None and look.from_node is None:
             return _checked(np.full(len(nodes), self._nodes)), np.tile(np.arange(self._nodes), len(nodes))

@@ -48,7 +48,7 @@ class ByMetres(Movement):
         is_ahead: (edges,) which edges lead in the direction of their streets.
     """
 
-    is_plain, leaves_nodes = False, True
+    is_plain, leaves_nodes, may_lose_roads = False, True, False
     idle = STOP
 
     def __init__(self, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:

@@ -12,9 +12,9 @@ from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
 from gamms.game.batch.columns import lock, once, places_of, put_locked, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
-from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
-from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, Failure, GameArrays, NotTakenUp
+from gamms.game.batch.movement import Illegal, Moves, Paths
+from gamms.game.batch.routes import RoutesOfMaps, RouteTable
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, Failure, GameArrays, NotTakenUp, routes_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -76,6 +76,7 @@ class MovesOfTurn:
         took_part: which of them were alive then.
         paths: how they go there; None: along one edge at most. `visits` says where they were.
         places: in games by metres, where moves begin, for conflicts: nodes and behind them edges; None: on `node`.
+        movement: how they go.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
         failures: what agents did wrong that were asked, until `note_failures` notes it.
@@ -88,8 +89,8 @@ class MovesOfTurn:
     _is_moving = False  # whether agents have decided and not moved
 
     def __init__(self, state: GameArrays, games: IntArray) -> None:
-        self._state, self.games = state, games
-        self.roster, self.streets = state.roster, state.streets
+        self._state, self.games, self.roster = state, games, state.roster
+        self.find_roads()
         self.turn, self.seeds = state.turn[games], state.seeds_of(games)
         self.paths: Paths | None = None
         self._played: Paths | None = None  # of the parts of the turn that have moved
@@ -98,6 +99,10 @@ class MovesOfTurn:
         self._refused: dict[tuple[int, int, str], set[str]] = {}
         self.failures: list[Failure] = []
         self._find_agents()
+
+    def find_roads(self) -> None:
+        """Take the maps of the games, of which rules may have closed roads."""
+        self.streets, self.movement, self._shared = self._state.world(self.games)
 
     @property
     def _rows(self) -> Any:
@@ -241,7 +246,13 @@ class MovesOfTurn:
         for name in ("_deeds", "_done"):
             kept = [deeds.those(which[deeds.at]) for deeds in getattr(self, name)]
             setattr(part, name, [deeds._replace(at=number[deeds.at]) for deeds in kept])
+        part._refused = {}
+        part.find_roads()
         return part
+
+    def take_refusals(self, part: "MovesOfTurn", games: IntArray) -> None:
+        """Refuse what was refused in the turn of some of the games, by their places."""
+        self._refused |= {(int(games[at]), agent, kind): why for (at, agent, kind), why in part._refused.items()}
 
     def note_failures(self, illegal: Sequence[Illegal]) -> None:
         """Note what agents did wrong that were asked, and whose actions could not be done: these send nothing."""
@@ -275,11 +286,6 @@ class MovesOfTurn:
             by_move &= self._state.movement.edge[self.games] == self.paths.edge
         return by_move
 
-    @property
-    def movement(self) -> Movement:
-        """How the agents go."""
-        return self._state.movement
-
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
         """Return at which nodes agents were in the turn; those that were put elsewhere are there at the end of it.
 
@@ -288,7 +294,7 @@ class MovesOfTurn:
             passing: whether those count that they have passed; False: those where they are at the end of the turn.
         """
         is_of_nodes, paths = np.ndim(which) == 1, self.paths
-        which = as_array(which, "which", "booleans", self.streets.counts.shape if is_of_nodes else self.node.shape)
+        which = as_array(which, "which", "booleans", (self.streets.num_nodes,) if is_of_nodes else self.node.shape)
         if paths is None or not passing:
             counts = self.alive & (which[self.node] if is_of_nodes else which)
             if paths is not None and paths.edge is not None:
@@ -420,7 +426,7 @@ class ArrayTurn(MovesOfTurn):
         if self._state.has_begun and not self._state.events.is_read_by(reader):
             raise NotTakenUp(f"it is not known which events of the turns before the batch were read by {shown(reader)}")
         number = places_of(self.games, len(self._state))
-        later = self._state.is_going & (number < 0) & (self._state.ground > 0).any()  # they are on other grounds
+        later = self._state.is_going & (number < 0) & self._state.roads.are_closed  # they are on other maps
         found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader, later)]
         return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]
 
@@ -520,7 +526,7 @@ class ArrayTurn(MovesOfTurn):
 
         Raises:
             UnknownName (KeyError): there is no such edge in one of them.
-            BadValue: agents have speeds or an order of play, or are about to move.
+            BadValue: agents go by metres, or are about to move.
         """
         self._change_roads(at, edges, is_open=False)
 
@@ -532,8 +538,8 @@ class ArrayTurn(MovesOfTurn):
         change = self._state.change_roads
         if change is None or self._is_moving:
             raise BadValue(
-                "Roads are opened and closed in arrays where agents go one edge in a turn, all at once, and by rules "
-                "of the phases 'before' and 'after'."
+                "Roads are opened and closed in arrays where agents go from node to node, and by rules of the phases "
+                "'before' and 'after'."
             )
         if len(at):
             change(self.games[self._places(at)], tuple(edges), is_open)
@@ -557,15 +563,15 @@ class ArrayTurn(MovesOfTurn):
 
     def shared(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what is the same in all games and turns of the batch: what `make()` gives at the first call."""
-        known = self._state.shared
+        known = self._shared
         if key not in known:
             known[key] = make()
         found: T = known[key]
         return found
 
-    def routes(self, weight: str | None = "length") -> RouteTable:
+    def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
         """Return how far it is between rows of nodes; `weight` as for `graph.distance`."""
-        return self._state.movement.routes(weight)
+        return routes_of(self._state, self.movement, weight, self.games)
 
     @property
     def facts(self) -> Mapping[str, Any]:
@@ -590,10 +596,3 @@ class ArrayTurn(MovesOfTurn):
         """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""
         purposes = self._state.purposes(*purpose)[self.games[at]]
         return kernels.draw_bits_rows(purposes, names, self.turn[at])
-
-
-def in_turns(turns: IntArray, games: IntArray) -> str:
-    """Say in which turn some games are, (games,), for notes on errors; of one game alone, which it is."""
-    known = np.unique(turns).tolist() or [0]
-    those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
-    return f"{those} of game {games[0]}" if len(games) == 1 else those

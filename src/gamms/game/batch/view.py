@@ -2,22 +2,21 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from copy import copy
-from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
 
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.actions import as_actions, refuse_no_actions
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.columns import lock
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import STOP, Places
-from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.routes import RoutesOfMaps, RouteTable
 from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, seen
-from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.state import Arrays, GameArrays, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.deeds import DeclaredField
@@ -82,11 +81,12 @@ class ArrayView(Mapping[str, Any]):
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, asked: BoolArray | None = None) -> None:
         self._state, self.games, self.agents, self._asked = state, games, agents, asked
-        self.streets, self.roster, self.memory_of = state.streets, state.roster, state.memory_of
+        self.streets, self.movement, self._shared = state.world(games)
+        self.roster, self.memory_of = state.roster, state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
-        self.movement, self._known = state.movement, dict[str, IntArray]()
+        self._known = dict[str, IntArray]()
         keys = state.chosen(state.draw_keys(), games, agents)
         self.draw = ViewDraws(keys, self.turn)
         if asked is not None:  # they may have drawn in this turn
@@ -339,15 +339,16 @@ class ArrayView(Mapping[str, Any]):
         shared = self._state.shared
         key = "nodes", self.agents.tobytes(), as_key(names, "The name of a sensor")
         if key not in shared:
-            shared[key] = node_lookouts(self.streets, self.roster.agents, self.agents, names)
-        return seen_nodes(self.node, self.mask, shared[key], len(self.streets.counts), self._are_ahead)
+            shared[key] = node_lookouts(self._state.streets, self.roster.agents, self.agents, names)
+        near = self._near if self._state.roads.are_closed else None
+        return seen_nodes(self.node, self.mask, shared[key], self.streets.num_nodes, self._are_ahead, near)
 
     def covered(self) -> BoolArray:
         """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes).
 
         It is worked out for each sensor and node when one first looks from there; none may turn with its agent.
         """
-        found = np.zeros((*self.node.shape, len(self.streets.counts)), np.bool_)
+        found = np.zeros((*self.node.shape, self.streets.num_nodes), np.bool_)
         for column, agent in enumerate(self.roster.agents[number] for number in self.agents.tolist()):
             name = self.roster.names[self.agents[column]]
             for sensor in [one for one in agent.sensors.values() if one.type in ON_GROUND]:
@@ -359,6 +360,9 @@ class ArrayView(Mapping[str, Any]):
                         known[node] = self.streets.rows(there.node_ids[there.detection > 0.0])
                     found[games[self.node[games, column] == node, None], column, known[node]] = True
         return found
+
+    def _near(self, at: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        return self._state.roads.legal_of(nodes, self.games[at])
 
     def _are_ahead(
         self, at: IntArray, viewers: IntArray, nodes: IntArray, cone: tuple[tuple[float, float], float]
@@ -399,7 +403,7 @@ class ArrayView(Mapping[str, Any]):
 
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere."""
-        shared, movement = self._state.shared, self.movement
+        shared, movement = self._shared, self.movement
         width, is_plain = movement.width if actions is None else actions, movement.are_plain(self.agents)
         key = "encoder", others, width, is_plain
         if key not in shared:
@@ -425,19 +429,19 @@ class ArrayView(Mapping[str, Any]):
         """Which agents conflicts have stopped in the last turn, (games, agents)."""
         return self._state.blocked[np.ix_(self.games, self.agents)]
 
-    def routes(self, weight: str | None = "length") -> RouteTable:
+    def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`.
 
         All batches on equal graphs share these tables, and those of other graphs are kept up to 512 MB.
         """
-        return self.movement.routes(weight)
+        return routes_of(self._state, self.movement, weight, self.games)
 
     def flows(self) -> Flows:
         """Return what spreads along the edges: random walks, probabilities that diffuse, and which nodes are in reach.
 
         What it works out is kept for the batch.
         """
-        shared = self._state.shared
+        shared = self._shared
         if "flows" not in shared:
             shared["flows"] = Flows(self.streets)
         found: Flows = shared["flows"]
@@ -492,35 +496,6 @@ class ArrayView(Mapping[str, Any]):
 
     def _teams(self) -> tuple[Hashable, ...]:
         return tuple(self.roster.teams[number] for number in self.roster.team_of[self.agents].tolist())
-
-
-def as_actions(given: object, by: str) -> Any:
-    """Return actions that `by` has given as an array.
-
-    Raises:
-        BadType: they are lists of several lengths.
-    """
-    try:
-        return np.asarray(given)
-    except ValueError:
-        raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.") from None
-
-
-def refuse_no_actions(given: Tensor, shape: tuple[int, ...], by: str, xp: ModuleType) -> None:
-    """Refuse arrays of a library, the namespace `xp`, that are no integers, or not one for each game and agent.
-
-    Raises:
-        BadType, BadValue: they are none; the messages begin with `by`, what has given them.
-    """
-    # NOTE: isdtype of NumPy takes 3 us, more than all else of this (benchmarks: batches).
-    is_integer = given.dtype.kind in "iu" if xp is np else xp.isdtype(given.dtype, "integral")
-    if not is_integer and 0 not in given.shape:
-        raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
-    if tuple(given.shape) != tuple(shape):
-        raise BadValue(
-            f"{by}: there is one action for each game and agent, an array {tuple(shape)}, "
-            f"not one of the shape {tuple(given.shape)}."
-        )
 
 
 class Sensors(Mapping[str, Seen | SeenNodes]):

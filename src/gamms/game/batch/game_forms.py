@@ -1,0 +1,238 @@
+"""The array forms that play a game: of strategies and plans, rules, checks and conflicts; and what has none."""
+
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from gamms.game.batch.channels import Outbox
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
+from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.forms import form_of
+from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
+from gamms.game.batch.scalar_rules import RuleContext
+from gamms.game.batch.scalar_strategies import ScalarStrategies
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, MovesOfTurn
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.moves import as_stopped
+from gamms.game.settings import PHASES as RULE_PHASES
+from gamms.game.settings import NamedRule, Plan
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import as_code
+
+T = TypeVar("T")
+V = TypeVar("V", ArrayTurn, ArrayView)
+Stopping = Callable[[Any, IntArray], BoolArray]  # of a turn and where agents want to go: who has to stay
+
+
+class Group(NamedTuple):
+    """Agents that one strategy decides for."""
+
+    name: str
+    agents: IntArray  # numbers in the roster
+    form: ArrayStrategy
+
+
+def _checked_form(of: object, named: str) -> Stopping | None:
+    """Return the array form of what stops moves, whose result is checked; None: it has none."""
+    form = form_of(of)
+
+    def checked(turn: MovesOfTurn, ends: IntArray) -> BoolArray:
+        try:
+            return as_stopped(form(turn, ends), named, ends.shape)
+        except Exception as error:
+            error.add_note(f"In {named} of a batch, {in_turns(turn.turn, turn.games)}.")
+            raise
+
+    return None if form is None else checked
+
+
+class GameForms:
+    """The array forms that play a game.
+
+    Attributes:
+        game: at its start.
+        context: calls the rules of it that have no array form.
+        roster: the agents.
+        asked: asks those that are asked one by one; None: there are none.
+        groups: the array forms of strategies and plans, each with all agents that have the same.
+        rules: phase -> its rules in their order, each with its form; those without follow each other as one.
+        conflicts: the form of the conflict resolver; None: it has none, or there is none.
+        has_conflicts: whether there is one.
+        checks: the names of rules, and the forms of their checks.
+    """
+
+    def __init__(
+        self, game: PlayedGame, state: GameArrays, context: RuleContext, asked: ScalarStrategies | None
+    ) -> None:
+        self._state, roster = state, state.roster
+        settings, self._need_one_map = game.settings(), set[Hashable]()  # forms that ask for what differs
+        self.asked, self.game, self.context, self.roster = asked, game, context, roster
+        self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
+        conflicts = settings["conflicts"]
+        self.has_conflicts = conflicts is not None
+        self.conflicts = _checked_form(conflicts, f"the conflicts {as_code(conflicts)}")
+        checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
+        self.checks = [
+            (one.name, _checked_form(check, f"the check of the rule {one.name!r}") or partial(context.check, one))
+            for one, check in checks
+            if check is not None
+        ]
+        self.gather()
+
+    def gather(self) -> None:
+        """Take the strategies and plans of agents."""
+        self.groups = _groups(self.roster, self.game.settings()["plans"], frozenset(self._asked_rows()))
+
+    def play(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
+        """Apply a rule to a turn, in games with the same roads at a time where it asks for what differs."""
+        if form_of(named.rule) is form:
+            self._play(("rule", named.name), turn, lambda part, _: form(part))
+        else:
+            form(turn)
+        turn.find_roads()
+
+    def stopped(self, name: str, form: Stopping, turn: ArrayTurn, ends: IntArray) -> BoolArray:
+        """Return which agents a check or conflicts stop, likewise."""
+        stopped = self._play(("check", name), turn, lambda part, games: form(part, ends[games]))
+        return np.zeros(ends.shape, np.bool_) if stopped is None else stopped
+
+    def _play(
+        self, key: Hashable, turn: ArrayTurn, form: Callable[[ArrayTurn, Any], BoolArray | None]
+    ) -> BoolArray | None:
+        def play_on_maps() -> BoolArray | None:
+            found: BoolArray | None = None
+            for _, places in self._state.roads.by_map(turn.games):
+                which = np.zeros(len(turn.games), np.bool_)
+                which[places] = True
+                part = turn.of(which)
+                part.lock()
+                stopped = form(part, which)
+                put_locked(turn.node, which, part.node)
+                put_locked(turn.alive, which, part.alive)
+                turn.take_refusals(part, places)
+                if stopped is not None:
+                    found = np.zeros((len(which), *stopped.shape[1:]), np.bool_) if found is None else found
+                    found[which] = stopped
+            return found
+
+        return self._ask(key, turn, form, play_on_maps)
+
+    def decide(self, group: "Group", view: ArrayView, ask: Callable[[ArrayView], IntArray]) -> IntArray:
+        """Return what a strategy decides, likewise.
+
+        Args:
+            group: the agents.
+            view: of them, which gets what they do and send.
+            ask: asks them.
+        """
+
+        def decide(part: ArrayView, _: object) -> IntArray:
+            part.deeds, part.outboxes = [], []
+            return ask(part)
+
+        def decide_on_maps() -> IntArray:
+            actions, deeds, outboxes = np.zeros(view.node.shape, np.int64), list[ArrayDeeds](), list[Outbox]()
+            for places, part in views_by_map(view):
+                actions[places] = decide(part, places)
+                deeds += [one._replace(at=places[one.at]) for one in part.deeds or ()]
+                outboxes += part.outboxes or ()
+            view.deeds, view.outboxes = deeds, outboxes
+            return actions
+
+        return self._ask(("strategy", group.name), view, decide, decide_on_maps)
+
+    def _ask(self, key: Hashable, of: V, ask: Callable[[V, Any], T], ask_on_maps: Callable[[], T]) -> T:
+        """Return what a form gives for games, at first for all; where it needs one map, also the next time.
+
+        Args:
+            key: of the form.
+            of: the turn, or the view.
+            ask: asks it, given that and which games these are.
+            ask_on_maps: asks it for games with the same roads at a time.
+        """
+        if not isinstance(of.streets, StreetsOfMaps):
+            return ask(of, np.s_[:])
+        if key not in self._need_one_map:
+            undo, node, alive = self._state.checkpoint(), of.node.copy(), getattr(of, "alive", of.node).copy()
+            try:
+                return ask(of, np.s_[:])
+            except NeedsOneMap:
+                undo()
+                self._need_one_map.add(key)
+            if isinstance(of, ArrayTurn):
+                put_locked(of.node, (np.s_[:],), node)
+                put_locked(of.alive, (np.s_[:],), alive)
+        return ask_on_maps()
+
+    def _asked_rows(self) -> list[int]:
+        """Return the numbers of the agents of teams that are asked one by one, those that may come too."""
+        team_of = self.roster.team_of
+        return [] if self.asked is None else np.flatnonzero(np.isin(team_of, team_of[self.asked.agents])).tolist()
+
+    def _forms_of(self, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
+        found: list[tuple[NamedRule, ArrayRule]] = []
+        group: list[NamedRule] = []
+        for one in self.game.rules:
+            if one.phase != phase:
+                continue
+            form = form_of(one.rule)
+            if form is not None:
+                found.append((one, form))
+                group = []
+            elif group:
+                group.append(one)
+            else:
+                group = [one]
+                found.append((one, partial(self.context.call, group)))
+        return found
+
+    @property
+    def forms(self) -> list[Callable[..., object]]:
+        """The array forms, and what is called that has none."""
+        rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
+        checks = [getattr(one.rule, "check", None) for one in self.game.rules]
+        stopping = [*checks, self.game.settings()["conflicts"]]
+        declared = [form for one in stopping if (form := form_of(one)) is not None]
+        asked = [] if self.asked is None else self.asked.functions()
+        return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions(), *asked]
+
+
+def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
+    """Yield the views of games with the same roads, and their places in a view."""
+    for _, places in view._state.roads.by_map(view.games):
+        yield places, view.in_games(places)
+
+
+def _groups(roster: Roster, plans: Mapping[Any, Plan], left_out: Collection[int]) -> list[Group]:
+    """Return the array forms of strategies and plans of agents, each with all agents that have the same."""
+    found: dict[Hashable, list[int]] = {}
+    for number, agent in enumerate(roster.agents):
+        decider = decider_of(agent, plans)
+        if decider is not None and number not in left_out:
+            found.setdefault(key_of(form_of(decider)), []).append(number)
+    groups = []
+    for numbers in found.values():
+        decider = decider_of(roster.agents[numbers[0]], plans)
+        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider)))
+    return groups
+
+
+def key_of(form: Any) -> Hashable:
+    """Return a key that is equal for forms that do the same."""
+    if isinstance(form, partial):
+        key = (
+            form.func,
+            tuple(map(key_of, form.args)),
+            tuple((k, key_of(v)) for k, v in sorted(form.keywords.items())),
+        )
+    else:
+        key = form
+    try:
+        hash(key)
+    except TypeError:
+        return id(form)
+    return key

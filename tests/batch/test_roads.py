@@ -1,0 +1,160 @@
+"""Games of a batch in which other roads are closed: what forms get that ask for what differs, and for what does not."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.roads import NeedsOneMap
+
+SEEDS = [1, 2, 3, 3]
+
+
+def dig(ctx):
+    """Close some roads at random, others in each game, and open one of them later."""
+    if ctx.game.turn % 3 == 1:
+        draw, edges = ctx.stream("dig", ctx.game.turn), [*ctx.graph.graph.get_edges()]
+        ctx.graph.close_roads([edges[int(draw.integers(len(edges)))] for _ in range(6)])
+    if ctx.game.turn % 3 == 0 and ctx.graph.closed_roads:
+        ctx.graph.open_roads(ctx.graph.closed_roads[1:2])
+
+
+def check(scenario, strategies=None, rules=(dig,)):
+    """Check that games in which other roads are closed stay in arrays, and are those that are played alone."""
+    with scenario.build(seed=1, strategies=strategies) as ctx:
+        for rule in rules:
+            ctx.game.add(rule)
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            while not games.is_over.all():
+                games.step()
+            assert games.detached == {}
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+            return [games.result(number) for number in range(len(SEEDS))]
+
+
+@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
+@pytest.mark.parametrize("strategy", ["chase", "flee"])
+def test_games_in_which_other_roads_are_closed_stay_in_arrays(settings, strategy):
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+    team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"]}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
+    check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings))
+
+
+def asking(ask):
+    """A strategy that remembers how often it was asked, and then asks for what differs between maps."""
+
+    def strategy(state):
+        memory, legal = state["memory"], state["legal"]
+        memory["asked"] = memory.get("asked", 0) + 1
+        state["action"] = legal[memory["asked"] % len(legal)]
+
+    @gamms.array_strategy(of=strategy)
+    def form(view):
+        asked = view.keep("asked", lambda games: {"times": np.zeros((games, 3), np.int64)})["times"]
+        asked[view.games] += 1
+        number = ask(view)
+        assert (number == view.counts).all()
+        return asked[view.games] % number
+
+    return strategy
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda view: view.counts,
+        lambda view: view.streets.counts[view.node],
+        lambda view: np.diff(view.streets.offsets)[view.node],
+        lambda view: (view.routes(None).distances(view.node[..., None], np.arange(25)) <= 1).sum(axis=-1),
+        lambda view: (
+            view.routes(None).distances(
+                view.node[..., None], np.arange(25), at=np.arange(len(view.games))[:, None, None]
+            )
+            <= 1
+        ).sum(axis=-1),
+        lambda view: view.flows().within(view.node, 1, None).sum(axis=-1),
+        lambda view: np.bincount(view.streets.columns.sources, minlength=25)[view.node] + 1,
+    ],
+)
+def test_what_forms_remember_is_as_if_they_were_asked_once(ask):
+    check(scene(), {"red": asking(ask)})
+
+
+def test_what_rules_do_is_done_once_where_they_ask_for_what_differs():
+    def crowded(ctx):
+        for agent in ctx.game.agents:
+            ctx.game.emit("at", agent=agent.name)
+            ctx.game.scores["open"] += len(ctx.graph.graph.neighborhoods[agent.current_node_id])
+        if ctx.game.turn == 9:
+            ctx.game.eliminate("red_0")
+
+    @gamms.array_rule(of=crowded)
+    def crowded_in_arrays(turn):
+        at, agents = np.nonzero(turn.alive)
+        turn.emit("at", at, agents={"agent": agents})
+        late = np.flatnonzero(turn.turn == 9)
+        turn.add_score("open", at, turn.streets.counts[turn.node[at, agents]])
+        turn.eliminate(late, np.full(len(late), turn.roster.names.index("red_0")))
+
+    results = check(scene(), rules=(dig, crowded))
+    assert len({result.scores["open"] for result in results}) > 1
+
+
+def test_an_observer_asks_for_routes_by_game_or_of_games_with_the_same_roads():
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(dig)
+        with ctx.game.batch(seeds=SEEDS) as games:
+            for _ in range(3):
+                games.step()
+            view = games.observe("red")
+            with pytest.raises(NeedsOneMap, match=r"view\.in_games"):
+                view.routes().distances(view.node, view.node[:, ::-1])
+            with pytest.raises(NeedsOneMap, match=r"streets\.counts differs"):
+                _ = view.streets.counts
+            far = view.routes().distances(view.node, view.node[:, ::-1], at=np.arange(4)[:, None])
+            for places in ([0], [1], [2, 3]):
+                part = view.in_games(np.array(places))
+                assert (far[places] == part.routes().distances(part.node, part.node[:, ::-1])).all()
+            with pytest.raises(BadValue, match="at"):
+                view.routes().distances(view.node, view.node, at=4)
+
+
+def test_forms_of_rules_close_other_roads_in_each_game():
+    def hole(ctx):
+        turn = ctx.game.turn
+        if turn in (2, 4):
+            ctx.graph.close_roads([(ctx.seed * 7 + turn + k) % 80 for k in (3, 0, 40)])
+        if turn == 6:
+            ctx.graph.open_roads(ctx.graph.closed_roads[2:4])
+
+    @gamms.array_rule(of=hole)
+    def hole_in_arrays(turn):
+        kept = turn.keep("hole", lambda games: {"closed": np.full((games, 6), -1)})["closed"]
+        for at, (game, seed, now) in enumerate(zip(turn.games, turn.seeds.tolist(), turn.turn.tolist(), strict=True)):
+            if now in (2, 4):
+                edges = [(seed * 7 + now + k) % 80 for k in (3, 0, 40)]
+                turn.close_roads(np.array([at]), edges)
+                kept[game, (now - 2) * 3 // 2 :][:3] = sorted(edges)
+            if now == 6:
+                turn.open_roads(np.array([at]), kept[game, 2:4].tolist())
+
+    check(scene(), rules=(hole,))
+
+
+@pytest.mark.parametrize(("edges", "is_open"), [([999], False), ([5], True)])
+def test_roads_that_are_not_there_are_refused(edges, is_open):
+    def wrong(ctx):
+        (ctx.graph.open_roads if is_open else ctx.graph.close_roads)(edges)
+
+    @gamms.array_rule(of=wrong)
+    def wrong_in_arrays(turn):
+        (turn.open_roads if is_open else turn.close_roads)(np.arange(len(turn.games)), edges)
+
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(wrong)
+        with ctx.game.batch(2) as games, pytest.raises(UnknownName, match=str(edges[-1])):
+            games.run()
