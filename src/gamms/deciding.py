@@ -41,7 +41,8 @@ class DecidePhase:
     Attributes:
         agent: the one whose strategy is running, or `Deciders`; AWAITED: each asyncio task decides for the agents that
             it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
-        moment: in which the world cannot change, as agents decide about what built-in sensors show; None: it can.
+        moment: in which the world cannot change, as agents decide about what built-in sensors show, equal to no other
+            one; None: it can.
         setting_changes: how often a setting of the game was set.
         sensor_changes: how often a setting of a sensor was set, or a sensor came or went.
         owner_changes: how often the owner of a sensor was set.
@@ -94,10 +95,11 @@ class DecidePhase:
         return value if self.agent is None else cast("T", frozen(value))
 
     @contextmanager
-    def suspended(self) -> Iterator[None]:
-        """Run the program's own code on behalf of a strategy: drawers, the handlers of a window."""
+    def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
+        """Run the own code of the program on behalf of a strategy, such as a drawer; or ours that only reads."""
         agent, self.agent = self.agent, None
-        self.moment = None  # it may change the world
+        if changes_world:
+            self.moment = None
         try:
             yield
         finally:

@@ -49,6 +49,33 @@ def test_a_team_goes_on_with_the_part_of_a_member_that_is_dead(world):
     assert len(world.ctx.game.team_memories["red"]["sweep"]["visited"]) == 36
 
 
+def test_in_a_loop_of_ones_own_a_mate_that_dies_before_an_agent_is_asked_has_no_part_any_longer(world):
+    strategy = sweep(world.ctx)
+    anna, bert = (world.add(name, 0, strategy, team="red") for name in ("anna", "bert"))
+
+    def target():
+        state = world.state_of(bert)
+        state["memory"].clear()
+        strategy(state)
+        return state["memory"]["sweep target"]
+
+    assert target() in (3, 18)  # of the half that is farther away
+    anna.alive = False
+    assert target() in (1, 6)
+
+
+def test_a_mate_that_dies_between_two_turns_has_no_part_in_the_second(world):
+    targets = []
+    for name in ("anna", "bert"):
+        world.add(name, 0, sweep(world.ctx), team="red")
+    for _ in range(2):
+        world.ctx.game.step()
+        targets.append(world.ctx.game.memories["bert"].pop("sweep target"))
+        world.agents["bert"].current_node_id, world.agents["anna"].alive = 0, False
+    assert targets[0] in (3, 18)
+    assert targets[1] in (1, 6)
+
+
 def test_what_the_sensors_cover_counts_as_visited_by_sight(world):
     agent = world.add("anna", 14, sweep(world.ctx, [14, 15, 20, 35], by_sight=True), sight=15.0, team="red")
     world.ctx.game.step()

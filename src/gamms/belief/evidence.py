@@ -392,7 +392,9 @@ def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict
     found: dict[str, int] = {}
     if ctx.current_game is None:
         return found
-    with phase_of(ctx).suspended():  # NOTE: which spares a copy of the events of the whole game, 3 us for each
+    with phase_of(ctx).suspended(
+        changes_world=False
+    ):  # NOTE: which spares a copy of the events of the whole game, 3 us for each
         events = ctx.game.events
     memory, turn, known = required(state, "memory"), state["turn"], set[str]()
     for event in reversed(events[memory.get(_EVENTS, 0) :]):

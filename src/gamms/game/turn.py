@@ -360,7 +360,7 @@ class TurnEngine:
         decisions = self._decisions.begin(order.slots, starts)
         if part.paced:
             self._leave_closed_edges(order, part)
-        self.is_deciding, phase.moment = True, decisions.actions if part.see_world_only else None
+        self.is_deciding, phase.moment = True, object() if part.see_world_only else None
         try:
             if part is order.whole and part.is_usual and not observers:
                 decisions.ask_each(part, starts, self._near)

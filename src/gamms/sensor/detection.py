@@ -225,7 +225,7 @@ class DetectingSensor(Sensor):
             return super().coverage(node_id, owner)
         looking = self._copy_for_view()
         looking._owner = self._owner if owner is None else owner
-        with self._phase.suspended():
+        with self._phase.suspended(changes_world=False):
             node_ids, distances = looking._covered(node_id)
             positions, living = self.ctx.agent.positions, self.ctx.agent.positions.living.tolist()
         shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))

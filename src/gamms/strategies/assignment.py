@@ -8,6 +8,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_context, as_count
 from gamms.context import Context
+from gamms.deciding import phase_of
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import Arrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView
@@ -27,7 +28,7 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.travel import random_walk
 from gamms.text import shown_as_called
 from gamms.typing.game import State, Strategy
-from gamms.typing.routes import made_last
+from gamms.typing.routes import made_in_moment, made_last
 
 
 @shown_as_called
@@ -165,11 +166,18 @@ def _report(state: State, here: int, seen: dict[str, int]) -> None:
 def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
     """Return where living teammates were in the last turn, and where living enemies were seen last, by name."""
     board, now, agents = shared_memory(state, "assign"), required(state, "turn", "assign"), ctx.agent.agents
-    found = []
-    for part, oldest in (("mates", now - 1), ("enemies", now - 1 - patience)):
-        known = sorted((name, node) for name, (turn, node) in board.get(part, {}).items() if turn >= oldest)
-        found.append({name: node for name, node in known if name in agents and agents[name].alive})
-    return found[0], found[1]
+    reports = [dict(board.get(part, {})) for part in ("mates", "enemies")]
+
+    def make() -> tuple[dict[str, int], dict[str, int]]:
+        found = []
+        for part, oldest in zip(reports, (now - 1, now - 1 - patience), strict=True):
+            known = sorted((name, node) for name, (turn, node) in part.items() if turn >= oldest)
+            found.append({name: node for name, node in known if name in agents and agents[name].alive})
+        return found[0], found[1]
+
+    return made_in_moment(
+        ctx.graph.routes, phase_of(ctx), ("assign reports", state["team"]), make, (now, patience, reports)
+    )
 
 
 def _matching(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:

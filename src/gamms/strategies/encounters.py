@@ -9,6 +9,7 @@ from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
+from gamms.deciding import phase_of
 from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.sight import Seen
@@ -45,7 +46,7 @@ from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
-from gamms.typing.routes import made_last
+from gamms.typing.routes import made_in_moment, made_last
 
 _MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
 
@@ -531,12 +532,16 @@ def _places(paces: Paces) -> list[tuple[Pace, int]]:
 
 
 def _living_enemies(ctx: Context, state: State) -> list[str]:
-    team = state["team"]
-    return [
-        name
-        for name, one in sorted(ctx.agent.agents.items())
-        if getattr(one, "alive", True)
-        and one.type is not AgentType.AERIAL
-        and name != state["name"]
-        and (team is None or getattr(one, "team", None) != team)
-    ]
+    """Return the names of the living agents on the ground that are enemies, in order."""
+    team, me = state["team"], state["name"]
+
+    def make() -> list[str]:
+        return [
+            name
+            for name, one in sorted(ctx.agent.agents.items())
+            if getattr(one, "alive", True)
+            and one.type is not AgentType.AERIAL
+            and (team is None or getattr(one, "team", None) != team)
+        ]
+
+    return [name for name in made_in_moment(ctx.graph.routes, phase_of(ctx), ("enemies", team), make) if name != me]

@@ -7,6 +7,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_context, as_flag
 from gamms.context import Context
+from gamms.deciding import phase_of
 from gamms.game.batch.state import Arrays
 from gamms.game.batch.view import COVERS, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
@@ -27,7 +28,7 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.travel import stay
 from gamms.text import shown_as_called
 from gamms.typing.game import NodeId, State, Strategy
-from gamms.typing.routes import made_last
+from gamms.typing.routes import made_in_moment, made_last
 
 _MOST_AT_ONCE = 1 << 22  # nodes among which the nearest are looked for at once
 _FARTHER = (4.0, 16.0, 64.0, np.inf)  # mean lengths of edges: how far these are looked for first, then, and last
@@ -253,13 +254,23 @@ def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, v
     """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
     name, here = required(state, "name", "sweep"), state["curr_pos"]
     team = required(state, "team", "sweep")
-    agents = [] if team is None else ctx.agent.agents.values()
-    members = sorted(one.name for one in agents if one.team == team and one.alive) or [name]
-    own = _parts(ctx, team, chosen, len(members))[members.index(name)]
+    members = {} if team is None else _living_members(ctx, team)
+    own = _parts(ctx, team, chosen, len(members) or 1)[members[name] if members else 0]
     nearest = ctx.graph.routes.nearest(here, sorted(own - visited))
     if nearest is None:
         nearest = ctx.graph.routes.nearest(here, sorted(_parts(ctx, None, chosen, 1)[0] - visited))
     return nearest
+
+
+def _living_members(ctx: Context, team: Hashable) -> dict[str, int]:
+    """Return the living agents of a team in the order of their names, name -> its place; not to be changed."""
+
+    def make() -> dict[str, int]:
+        agents = ctx.agent.agents.values()
+        names = sorted(one.name for one in agents if one.team == team and one.alive)
+        return {name: place for place, name in enumerate(names)}
+
+    return made_in_moment(ctx.graph.routes, phase_of(ctx), ("members", team), make)
 
 
 def _parts(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_int, as_items, as_range
+from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -441,3 +442,23 @@ def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable
         queries._latest[slot] = now, made
     found: MadeT = made
     return found
+
+
+def made_in_moment(
+    queries: RouteQueries, phase: DecidePhase, slot: Hashable, make: Callable[[], MadeT], key: object = None
+) -> MadeT:
+    """Return what `make` gives of the agents, made once for all that decide in one moment, in which these stay.
+
+    Where there is no such moment, as in a loop of one's own, it is made each time.
+
+    Args:
+        queries: as for `made_last`.
+        phase: of the context.
+        slot: as for `made_last`.
+        make: makes it; it is not to be changed.
+        key: what else it is made from.
+    """
+    moment = phase.moment
+    if moment is None:
+        return make()
+    return made_last(queries, slot, (moment, key), make)
