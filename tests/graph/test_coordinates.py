@@ -256,12 +256,17 @@ def test_a_search_looks_at_the_neighbourhood_only():
     for count in (1_000, 100_000):
         graph = cloud(rng.uniform(0, count**0.5, (count, 2)))
         graph.nearest_node(0, 0)
-        places, seen = graph._store.indexes._node_grid(), []
-        around = places.around
+        places, seen, together = graph._store.indexes._node_grid(), [], []
+        around, first_near = places.around, places._first_near
         places.around = lambda *at, around=around, seen=seen: seen.append(len(found := around(*at))) or found
+        places._first_near = lambda x, y, pairs, d, near=first_near, seen=together: (
+            seen.append(len(pairs[1])) or near(x, y, pairs, d)
+        )
         graph.nearest_node(*rng.uniform(5, 25, (2, 100)))
-        looked.append(sum(seen))
-    assert looked[1] < 2 * looked[0]
+        for x, y in rng.uniform(5, 25, (100, 2)).tolist():
+            graph.nearest_node(x, y)
+        looked.append((sum(seen), sum(together)))
+    assert all(0 < many < 2 * few for few, many in zip(*looked, strict=True)), looked
 
 
 def test_the_nearest_node_may_be_asked_for_in_degrees(helsinki):

@@ -98,6 +98,21 @@ def test_queries_equal_brute_force(name, count):
 
 
 @pytest.mark.parametrize("name", CLOUDS)
+def test_the_nodes_nearest_to_several_places_are_those_nearest_to_each(name):
+    rng = np.random.default_rng(3)
+    xy = CLOUDS[name](rng, 120)
+    graph = build(xy, rng, edges=10)
+    span = np.ptp(xy, axis=0)
+    places = np.vstack([xy[:30], (xy[:60] + xy[-60:]) / 2.0, xy.min(axis=0) + rng.uniform(-9, 9, (20, 2)) * span])
+    for number in range(3):
+        assert graph.nearest_node(*places.T).tolist() == [graph.nearest_node(x, y) for x, y in places.tolist()]
+        for id in list(graph.get_nodes())[number::5]:
+            graph.remove_node(id)
+    graph.add_node({"id": 10_000, "x": xy[0, 0], "y": xy[0, 1]})
+    assert graph.nearest_node(*places.T).tolist() == [graph.nearest_node(x, y) for x, y in places.tolist()]
+
+
+@pytest.mark.parametrize("name", CLOUDS)
 def test_queries_equal_brute_force_after_edits(name):
     rng = np.random.default_rng(2)
     xy = CLOUDS[name](rng, 120)

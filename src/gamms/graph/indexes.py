@@ -21,6 +21,7 @@ _LATE_EDGES = 1024
 _LATE_NODES = 256
 _WIDER = 8  # how often a search grows before it looks through all nodes
 _REACHES = (1, 3)  # cells to each side of its own in which a node is looked for one by one
+_REACHES_OF_EACH = (0.5, 1.0, 3.0, 9.0)  # likewise, of several places at once
 _SURE = 1.0 - 1e-9  # of a radius: on the rim, rounding may have lost a node that is as near
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 _TINY = 5e-324  # for a square that would be zero
@@ -112,6 +113,47 @@ class NodeGrid:
                 return found
             d *= 2.0
         return self._nearest_of(self._nodes.living(), x, y)[0]
+
+    def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
+        """Return what `nearest` does for each of several places, (places,)."""
+        found, open_ = np.full(len(x), -1), np.arange(len(x))
+        for reach in () if self._late else _REACHES_OF_EACH:
+            d = reach * self._cells.size
+            parts = kernels.candidates_of_each(self._cells, x[open_], y[open_], d) if d < _MOST and len(open_) else None
+            for begin, end, at, rows in parts or ():
+                places = open_[begin:end]
+                which, row = self._first_near(x[places], y[places], (at, rows), d * _SURE)
+                found[places[which]] = row
+            open_ = np.flatnonzero(found < 0)
+        found[open_] = [self.nearest(*place) for place in zip(x[open_].tolist(), y[open_].tolist(), strict=True)]
+        return found
+
+    def _first_near(
+        self, x: FloatArray, y: FloatArray, pairs: tuple[IntArray, IntArray], d: float
+    ) -> tuple[IntArray, IntArray]:
+        """Return places, by their numbers, and the living rows nearest to them, if these are nearer than d for sure.
+
+        Args:
+            x: (places,)
+            y: likewise.
+            pairs: numbers of places, ascending, and rows.
+            d: so far around each place, all rows are among the pairs.
+        """
+        at, rows = pairs
+        if self._nodes.dead:
+            at, rows = (column[self._nodes.array("alive")[rows] != 0] for column in pairs)
+        xy = self._nodes.array("xy").take(rows, axis=0)
+        dx, dy = xy[:, 0] - x[at], xy[:, 1] - y[at]
+        squares = dx * dx + dy * dy
+        squares[(squares <= _LEAST**2) & ((dx != 0.0) | (dy != 0.0))] = np.nan  # those are not compared here
+        begins = np.flatnonzero(np.diff(at, prepend=-1))
+        if not len(begins):
+            return begins, begins
+        least, runs = np.minimum.reduceat(squares, begins), np.diff(begins, append=len(at))
+        is_least = squares == np.repeat(least, runs)
+        row = np.minimum.reduceat(np.where(is_least, rows, self._nodes.count), begins)
+        is_sure = least < d * d
+        return at[begins[is_sure]], row[is_sure]
 
     def _nearest_around(self, x: float, y: float, reach: int) -> tuple[int, float]:
         """Return the first living row at the least distance from (x, y) in the cells around it, and its square."""
@@ -335,6 +377,10 @@ class Indexes:
     def nearest(self, x: float, y: float) -> int:
         """Return the node row nearest to (x, y), the first of several; there must be a node."""
         return self._node_grid().nearest(x, y)
+
+    def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
+        """Return the node rows nearest to places, (places,), of each the first of several; there must be a node."""
+        return self._node_grid().nearest_each(x, y)
 
     def edges_at(self, nodes: IntArray) -> IntArray:
         """Edge rows with at least one end among the node rows, ascending."""

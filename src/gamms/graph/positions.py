@@ -34,7 +34,7 @@ def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]
         return store.nodes.ids[nearest(x, y)]  # NOTE: for flyers, in every turn (benchmarks: flyers)
     limit = None if within is None else as_range(within, "within")
     places = places_of(store.crs, xy, latlon)
-    rows = np.array([nearest(x, y) for x, y in places.reshape(-1, 2).tolist()], np.int64)
+    rows = store.indexes.nearest_each(*places.reshape(-1, 2).T)
     known = store.nodes.array("xy")
     if limit is not None:
         _refuse_beyond(limit, places.reshape(-1, 2), known[rows])
