@@ -8,6 +8,7 @@ from random_players import (
     CALLED,
     CHANNELS,
     DEEDS,
+    FLYING,
     NODES,
     PACED,
     TAKEN,
@@ -70,6 +71,7 @@ def tags(draw):
                 "mutual": st.booleans(),
                 "passing": st.booleans(),
                 "crossing": st.booleans(),
+                "air": st.booleans(),
             },
         )
     )
@@ -183,6 +185,24 @@ KINDS = [
 ]
 
 
+IN_AIR = [
+    {"type": "AERIAL", "sensor_range": 2.0, "fov": 2.0},
+    {"type": "AERIAL_AGENT", "sensor_range": 2.5},
+    {"type": "OCCLUDED_AERIAL_AGENT", "sensor_range": 3.0, "detection": 0.7},
+    {"type": "AERIAL_AGENT", "sensor_range": 9.0, "fov": 2.0, "position_noise_m": 0.3, "delay_turns": 1},
+    {"type": "OCCLUDED_AERIAL", "sensor_range": 3.0},
+]
+flights = st.fixed_dictionaries(
+    {
+        "agents": st.lists(st.integers(0, 10), min_size=1, max_size=3, unique=True),
+        "strategies": st.lists(st.sampled_from(sorted(FLYING)), min_size=1, max_size=3),
+        "speeds": st.lists(st.sampled_from([0.0, 0.3, 1.0, 5.0]), min_size=1, max_size=2),
+        "places": st.lists(st.sampled_from([None, (2.5, 0.5, 0.2), (-4.0, 9.0, 1.0)]), min_size=1, max_size=2),
+        "eyes": st.lists(st.sets(st.integers(0, len(IN_AIR) - 1), max_size=2), min_size=1, max_size=2),
+    }
+)
+
+
 def paced(**more):
     """Return how agents go that have speeds, and some strategies."""
     left_out = {"guard", "intercept", "cut off"} if more else set()
@@ -274,6 +294,7 @@ class Drawn:
     is_bent: bool = False
     reserved: dict | None = None
     default_action: object = None  # where strategies may raise
+    flights: dict | None = None  # of some agents, which fly
 
     @property
     def moves_before(self):
@@ -284,6 +305,11 @@ class Drawn:
             or "before" in (self.deeds or ())
             or self.order is not None
         )
+
+    @property
+    def flyers(self):
+        """The names of the agents that fly."""
+        return {name for number, name in enumerate(self.agents) if self.flights and number in self.flights["agents"]}
 
     def open(self):
         """Return a context with the game."""
@@ -334,11 +360,28 @@ class Drawn:
             if known not in ctx.sensor.sensors:
                 ctx.sensor.create_sensor(known, **given)
             sees.append(known)
-        agent = ctx.agent.create_agent(
-            name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees
-        )
-        if motion.get("speeds"):
+        given, flies = {"strategy": made[number % len(made)]}, self.flights and number in self.flights["agents"]
+        if flies:
+            given = self._flying(ctx, number, name)
+            sees += given.pop("sees")
+        agent = ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=sees, **given)
+        if motion.get("speeds") and not flies:
             agent.speed = motion["speeds"][number % len(motion["speeds"])]
+
+    def _flying(self, ctx, number, name):
+        speed, place, strategy, eyes = (
+            self.flights[key][number % len(self.flights[key])] for key in ("speeds", "places", "strategies", "eyes")
+        )
+        made, sees = FLYING[strategy], [f"eye {eye} of {name} in the air" for eye in eyes]
+        for sensor, eye in zip(sees, eyes, strict=True):
+            ctx.sensor.create_sensor(sensor, **IN_AIR[eye])
+        given = {} if place is None else {"position": place}
+        return given | {
+            "type": "AERIAL",
+            "speed": speed,
+            "strategy": made(ctx) if strategy == "glide" else made,
+            "sees": sees,
+        }
 
     def _add_rules(self, ctx):
         ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
@@ -356,8 +399,8 @@ class Drawn:
 
 
 @st.composite
-def games(draw, how=tuple(MOTIONS)):
-    """A random game, in which agents go in one of some ways."""
+def games(draw, how=tuple(MOTIONS), in_air=False):
+    """A random game, in which agents go in one of some ways; `in_air`: some fly."""
     number = draw(st.sampled_from([2, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11]))
     several = draw(st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=number, max_size=number))
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(several)}
@@ -399,4 +442,5 @@ def games(draw, how=tuple(MOTIONS)):
         is_bent=draw(st.booleans()),
         reserved={agents[min(agents)][0]: ["b9", "y9", "z9"]},
         default_action=default_action,
+        flights=draw(flights) if in_air else None,
     )

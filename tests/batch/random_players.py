@@ -20,6 +20,7 @@ from gamms.strategies import (
     patrol,
     random_walk,
     random_waypoints,
+    stay,
     sweep,
 )
 from gamms.typing.sensor_engine import SensorType
@@ -76,12 +77,12 @@ def rash(state):
 # what it would have known of the turns before the batch.
 LEAVE = re.compile(
     "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
-    "changes roads(, where agents go by metres| where agents are about to move)|"
+    "changes roads(, where agents go by metres| where agents are about to move)|comes with another team, kind or speed|"
     r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
 )
 ONE_BY_ONE = re.compile(
-    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'|"
-    "closed since the start"
+    "in the air' of agent .* (of a class of its own|for agents from the air)|air=True|closed since the start|"
+    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"
 )
 
 
@@ -129,6 +130,41 @@ def attentive(state, *more):
         state["action"] = {"node_id": state["action"], "do": do}
 
 
+def drift(state):
+    """Fly, turn, hover, do and send what follows from all that an agent that flies sees, knows and remembers."""
+    memory, shared, draw = state["memory"], state.get("team_memory", {}), state["draw"]
+    sights = {name: (str(kind), repr(data)) for name, (kind, data) in state["sensor"].items()}
+    known = [sights, [*memory.items()], sorted(shared.items()), state["name"], state["team"], state["turn"]]
+    known += [state["curr_pos"], state["quat"], state["legal"], state.get("inbox"), state["blocked"], draw.below(3)]
+    lot = zlib.crc32(repr(known).encode())
+    memory[state["turn"]] = lot % 97
+    if lot % 3 == 0:
+        shared[state["name"]] = shared.get(state["name"], 0) + 1
+    way = (draw.random() - 0.5, draw.random() - 0.5, (lot % 5 - 2) / 4)
+    wanted = [way, np.array(way), {"direction": way}, {"direction": way, "distance": lot % 4 / 8}, (0.0, 0.0, 0.0)]
+    wanted += [{"direction": way, "quat": (lot % 3, 1.0, lot % 7, 0.5)}, {"quat": (1.0, 0.0, 0.0, lot % 5)}, "nowhere"]
+    state["action"] = wanted[lot % 8]
+    if "deeds" in state and lot % 2 and isinstance(state["action"], dict):
+        do = {"rest": None} if lot % 4 == 1 else {"mark": {"size": lot % 5, "how": "far"}}
+        state["action"] = state["action"] | {"do": do}
+    if lot % 5 == 0:
+        state.get("outbox", []).append({"channel": CHANNELS[lot % 2], "to": None, "body": [lot % 9]})
+
+
+@gamms.array_strategy
+def glide(view):
+    """Fly towards the node that is seen first, or away from where the agent is."""
+    seen, shape = view.seen_nodes(), (*view.node.shape, 3)
+    ways = np.stack([view["xy"][..., 0], 3.0 - view["xy"][..., 1], 1.0 - view["z"]], axis=-1)
+    at, viewers, nodes = (column[::-1] for column in (seen.at, seen.viewers, seen.nodes))
+    x, y = (axis[nodes] for axis in view.streets.axes)
+    ways[at, viewers, :2] = np.stack([x, y], axis=-1) - view["xy"][at, viewers]
+    return np.where(view.draw.random()[..., None] < 0.7, ways, np.zeros(shape))
+
+
+FLYING = {"walk": random_walk, "stay": stay, "drift": drift, "glide": glide, "none": None}
+
+
 def stroll(node, lot):
     """Return a list of nodes, most of which follow each other, that may wait, turn back, or lead nowhere."""
     number, steps = NODES.index(node), [0, 1, -1, 6, -6, 7, -7, 1]
@@ -139,9 +175,9 @@ def stroll(node, lot):
 def agreed(states):
     """Let each agent of a team do what it would do by itself, but for the first."""
     for state in states.values():
-        attentive(state)
+        (drift if "quat" in state else attentive)(state)
     first = next(iter(states.values()))
-    first["action"] = first["legal"][0]
+    first["action"] = first["legal"][0] if first["legal"] else (0.0, 0.0, 0.0)
 
 
 SHOWN = (SensorType.AGENT, SensorType.AGENT_RANGE)
@@ -186,6 +222,7 @@ def look(ctx):
             agent.offset_m,
             *agent.xy,
             game.start_node(agent),
+            [getattr(agent, one, None) for one in ("position", "prev_position", "quat")],
         ]
         seen.append([agent.name, place, list(track.path), list(track.times), [list(leg) for leg in track.legs]])
     moves = [[name, move.start, move.end, list(move.path)] for name, move in game.moves.items()]
@@ -202,6 +239,9 @@ def push(ctx):
             ctx.game.eliminate(agent)
         elif lot < 0.2:
             ctx.game.respawn(agent)
+        elif hasattr(agent, "position") and lot < 0.4:
+            agent.position = (*agent.position[:2], lot)
+            agent.quat = (1.0, lot, 0.0, 0.0)
         elif lot < 0.3:
             agent.current_node_id = NODES[int(draw.integers(14))] if lot < 0.25 else agent.current_node_id
 

@@ -1,5 +1,7 @@
 """The law of batches: whatever is played in arrays is played as the turn engine plays it, event by event."""
 
+from math import hypot
+
 import numpy as np
 import pytest
 from batch_scenes import plain
@@ -33,16 +35,21 @@ class Outside:
         scans, rows = rng.random(shape) < 0.5, rng.integers(0, 14, shape)
         does = {} if self._drawn.deeds is None else {"deeds": {"scan": (scans, {"node": rows})}}
         says = {name: (rng.random(shape) < 0.5, rows * 100) for name in self._channels}
+        flies, flights = [name in self._drawn.flyers for name in names], {}
+        if any(flies):
+            flights = {"flights": rng.normal(size=(*shape, 3)) * (rng.random((*shape, 1)) < 0.7)}
         nodes = view.streets.columns.node_ids
         for at, agent in np.ndindex(shape):
             do = {"scan": {"node": int(nodes[rows[at, agent]])}} if does and scans[at, agent] else None
             said = [(name, int(rows[at, agent]) * 100) for name, (sends, _) in says.items() if sends[at, agent]]
             legal = view["legal"][at, agent].tolist()[: int(view.counts[at, agent])]
-            self._taken[at, turns[at], names[agent]] = int(moves[at, agent]), do, said, legal
-        return {"moves": moves, **does, "messages": says} if does or says else moves
+            move = flights["flights"][at, agent].tolist() if flies[agent] else int(moves[at, agent])
+            self._taken[at, turns[at], names[agent]] = move, do, said, legal
+        return {"moves": moves, **does, **flights, "messages": says} if does or says or flights else moves
 
     def play_alone(self, alone, number):
         """Play a game with what was given to that of the batch; return its result."""
+        self._speeds = {agent.name: agent.speed for agent in alone.agent.create_iter()}
         for team in self.teams:
             alone.game.command(team, lambda states: self._act(number, alone.game.turn, states))
         return alone.game.run()
@@ -50,11 +57,16 @@ class Outside:
     def _act(self, number, turn, states):
         for name, state in states.items():
             move, do, said, legal = self._taken[number, turn, name]
+            state.get("outbox", []).extend({"channel": name, "to": None, "body": body} for name, body in said)
+            if "quat" in state:
+                speed = self._speeds[name]
+                action = {"direction": move, "distance": min(hypot(*move), speed)}
+                state["action"] = action | {"do": do} if do else action
+                continue
             if "edge" not in state and not self._drawn.moves_before:
                 assert list(state["legal"]) == legal, (name, turn, state["legal"], legal)
             node = state["legal"][move if move < len(state["legal"]) else 0]
             state["action"] = {"node_id": node, "do": do} if do else node
-            state.get("outbox", []).extend({"channel": name, "to": None, "body": body} for name, body in said)
 
 
 begun_again = st.lists(
@@ -76,6 +88,13 @@ drawn_for_all = {
 @given(data=st.data(), **drawn_for_all)
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(how, data, seeds, again, outside, lot):
     drawn = data.draw(games(how))
+    with drawn.open() as ctx:
+        check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
+
+
+@LARGE
+@given(drawn=games(in_air=True), **drawn_for_all)
+def test_games_in_which_agents_fly_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):
     with drawn.open() as ctx:
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 

@@ -414,7 +414,7 @@ class AgentBlock:
                 journal.turned(row, quat)
 
     def write(self, row: int, values: dict[str, Any]) -> None:
-        """Overwrite columns of one agent and note nothing (used by replay)."""
+        """Overwrite columns of one agent and note nothing (used by replay and by batches)."""
         for name, value in values.items():
             getattr(self, name)[row] = value
         self._follow_progress(row)

@@ -12,8 +12,9 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import DeviceTurn, in_all_games
 from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.moves_of_turn import Visits
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn, Visits
+from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
@@ -410,7 +411,7 @@ def _arrive_in_arrays(
 
 def _visits_of_goal(turn: ArrayTurn, team: Hashable, goal: frozenset[int] | str, *, passing: bool) -> Visits:
     """Return the first visit of each agent of a team to its goal, by game and agent."""
-    are_members = turn.roster.plays_for([team])
+    are_members = turn.roster.plays_for([team]) & ~turn.roster.flies
     if isinstance(goal, str):
         visits = turn.visits(turn.alive & are_members, passing=passing)
         visits = visits.those(_are_starts(turn, visits, goal))
@@ -424,9 +425,8 @@ def _visits_of_goal(turn: ArrayTurn, team: Hashable, goal: frozenset[int] | str,
 
 def _are_starts(turn: ArrayTurn, visits: Visits, team: str) -> BoolArray:
     """Return which visits are those of nodes where agents of the team of that text began, (visits,)."""
-    starts = turn.start_of(
-        np.flatnonzero(turn.roster.plays_for([one for one in turn.roster.teams if str(one) == team]))
-    )
+    theirs = turn.roster.plays_for([one for one in turn.roster.teams if str(one) == team]) & ~turn.roster.flies
+    starts = turn.start_of(np.flatnonzero(theirs))
     are_starts: BoolArray = (visits.nodes[:, None] == starts[visits.at]).any(axis=1)
     return are_starts
 

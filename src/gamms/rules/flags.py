@@ -12,8 +12,9 @@ from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.moves_of_turn import Visits
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn, Visits
+from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published
@@ -299,6 +300,7 @@ class _FlagsInArrays:
         if len(at):
             self._drop(at, which)
         there = turn.visits(turn.shared(("bases", self.flags.key), self._bases), passing=self.flags.passing)
+        there = there.those(~turn.roster.flies[there.agents])
         are_involved = np.zeros(turn.alive.shape, np.bool_)
         are_involved[there.at, there.agents] = True
         at, which = np.nonzero(self.carriers >= 0)
@@ -349,7 +351,8 @@ class _FlagsInArrays:
         for number in np.flatnonzero(bases < 0).tolist():
             of_team = np.flatnonzero(team_of == number)
             if len(of_team):
-                starts = turn.start_of(turn.roster.members(teams[number]))[visits.at[of_team]]
+                members = turn.roster.members(teams[number])
+                starts = turn.start_of(members[~turn.roster.flies[members]])[visits.at[of_team]]
                 is_home[of_team] = (starts == node[of_team][:, None]).any(axis=1)
         return is_home
 

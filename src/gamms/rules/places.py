@@ -157,7 +157,8 @@ class _Place(NamedTuple):
         is_place = turn.shared(
             ("nodes", self.nodes), lambda: np.isin(turn.streets.columns.node_ids, sorted(self.nodes))
         )
-        at, agents = np.nonzero(is_place[turn.node] & turn.alive & ~turn.roster.plays_for([None]))
+        counts = turn.alive & ~turn.roster.plays_for([None]) & ~turn.roster.flies
+        at, agents = np.nonzero(is_place[turn.node] & counts)
         shape = len(turn.games), len(turn.roster.teams)
         nodes, pairs = len(is_place), at * shape[1] + turn.roster.team_of[agents]
         occupied = np.unique(pairs * nodes + turn.node[at, agents]) // nodes
@@ -293,10 +294,11 @@ class _Discovery(NamedTuple):
         looks = turn.alive & roster.plays_for(self.teams) & ~roster.plays_for([None])
         views = turn.shared(("discover", self.key), lambda: _Views(turn, hidden))
         in_view = np.asarray(views.seen(turn.node, looks))
+        on_ground = ~roster.flies[:, None]
         if self.hops >= 1:
             edges = turn.routes(None).distances(turn.node[..., None], hidden)
-            in_view |= np.isfinite(edges) & (edges <= self.hops)
-        in_view |= turn.node[..., None] == hidden
+            in_view |= np.isfinite(edges) & (edges <= self.hops) & on_ground
+        in_view |= (turn.node[..., None] == hidden) & on_ground
         at, agents, nodes = np.nonzero(in_view & looks[..., None] & ~by[:, roster.team_of])
         pairs = (at * len(roster.teams) + roster.team_of[agents]) * len(hidden) + nodes
         those = np.sort(np.unique(pairs, return_index=True)[1])  # of the members of a team the first by name

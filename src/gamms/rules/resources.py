@@ -243,10 +243,16 @@ class _Tank(NamedTuple):
         prices = edges * self.per_edge
         if self.per_metre:
             prices = prices + _lengths_in_arrays(turn, ends) * self.per_metre
+        if turn.flights is not None:
+            prices = np.where(turn.roster.flies, self._price_of_flight(turn), prices)
         kept["prices"][turn.games] = np.where(_goes(turn, edges), prices, kept["prices"][turn.games])
         is_too_dear = is_empty | (prices > left * (1 + _SLACK))
         is_stopped: BoolArray = is_too_dear & turn.alive & counts
         return is_stopped
+
+    def _price_of_flight(self, turn: ArrayTurn) -> FloatArray:
+        """Return what agents pay that fly in a turn, (agents,)."""
+        return np.array([self.per_metre * (agent.speed or 0.0) for agent in turn.roster.agents])
 
     def _deeds_in_arrays(self, turn: ArrayTurn) -> Iterator[tuple[ArrayDeeds, float]]:
         """Yield what agents do that costs something, with the price: of several of one agent in their order."""
@@ -261,6 +267,9 @@ class _Tank(NamedTuple):
         before, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
         edges = turn.starts != turn.ends if turn.paths is None else turn.paths.edges
         prices = np.where(_goes(turn, edges), kept["prices"][turn.games], 0.0)
+        if turn.flights is not None:
+            those = turn.flights.agents
+            prices[:, those] = turn.flights.flew * self._price_of_flight(turn)[those]
         used = np.full(before.shape, self.per_turn)
         for deeds, price in self._deeds_in_arrays(turn):
             used[deeds.at, deeds.agents] += price

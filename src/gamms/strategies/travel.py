@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
-from math import cos, inf, pi, sin
+from math import cos, frexp, inf, ldexp, pi, sin
 from typing import Any, TypeVar, overload
 
 import numpy as np
@@ -11,9 +11,10 @@ from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.device_view import DeviceView
+from gamms.game.batch.forms import FLIES
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -40,6 +41,7 @@ from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
 
+_MOST_BITS = 1023  # of a float
 F = TypeVar("F", bound=Callable[..., None])
 
 
@@ -98,11 +100,21 @@ def _no_state(given: object, name: str) -> BadType:
     )
 
 
-def _stay_in_arrays(view: ArrayView) -> IntArray:
-    return filled(view, view.movement.idle)
+def _stay_in_arrays(view: ArrayView) -> Tensor:
+    return np.zeros((*view.node.shape, 3)) if view.flies else filled(view, view.movement.idle)
+
+
+def _fly_in_arrays(view: ArrayView) -> FloatArray:
+    angles = (2.0 * pi * view.draw.random()).ravel().tolist()
+    # NOTE: `math` and NumPy differ in the last bit.
+    ways = np.array([(cos(angle), sin(angle), 0.0) for angle in angles]).reshape(*view.node.shape, 3)
+    speeds = [view.roster.agents[number].speed or 0.0 for number in view.agents.tolist()]
+    return ways * [[[ldexp(1.0, min(frexp(speed)[1] + 1, _MOST_BITS))] for speed in speeds]]  # farther than they fly
 
 
 def _walk_in_arrays(view: ArrayView) -> Tensor:
+    if view.flies:
+        return _fly_in_arrays(view)
     if not view.movement.leaves_nodes or not (on_edge := view.edge >= 0).any():
         return view.draw.below(view.counts)
     which, off = np.nonzero(on_edge), np.nonzero(~on_edge)
@@ -115,6 +127,8 @@ def _walk_in_arrays(view: ArrayView) -> Tensor:
 
 offer_form(stay, _stay_in_arrays, is_portable=True)
 offer_form(random_walk, _walk_in_arrays, is_portable=True)
+for _one in (stay, random_walk):
+    setattr(_one, FLIES, True)
 
 
 @shown_as_called

@@ -14,14 +14,16 @@ from gamms.game.batch.begun import BEGINS, Begins
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
-from gamms.game.batch.forms import F, form_declared
-from gamms.game.batch.given import as_flights, flown
+from gamms.game.batch.flights import as_flights
+from gamms.game.batch.forms import FLIES, F, form_declared
+from gamms.game.batch.given import flown
 from gamms.game.batch.movement import Anywhere, Movement, Noted, Paths, Places
+from gamms.game.batch.moves_of_turn import Visits
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.travel import movement_of
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
@@ -89,6 +91,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
             else:
                 state["action"] = {"node_id": action, "do": done} if done else action
 
+        setattr(strategy, FLIES, True)
         form_declared(strategy, name, "a view")(function)
         return _documented(strategy, function)
 
@@ -169,18 +172,18 @@ class _DrawsOfOne(ViewDraws):
 
 
 class _ViewOfOne(ArrayView):
-    """What the state of one agent holds, as a view of one game with one agent; `flies` says whether it does."""
+    """What the state of one agent holds, as a view of one game with one agent."""
 
     def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals, *, takes_any: bool) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
         movement, shared = _world(host)
         streets = movement.streets
-        number, self.flies = roster.names.index(state["name"]), "quat" in state
-        here = roster.agents[number].current_node_id if self.flies else state["curr_pos"]
+        number, flies = roster.names.index(state["name"]), "quat" in state
+        here = roster.agents[number].current_node_id if flies else state["curr_pos"]
         node = streets.rows(here)
-        if takes_any or self.flies:
+        if takes_any or flies:
             movement = self._noted(host, roster, shared)
-        if self.flies:
+        if flies:
             movement = movement if isinstance(movement, Noted) else Noted(movement)
             movement.leaves_nodes = True
         elif not takes_any and streets.ids(streets.legal[node][: streets.counts[node]]).tolist() != list(
@@ -204,11 +207,11 @@ class _ViewOfOne(ArrayView):
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
         if isinstance(movement, Noted):
             movement.note(0, number, streets.rows(state["legal"] or (here,)), state.get("time", 0.0))
-        if self.flies or "xy" in state:
+        if flies or "xy" in state:
             shape = len(roster.names)
             places = Places(np.full((1, shape, 3), -1), np.zeros((1, shape)), np.zeros((1, shape, 2)))
             game.places = places
-            if self.flies:
+            if flies:
                 game.heights = np.zeros((1, shape))
                 *places.xy[0, number], game.heights[0, number] = state["curr_pos"]
             else:

@@ -1,6 +1,6 @@
 """Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from typing import Any
@@ -10,25 +10,28 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
-from gamms.game.batch.begun import Beginning, remembers, why_not_begun
+from gamms.game.batch.begun import Beginning
 from gamms.game.batch.channels import Outbox, Radio
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, in_turns, preparing
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, preparing
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
+from gamms.game.batch.flights import Flyers
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.game_forms import GameForms, key_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Movement, Moves
+from gamms.game.batch.moves_of_turn import TurnPart
 from gamms.game.batch.roads import ClosedEdges, OpenRoads
 from gamms.game.batch.rule_fork import NoRow, OwnState
-from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
-from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
-from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
+from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one
+from gamms.game.batch.scalar_strategies import Players, ScalarStrategies
+from gamms.game.batch.sight import DELAYS, reports_late, turns_with_its_agent
 from gamms.game.batch.state import GameArrays, Headings, NotTakenUp
-from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
-from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
+from gamms.game.batch.travel import ByMetres, movement_of
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
+from gamms.game.batch.view import ArrayView
+from gamms.game.batch.why_not import as_prepared, teams_asked, why_not_decided
 from gamms.game.deeds import checked_value
 from gamms.game.messages import ANTENNA, Scene
 from gamms.game.result import Result
@@ -36,8 +39,8 @@ from gamms.game.settings import NamedRule
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.text import as_code, shown
-from gamms.typing import IAgent
+from gamms.text import shown
+from gamms.typing import AgentType, IAgent
 from gamms.typing.game import strategy_name
 
 
@@ -50,7 +53,10 @@ class ArrayEngine:
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
         self._game, movement = game, movement_of(game, roster)
-        self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
+        first = movement.streets.rows(start)
+        flyers = Flyers(game, roster, movement.streets, first) if roster.flies.any() else None
+        self.state = self._made_state(roster, movement, seeds, first)
+        self.state.flyers = flyers
         settings = game.settings()
         self._has_scalar_rules = bool(called_one_by_one(game))
         asked = self._teams_asked = teams_asked(game)
@@ -91,7 +97,8 @@ class ArrayEngine:
         fixed = [(np.nan, np.nan) if heading is None else heading for heading in turned]
         nodes = [(block.previous[row], block.node[row]) for row in rows]
         before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
-        return Headings(streets, np.array(fixed, np.float64).reshape(-1, 2), np.array(before), self.state.start)
+        turned_to = np.array(fixed, np.float64).reshape(-1, 2)
+        return Headings(streets, turned_to, np.array(before), self.state.start, self.state.flyers)
 
     def _made_forms(self, game: PlayedGame) -> GameForms:
         context = RuleContext(lambda: game.fork(0), self.state, self._own, self._take_roads, self._admit)
@@ -105,8 +112,10 @@ class ArrayEngine:
         named, kind = shown(agent.name), (agent.type, agent.team, agent.speed, key_of(form_of(decider)), sensors)
         if kind[:3] != (like.type, like.team, like.speed):
             return f"agent {named} comes with another team, kind or speed than the first of its team has"
+        if agent.type is AgentType.AERIAL:
+            return f"agent {named} comes, which flies"
         if agent.name not in self._kinds:
-            why = next(map(_as_prepared, preparing(agent, settings["plans"])), None)
+            why = next(map(as_prepared, preparing(agent, settings["plans"])), None)
             why = why or next((why for _, why in why_not_decided(game, [agent])), None)
             if why is None and agent.team in self._teams_asked:
                 why = "a team that is asked agent by agent"
@@ -151,6 +160,10 @@ class ArrayEngine:
         z = np.zeros(node.shape) if ground is None else ground.z[node]
         places = movement.places(node, (np.broadcast_to(turn.games[:, None], node.shape), np.indices(node.shape)[1]))
         xyz = np.concatenate((places.xy, z[..., None]), axis=-1)
+        antennas = xyz + ANTENNA
+        if self.state.flyers is not None:
+            self.state.flyers.put_into(xyz, turn.games)
+            self.state.flyers.put_into(antennas, turn.games)
 
         def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
             games = turn.games[at][:, None]
@@ -161,7 +174,7 @@ class ArrayEngine:
             keys=turn.roster.keys,
             turns=turn.turn,
             xyz=xyz,
-            antennas=xyz + ANTENNA,
+            antennas=antennas,
             alive=turn.alive,
             purposes=lambda *purpose: self.state.purposes(*purpose)[turn.games],
             is_within=is_within,
@@ -267,13 +280,15 @@ class ArrayEngine:
             if part is not None:  # what is legal for those that move now follows from the parts before
                 actions, is_given = asking.given(turn, asked)
             chosen, deeds = asking.ask(turn, actions, is_given | ~is_member, asked)
+            flights, lost = asking.flights, asking.lost
             if course is None:
                 moves, in_conflict = asking.moves(turn, chosen), None
                 asking.note(turn, moves.illegal)
             else:
                 moves = course.play(chosen, asking.at_arrivals, partial(asking.note, turn))
                 in_conflict = course.blocked
-            illegal = {(one.at, one.agent) for one in (moves if course is None else course).illegal}
+            moves = moves._replace(flights=flights)
+            illegal = {(one.at, one.agent) for one in [*lost, *(moves if course is None else course).illegal]}
             self._play_part(turn, moves, in_conflict, [one.without(illegal) for one in deeds], part)
         if len(turn.games):
             self._finish(turn, asking.outboxes)
@@ -329,7 +344,7 @@ class ArrayEngine:
             turn.begin_part(moves, deeds)
             is_refused = np.zeros(moves.ends.shape, np.bool_)
             for name, check in self._here.checks:
-                is_refused |= self._here.stopped(name, check, turn, moves.ends) & moves.goes
+                is_refused |= self._here.stopped(name, check, turn, moves.ends) & moves.acts
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, is_refused, None)
             moves = turn.refused(moves, is_refused)
@@ -416,67 +431,3 @@ class ArrayEngine:
             provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},
             **over,
         )
-
-
-def why_not_in_arrays(game: PlayedGame) -> str | None:
-    """Return what keeps games from being played in arrays, in words; None: nothing."""
-    settings, asked, scalar, agents = game.settings(), teams_asked(game), called_one_by_one(game), agents_of(game)
-    reasons = [
-        (_leaves_out_a_team(settings["order"], agents), "an order of play without one of the teams"),
-        (settings["time_budget"] is not None, "a time budget"),
-        (bool(game.internals.after_observing), "what is recorded of states"),
-    ]
-    not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
-    not_called = why_not_called(game)
-    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so)]
-    found += why_not_begun(game)
-    found += [_as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
-    found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
-    found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]
-    found += [one.rule.why_not_in_arrays(agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
-    return next((why for why in found if why is not None), None)
-
-
-def _as_prepared(decider: object) -> str:
-    return f"{as_code(decider)}, with what it prepares in a game"
-
-
-def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tuple[IAgent, str]]:
-    """Yield agents, and what of their strategies and sensors has no array form, in words."""
-    settings = game.settings()
-    by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
-    speeds = SPEEDS[-1] if by_metres else SPEEDS[any(agent.speed is not None for agent in agents_of(game))]
-    deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
-    for agent, one in deciders:
-        if form_of(one) is None or remembers(game, agent):
-            kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
-            yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
-        if getattr(form_of(one), BOARDS, ()) and by_metres and settings["decide"] == "arrival":
-            yield agent, f"{as_code(one)}, whose team knows at arrivals what it wrote in the same turn"
-        if getattr(form_of(one), MAY_SKIP, False):
-            yield agent, f"{as_code(one)}, which may set no action"
-        if SPEEDS.index(getattr(form_of(one), FITS, speeds)) < SPEEDS.index(speeds):
-            yield agent, f"{as_code(one)}, with speeds in {speeds}"
-        if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
-            yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
-        for name, sensor in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}).items():
-            why = why_not_seen(agent, name)
-            if why is not None:
-                yield agent, why
-            if by_metres and not sees_from_edges(sensor, agent):
-                yield agent, f"the sensor {name!r} of agent {agent.name!r}, from edges"
-
-
-def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
-    """Return the teams whose agents are asked one by one, and what of each has no array form, in words.
-
-    These are all agents of a team, because they share a memory.
-    """
-    found: dict[Hashable, str] = {}
-    for agent, why in why_not_decided(game, agents_of(game)):
-        found.setdefault(agent.team, why)
-    return found
-
-
-def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
-    return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)

@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from gamms.game.batch.arrivals import Decided
 from gamms.game.batch.channels import MOST_AT_ONCE, Outbox
 from gamms.game.batch.columns import in_turns, places_of
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.flights import Flights, as_flights
 from gamms.game.batch.game_forms import GameForms, Group
 from gamms.game.batch.given import Given
 from gamms.game.batch.movement import Illegal, Moves, Route
@@ -18,7 +19,7 @@ from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
 from gamms.game.legality import IllegalAction
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
@@ -34,7 +35,11 @@ class Asking:
 
     Attributes:
         outboxes: what they send.
+        flights: what those do that fly and were asked last; None: none flies.
+        lost: game and agent of those that were asked last and would fly too far to be said in numbers.
     """
+
+    flights: Flights | None = None
 
     def __init__(
         self, state: GameArrays, here: GameForms, given: Mapping[Hashable, Given], *, at_arrivals: bool
@@ -42,7 +47,7 @@ class Asking:
         self._state, self._here, self._given, self._at_arrivals = state, here, given, at_arrivals
         self.outboxes, self._moment = list[Outbox](), 0  # how often agents were asked
         self._acts: _Acts | None = None  # that are given
-        self._routes = list[Route]()  # of those that decide now
+        self._routes, self.lost = list[Route](), list[Illegal]()  # of those that decide now
 
     def given(self, turn: ArrayTurn, asked: BoolArray | None = None) -> tuple[IntArray, BoolArray]:
         """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,).
@@ -54,6 +59,7 @@ class Asking:
         for team, wanted in self._given.items():
             agents = turn.roster.members(team)
             view = ArrayView(self._state, turn.games, agents, asked)
+            view.mask = view.mask & ~turn.roster.flies[agents]
             actions[:, agents] = view.checked(wanted.moves_in(view, wanted.moves[turn.games]), f"team {shown(team)}")
             is_given[agents] = True
         return actions, is_given
@@ -87,6 +93,12 @@ class Asking:
             self._acts = self._given_acts(turn)
         self._state.shared[DELAYS].note(turn.games, asked)
         acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)
+        flyers = self._state.flyers
+        self.lost, self.flights = [], None if flyers is None else flyers.hovering(len(turn.games))
+        for team, one in self._given.items() if flyers is not None else ():
+            agents, ways = turn.roster.members(team), one.flights
+            ways = np.zeros((*turn.node.shape[:1], len(agents), 3)) if ways is None else ways[turn.games]
+            self._fly(turn, agents, ways, asked[:, agents])
         if scalar is not None and acts is not None:
             for at in range(len(turn.games)):
                 scalar.forget_blocked(turn, np.flatnonzero(is_decided & asked[at]).tolist(), [at])
@@ -100,6 +112,17 @@ class Asking:
         self._moment += 1
         return chosen, deeds
 
+    def _fly(self, turn: ArrayTurn, agents: IntArray, ways: FloatArray, where: BoolArray) -> None:
+        """Let those of some agents that fly do so, map units, (games, agents, 3), where they are asked."""
+        flyers, flights = self._state.flyers, self.flights
+        if flyers is None or flights is None:
+            return
+        lost = flyers.aim(flights, turn.games, agents, ways, where)
+        if lost and self._here.game.settings()["on_illegal"] == "raise":
+            at, agent, why = min(lost)
+            self._raise_illegal(int(turn.games[at]), agent, why)
+        self.lost += [Illegal(at, agent, f"BadValue: {why}") for at, agent, why in lost]
+
     def at_arrivals(self, turn: ArrayTurn, asked: BoolArray) -> Decided:
         """Ask agents that arrive in a turn of some games."""
         actions, is_given = self.given(turn, asked)
@@ -111,6 +134,7 @@ class Asking:
 
     def note(self, turn: ArrayTurn, illegal: Sequence[Illegal]) -> None:
         """Note what those did wrong who were asked last; what they send whose actions are not legal is dropped."""
+        illegal, self.lost = [*self.lost, *illegal], []
         if illegal and self.outboxes:
             is_dropped = np.zeros(self._state.node.shape, np.bool_)
             is_dropped[turn.games[[one.at for one in illegal]], [one.agent for one in illegal]] = True
@@ -125,13 +149,15 @@ class Asking:
             return
         found, flaws = radio.sendable(boxes, self._state.is_there)
         if flaws and self._here.game.settings()["on_illegal"] == "raise":
-            game, agent, why = min(flaws)
-            name = turn.roster.names[agent]
-            error = IllegalAction(f"Agent {shown(name)} in turn {int(self._state.turn[game])}: {why}")
-            error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
-            raise error
+            self._raise_illegal(*min(flaws))
         self.outboxes += found
         turn.failures += [Failure.illegal(*flaw, is_unsent=True) for flaw in flaws]
+
+    def _raise_illegal(self, game: int, agent: int, why: str) -> NoReturn:
+        name = self._state.roster.names[agent]
+        error = IllegalAction(f"Agent {shown(name)} in turn {int(self._state.turn[game])}: {why}")
+        error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
+        raise error
 
     def _given_acts(self, turn: ArrayTurn) -> "_Acts":
         """Return the deeds and messages that were given, of games by their numbers in the batch."""
@@ -165,7 +191,11 @@ class Asking:
                 view = ArrayView(self._state, turn.games, agents, asked)
                 try:
                     columns = agents if len(agents) < actions.shape[1] else np.s_[:]
-                    actions[:, columns] = self._here.decide(group, view, partial(_decided_by, group))
+                    chosen = self._here.decide(group, view, partial(_decided_by, group))
+                    if group.flies:
+                        self._fly(turn, agents, chosen, view.mask)
+                    else:
+                        actions[:, columns] = chosen
                     deeds += view.deeds or []
                     self._send(turn, view.outboxes or [])
                     if asked is not None:
@@ -175,18 +205,24 @@ class Asking:
                     raise
         scalar = self._here.asked
         if scalar is not None and len(agents := scalar.agents[~is_decided[scalar.agents]]):
-            actions[:, agents], done, sent, self._routes = scalar.decide(turn, agents, asked)
-            deeds += done
-            self.outboxes += sent
+            answers = scalar.decide(turn, agents, asked)
+            actions[:, agents], self._routes = answers.actions, answers.routes
+            deeds += answers.deeds
+            self.outboxes += answers.outboxes
+            if self.flights is not None:
+                self.flights.put(answers.flights)
         if asked is not None:
             self._state.looks[turn.games] += asked
         return actions, [one for one in deeds if len(one.at)]
 
 
-def _decided_by(group: Group, view: ArrayView) -> IntArray:
-    """Return the actions that a strategy gives in a view."""
+def _decided_by(group: Group, view: ArrayView) -> np.ndarray[Any, Any]:
+    """Return the actions that a strategy gives in a view, of agents that fly how far these do."""
     view.lock()
-    return view.checked(group.form(view), group.name, may_aim=True)
+    given = group.form(view)
+    if group.flies:
+        return as_flights(given, f"{group.name}: what agents that fly do", view.node.shape)
+    return view.checked(given, group.name, may_aim=True)
 
 
 class _Acts(NamedTuple):

@@ -19,7 +19,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
 from gamms.text import shown
-from gamms.typing.agent_engine import IAgent
+from gamms.typing.agent_engine import AgentType, IAgent
 
 BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 Column = np.ndarray[Any, Any]
@@ -170,6 +170,7 @@ class Roster(NamedTuple):
         agents: of the context that the batch was made from: what does not change, such as their sensors. Of a name
             under which none has come yet it is the first agent of its team.
         is_first: (agents,) which are there at the start; the others are names of agents that may come.
+        flies: (agents,) which fly; the others are on the ground.
     """
 
     names: tuple[str, ...]
@@ -178,6 +179,7 @@ class Roster(NamedTuple):
     keys: BitArray
     agents: list[IAgent]
     is_first: BoolArray
+    flies: BoolArray
 
     @classmethod
     def of(cls, agents: Iterable[IAgent], reserved: Mapping[Hashable, Sequence[str]] | None = None) -> "Roster":
@@ -191,7 +193,8 @@ class Roster(NamedTuple):
         number = {team: i for i, team in enumerate(teams)}
         team_of = np.array([number[agent.team] for agent in ordered], np.int64)
         is_first = np.array([one.name == name for one, name in zip(ordered, sorted(named), strict=True)], np.bool_)
-        return cls(tuple(sorted(named)), teams, team_of, kernels.name_keys(sorted(named)), ordered, is_first)
+        flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
+        return cls(tuple(sorted(named)), teams, team_of, kernels.name_keys(sorted(named)), ordered, is_first, flies)
 
     @property
     def reserved(self) -> dict[Hashable, list[str]]:
@@ -200,6 +203,14 @@ class Roster(NamedTuple):
         for number in np.flatnonzero(~self.is_first).tolist():
             found.setdefault(self.teams[self.team_of[number]], []).append(self.names[number])
         return found
+
+    def first_nodes(self, game: PlayedGame) -> list[int]:
+        """Return the ids of the nodes where agents of a game began, of those that fly the ones below them now."""
+        starts = [game.internals.start_of(agent) for agent in self.agents]
+        return [
+            place if isinstance(place, int) else agent.current_node_id
+            for place, agent in zip(starts, self.agents, strict=True)
+        ]
 
     def members(self, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team, ascending."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.game.batch.arrays import ArrayEngine, teams_asked
+from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, in_turns
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
@@ -24,6 +24,7 @@ from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
+from gamms.game.batch.why_not import teams_asked
 from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray

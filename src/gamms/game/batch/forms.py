@@ -10,6 +10,7 @@ from gamms.text import as_code, shown
 F = TypeVar("F", bound=Callable[..., Any])
 
 _FORM = "array_form"  # the attribute of a scalar form that has its array form
+FLIES = "flies"  # of strategies, or of forms: whether the form is for agents that fly, too
 
 
 def form_declared(of: object, decorator: str, argument: str, most: int = 1) -> Callable[[F], F]:
@@ -42,3 +43,8 @@ def _place_of(form: object) -> tuple[object, object]:
 def form_of(function: object) -> Any:
     """Return the array form of a strategy, a rule, a check, a plan or a resolver; None: it has none."""
     return getattr(function, _FORM, None)
+
+
+def flies(strategy: object) -> bool:
+    """Whether the array form of a strategy decides for agents that fly, too: it returns how far they fly then."""
+    return getattr(strategy, FLIES, False) or getattr(form_of(strategy), FLIES, False)

@@ -1,6 +1,7 @@
 """The array forms that play a game: of strategies and plans, rules, checks and conflicts; and what has none."""
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
+from copy import copy
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -10,11 +11,12 @@ from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.forms import form_of
+from gamms.game.batch.moves_of_turn import MovesOfTurn
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, MovesOfTurn
+from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.moves import as_stopped
 from gamms.game.settings import PHASES as RULE_PHASES
@@ -25,6 +27,7 @@ from gamms.text import as_code
 
 T = TypeVar("T")
 V = TypeVar("V", ArrayTurn, ArrayView)
+A = TypeVar("A", bound=np.ndarray[Any, Any])
 Stopping = Callable[[Any, IntArray], BoolArray]  # of a turn and where agents want to go: who has to stay
 
 
@@ -34,6 +37,7 @@ class Group(NamedTuple):
     name: str
     agents: IntArray  # numbers in the roster
     form: ArrayStrategy
+    flies: bool  # whether they fly, all of them
 
 
 def _checked_form(of: object, named: str) -> Stopping | None:
@@ -48,6 +52,19 @@ def _checked_form(of: object, named: str) -> Stopping | None:
             raise
 
     return None if form is None else checked
+
+
+def _on_ground(stops: Stopping | None, roster: Roster) -> Stopping | None:
+    """Return the form of a conflict resolver for which agents that fly are not there."""
+    if stops is None or not roster.flies.any():
+        return stops
+
+    def stops_on_ground(turn: MovesOfTurn, ends: IntArray) -> BoolArray:
+        part = copy(turn)
+        part.alive = turn.alive & ~roster.flies
+        return stops(part, ends) & ~roster.flies
+
+    return stops_on_ground
 
 
 class GameForms:
@@ -74,7 +91,7 @@ class GameForms:
         self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
         conflicts = settings["conflicts"]
         self.has_conflicts = conflicts is not None
-        self.conflicts = _checked_form(conflicts, f"the conflicts {as_code(conflicts)}")
+        self.conflicts = _on_ground(_checked_form(conflicts, f"the conflicts {as_code(conflicts)}"), roster)
         checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
         self.checks = [
             (one.name, _checked_form(check, f"the check of the rule {one.name!r}") or partial(context.check, one))
@@ -121,7 +138,7 @@ class GameForms:
 
         return self._ask(key, turn, form, play_on_maps)
 
-    def decide(self, group: "Group", view: ArrayView, ask: Callable[[ArrayView], IntArray]) -> IntArray:
+    def decide(self, group: "Group", view: ArrayView, ask: Callable[[ArrayView], A]) -> A:
         """Return what a strategy decides, likewise.
 
         Args:
@@ -130,18 +147,21 @@ class GameForms:
             ask: asks them.
         """
 
-        def decide(part: ArrayView, _: object) -> IntArray:
+        def decide(part: ArrayView, _: object) -> A:
             part.deeds, part.outboxes = [], []
             return ask(part)
 
-        def decide_on_maps() -> IntArray:
-            actions, deeds, outboxes = np.zeros(view.node.shape, np.int64), list[ArrayDeeds](), list[Outbox]()
+        def decide_on_maps() -> A:
+            parts, deeds, outboxes = list[tuple[IntArray, A]](), list[ArrayDeeds](), list[Outbox]()
             for places, part in views_by_map(view):
-                actions[places] = decide(part, places)
+                parts.append((places, decide(part, places)))
                 deeds += [one._replace(at=places[one.at]) for one in part.deeds or ()]
                 outboxes += part.outboxes or ()
             view.deeds, view.outboxes = deeds, outboxes
-            return actions
+            where, chosen = zip(*parts, strict=True)
+            found: Any = np.concatenate(chosen)
+            ordered: A = found[np.argsort(np.concatenate(where))]
+            return ordered
 
         return self._ask(("strategy", group.name), view, decide, decide_on_maps)
 
@@ -213,11 +233,11 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan], left_out: Collection[int]
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         if decider is not None and number not in left_out:
-            found.setdefault(key_of(form_of(decider)), []).append(number)
+            found.setdefault((key_of(form_of(decider)), bool(roster.flies[number])), []).append(number)
     groups = []
     for numbers in found.values():
         decider = decider_of(roster.agents[numbers[0]], plans)
-        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider)))
+        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider), bool(roster.flies[numbers[0]])))
     return groups
 
 

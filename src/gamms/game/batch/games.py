@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.actions import as_actions, refuse_no_actions
-from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
+from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
@@ -22,6 +22,7 @@ from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
 from gamms.game.batch.view import ArrayView
+from gamms.game.batch.why_not import teams_asked, why_not_in_arrays
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -31,7 +32,6 @@ from gamms.progress import progress as progress_line
 from gamms.progress import uninterrupted
 from gamms.readonly import Fixed
 from gamms.text import shown
-from gamms.typing import AgentType
 
 T = TypeVar("T")
 MostAgents = int | Mapping[Any, int | Sequence[str]]
@@ -92,8 +92,7 @@ class Batch(Fixed):
         self._roster = Roster.of(agents)
         if most_agents is not None:
             self._roster = Roster.of(agents, reserved(self._roster, most_agents))
-        start_of = source.game.internals.start_of
-        self._first_nodes = [start_of(agent) for agent in self._roster.agents]  # before they move in that context
+        self._first_nodes = self._roster.first_nodes(source.game)  # before agents move in that context
         self._refuse_too_many(BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
         self._put_public(seeds=tuple(seeds), is_closed=False)
         self._engine: ArrayEngine | OneByOneEngine
@@ -264,10 +263,8 @@ class Batch(Fixed):
             return np.array(array) if is_kept and isinstance(array, np.ndarray) else array
 
         given, by = as_given(value, team, shape, own), f"team {shown(team)}"
-        if given.flights is not None:
-            members = [self._roster.agents[number] for number in self._roster.members(team).tolist()]
-            if not any(agent.type is AgentType.AERIAL for agent in members):
-                raise BadValue(f"{by} was given flights, and none of its agents flies.")
+        if given.flights is not None and not self._roster.flies[self._roster.members(team)].any():
+            raise BadValue(f"{by} was given flights, and none of its agents flies.")
         xp: Any = np if library is None else library.xp
         if given.moves is None:
             moves = self._put(np.zeros(shape, np.int64))

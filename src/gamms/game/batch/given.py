@@ -12,6 +12,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.flights import as_flights
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import field_of
@@ -98,17 +99,6 @@ def as_kept(moves: Tensor, xp: ModuleType) -> Tensor:
     if xp is np and moves.size and moves.min() >= 0:
         return moves.astype(np.min_scalar_type(moves.max()))
     return xp.asarray(moves, copy=True)
-
-
-def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
-    """Return flights of so many games and agents as they were given."""
-    flights = as_array(given, what, "numbers")
-    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
-        raise BadValue(
-            f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
-            f"{flights.shape}."
-        )
-    return flights.astype(np.float64)
 
 
 def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:

@@ -11,6 +11,7 @@ import numpy as np
 from gamms.arguments import as_key
 from gamms.errors import BadValue
 from gamms.game.batch.columns import some_rows
+from gamms.game.batch.flights import Flights
 from gamms.game.batch.roads import OpenRoads, RoadMap
 from gamms.game.batch.routes import RoutesOfMaps, RouteTable, shared_routes
 from gamms.game.legality import ResolvedAction
@@ -216,11 +217,12 @@ class Moves(NamedTuple):
 
     Attributes:
         starts, ends: rows of nodes.
-        goes: which agents do not just stay.
+        goes: which agents on the ground do not just stay.
         paths: how they go; None: along one edge, or none.
         progress: where agents are on edges at the end; see the movement that made it.
         before: the same at the beginning; of those that stay.
         illegal: actions that could not be done.
+        flights: what agents do that fly, which stay on their nodes here; None: none flies.
     """
 
     starts: IntArray
@@ -230,6 +232,16 @@ class Moves(NamedTuple):
     progress: tuple[Any, ...] = ()
     before: tuple[Any, ...] = ()
     illegal: tuple[Illegal, ...] = ()
+    flights: Flights | None = None
+
+    @property
+    def acts(self) -> BoolArray:
+        """Which agents go, or fly, somewhere."""
+        if self.flights is None:
+            return self.goes
+        acts = self.goes.copy()
+        acts[:, self.flights.agents] |= self.flights.goes
+        return acts
 
     def without(self, stopped: BoolArray) -> "Moves":
         """Return the moves of which some are not made."""
@@ -242,7 +254,8 @@ class Moves(NamedTuple):
                 paths = self._standing(paths, paths.legs, stopped)
         columns = zip(self.before, self.progress, strict=True)
         progress = tuple(np.where(stopped, before, after) for before, after in columns)
-        return self._replace(ends=ends, goes=goes, paths=paths, progress=progress)
+        flights = self.flights and self.flights.without(stopped)
+        return self._replace(ends=ends, goes=goes, paths=paths, progress=progress, flights=flights)
 
     def _standing(self, paths: Paths, legs: Legs, stopped: BoolArray) -> Paths:
         """Return paths of which some are those of agents that stand where they were when the turn began."""

@@ -238,7 +238,7 @@ class OneByOneEngine:
         edge, offset_m, xy = (column[number] for column in self._places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
         for i in self._flyers:
-            if agents[i].name in known and state.heights is not None:
+            if agents[i].type is AgentType.AERIAL and state.heights is not None:  # another kind may have come
                 *xy[i], state.heights[number, i] = agents[i].position
         self._note_sights(number)
         block = ctx.agent.block

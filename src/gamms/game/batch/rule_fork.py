@@ -1,6 +1,6 @@
 """A context that is made to have one game of a batch after the other, for rules that have no array form."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -9,15 +9,18 @@ from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import PlayedGame, put_locked
+from gamms.game.batch.flights import InAir
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.unknown import NeedsTurnEngine, OfSlots, OfSome, Unknown
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule
 from gamms.game.snapshots import SnapshotTaker, Start
+from gamms.ir.agents import Position
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
@@ -29,10 +32,6 @@ from gamms.typing import IAgent
 _MOST_ORDERS = 1000  # sets of living agents of which it is kept what a turn needs of them
 Admit = Callable[[IAgent, Sequence[Any]], str | None]
 """Lets arrays have an agent that has come, with its sensors as they are described; or returns why they cannot."""
-
-
-class NeedsTurnEngine(GammsError):
-    """A rule uses what games that are played in arrays do not have, or changes more than one game."""
 
 
 class LeavesArrays(GammsError):
@@ -72,6 +71,8 @@ class GameColumns(NamedTuple):
     ends: list[list[int]]
     began: list[list[int]]
     progress: list[dict[int, Progress]]  # by row
+    in_air: list[dict[int, InAir]]  # by row, those that fly
+    began_in_air: list[dict[str, Position]]  # by name, likewise
     actions: list[dict[int, ResolvedAction]]  # of agents that go otherwise than along one edge, or do something
 
 
@@ -139,14 +140,14 @@ class RuleFork:
             for key, value in values.data.items()
         } | {key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") for key in keys}
         self._facts_at_start = dict(game.facts)
-        values.counts = _OfSlots(self.notes, "ctx.game.counts")
-        values.memories = _OfSlots(self.notes, "ctx.game.memories")
+        values.counts = OfSlots(self.notes, "ctx.game.counts")
+        values.memories = OfSlots(self.notes, "ctx.game.memories")
         values.team_memories = self.unknown("ctx.game.team_memories, or what an agent observes,")
         self._private_at_start = values.agent_facts, values.team_facts
         if values.team_facts:
-            values.team_facts = _OfSome(self.notes, "what is published to teams")
+            values.team_facts = OfSome(self.notes, "what is published to teams")
         if values.agent_facts:
-            values.agent_facts = _OfSome(self.notes, "what is published to agents")
+            values.agent_facts = OfSome(self.notes, "what is published to agents")
         self._looks = self.unknown("what agents have sensed")
         self._last_moves = self.unknown("ctx.game.moves while agents decide")
 
@@ -155,6 +156,7 @@ class RuleFork:
         self.came, self._block, self.casting = came, self.ctx.agent.block, self.casting + 1
         self._agents = [self.ctx.agent.agents[name] for name in self._block.names]
         self.rows = np.array([self.number[name] for name in self._block.names], np.int64)
+        self._row_of = {number: row for row, number in enumerate(self.rows.tolist())}
         self._attributes = [vars(agent) for agent in self._agents]
         self._are_plain = not any(why_not_plain(own) for own in self._attributes)  # so that they can be compared
         self._last_attributes: list[dict[str, Any]] | None = None
@@ -226,7 +228,7 @@ class RuleFork:
     @property
     def private_facts(self) -> tuple[dict[str, dict[str, Any]], dict[Any, dict[str, Any]]]:
         """What was published to agents and to teams, likewise."""
-        changing = {name: value for name, value in self._facts.items() if isinstance(value, _Unknown)}
+        changing = {name: value for name, value in self._facts.items() if isinstance(value, Unknown)}
         found: list[Any] = [
             {to: {name: changing.get(name, value) for name, value in known.items()} for to, known in those.items()}
             for those in self._private_at_start
@@ -245,13 +247,22 @@ class RuleFork:
 
     def unknown(self, what: str) -> Any:
         """Return what stands for what arrays do not have."""
-        return _Unknown(self.notes, what)
+        return Unknown(self.notes, what)
 
     def first_state(self) -> OwnState:
         """Return what a game has beside the arrays at its start."""
-        data = {key: one if isinstance(one, _Unknown) else copied(one) for key, one in self._first_data.items()}
+        data = {key: one if isinstance(one, Unknown) else copied(one) for key, one in self._first_data.items()}
         attributes = self._casts[()].attributes
         return OwnState(data, None if self._are_plain else [copied(one) for one in attributes], None)
+
+    def put_flyers(self, places: Mapping[int, InAir]) -> None:
+        """Have agents that fly, by their numbers in the roster, in these places."""
+        for number, place in places.items():
+            self._put_flyer(self._row_of[number], place)
+
+    def _put_flyer(self, row: int, place: InAir) -> None:
+        before, position, quat = place
+        self._block.write(row, {"previous_position": before, "position": position, "quat": quat})
 
     # -- from arrays and back ---------------------------------------------------------------------------------------
 
@@ -268,13 +279,15 @@ class RuleFork:
             self._set_alive(columns.took_part[at])
             values.moves = None if phase == "before" and not values.turn else self._moves(at, columns)
         self._set_alive(columns.alive[at])
+        for row, place in columns.in_air[at].items():
+            self._put_flyer(row, place)
         block.move_all(self._all, columns.previous[at])
         block.move_all(self._all, columns.node[at])
         progress = columns.progress[at]
         for row in {*progress, *[row for row, one in enumerate(block.progress) if one is not None]}:
             block.set_progress(row, progress.get(row))
         began = columns.began[at]
-        values.began = {name: began[number] for number, name in self._first_names}
+        values.began = {name: began[number] for number, name in self._first_names} | columns.began_in_air[at]
         values.events, values.errors = state.events.of(game), state.errors[game]
         values.deeds = state.deeds.of(game)
         values.messages = [] if state.radio is None else state.radio.of(game)
@@ -377,7 +390,9 @@ class RuleFork:
         """Return the agents that the conflict resolver stops."""
         moves, conflicts = self._values.moves, self.game.settings()["conflicts"]
         involved = getattr(conflicts, "involved", None)
-        few = list(range(len(moves.slots))) if involved is None else involved(*moves.places())
+        whole, ground = moves.order.whole, range(len(moves.slots))
+        ground = ground if whole.on_ground is None else whole.on_ground
+        few = [*ground] if involved is None else [ground[i] for i in involved(*map(whole.of_ground, moves.places()))]
         names = conflicts.resolve(moves.named(few), self.ctx) if few else ()
         block = self._block
         if (block.node, block.previous, block.alive) != self._loaded[:3]:
@@ -406,6 +421,7 @@ class RuleFork:
         """Write what has changed into the arrays."""
         state, values, block, (i, game, columns) = self._state, self._values, self.ctx.agent.block, self._at
         node, previous, alive, num_events, scores = self._loaded
+        self._write_flyers(game, columns.in_air[i])
         headings = state.headings
         assert headings is not None  # noqa: S101 - there are such rules
         new = [self.number[name] for name in came]
@@ -429,6 +445,16 @@ class RuleFork:
             state.is_going[game] = values.over is None
         if values.scores != scores:
             state.set_scores(game, values.scores)
+
+    def _write_flyers(self, game: int, known: Mapping[int, InAir]) -> None:
+        """Write where agents are that fly and were put elsewhere."""
+        block, flyers = self._block, self._state.flyers
+        if flyers is not None:
+            block.locate()
+            for which, (row, place) in enumerate(known.items()):
+                now: Any = block.previous_position[row], block.position[row], block.quat[row]
+                if now != place:
+                    flyers.put(game, which, now)
 
     # -- what arrays do not have ------------------------------------------------------------------------------------
 
@@ -516,7 +542,7 @@ class RuleFork:
             raise NeedsTurnEngine("it changes what has happened")
         are_known = facts.keys() == known.keys() and all(one is known[key] for key, one in facts.items())
         private = values.agent_facts, values.team_facts
-        if not are_known or any(one and not isinstance(one, _Unknown) for one in private):
+        if not are_known or any(one and not isinstance(one, Unknown) for one in private):
             raise NeedsTurnEngine("it publishes facts")
         if block.heading[: len(self._heading)] != self._heading:
             raise NeedsTurnEngine("it turns agents")
@@ -524,7 +550,7 @@ class RuleFork:
             raise NeedsTurnEngine("it draws from ctx.graph.place or from ctx.rng, which was drawn from before the game")
         if values.scores != scores and not all(map(fits_float, values.scores.values())):
             raise NeedsTurnEngine("it sets scores that are no numbers")
-        if any(isinstance(one, _Unknown) for event in values.events[num_events:] for one in event.values()):
+        if any(isinstance(one, Unknown) for event in values.events[num_events:] for one in event.values()):
             raise NeedsTurnEngine("it passes on what it does not know")
         moved = {row: one for row, one in enumerate(block.progress) if one is not None}
         if not moved.items() <= columns.progress[i].items():
@@ -538,39 +564,6 @@ class RuleFork:
         is_same = block is self._block and block.structure.version == self._structure and not block.has_arrays
         if not is_same and self._equipment()[: len(self._equipped)] != self._equipped:
             raise LeavesArrays("agents go, or get other teams, speeds or sensors")
-
-
-class _Unknown(dict[Any, Any]):
-    """What arrays do not have: a rule that looks at it needs the turn engine, which is added to the notes."""
-
-    def __init__(self, notes: list[str], what: str) -> None:
-        super().__init__()
-        self._notes, self._what = notes, what
-
-    def _refuse(self, *_: object, **__: object) -> NoReturn:
-        self._notes.append(f"it needs {self._what}")
-        raise NeedsTurnEngine(self._notes[-1])
-
-    __bool__ = __contains__ = __delitem__ = __eq__ = __getitem__ = __iter__ = __len__ = __ne__ = __or__ = __ror__ = (
-        __setitem__
-    ) = __repr__ = __format__ = _refuse
-    clear = copy = get = items = keys = pop = popitem = setdefault = update = values = _refuse
-
-
-class _OfSome(_Unknown):
-    """What agents or teams have, such as facts; that there is some is known."""
-
-    def __bool__(self) -> bool:  # type: ignore[override] # alone of all that refuse
-        """Whether there is any: slots ask for it."""
-        return True
-
-
-class _OfSlots(_OfSome):
-    """What slots of the turn engine have a part of: how often agents moved, what they remember and learn."""
-
-    def setdefault(self, _: object, default: object = None) -> Any:  # type: ignore[override] # likewise
-        """Return what a slot is to have."""
-        return default
 
 
 def _is_of(keys: Sequence[str], key: object, value: object) -> bool:

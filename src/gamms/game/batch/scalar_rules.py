@@ -11,15 +11,18 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.columns import PlayedGame, put_locked
+from gamms.game.batch.flights import InAir
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
 from gamms.game.batch.roads import ClosedEdges
-from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTurnEngine, NoRow, OwnState, RuleFork
+from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.unknown import NeedsTurnEngine
 from gamms.game.legality import ResolvedAction
 from gamms.game.result import Collector
 from gamms.game.settings import NamedRule
+from gamms.ir.agents import Position
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
@@ -228,6 +231,8 @@ def _columns(
         {row_of[agent]: one for agent, one in of_game.items() if agent in row_of} for of_game in progress
     ] or [{} for _ in those]
     actions = _actions(state, turn, at, progress if is_moving else [])
+    for i, number_of, flight in _flights(turn, at):
+        actions[i][number_of] = flight
     for (one, agent), done in _deeds(state, turn).items():
         if one in number:
             known = actions[number[one]].get(agent)
@@ -235,6 +240,7 @@ def _columns(
                 start, end = (ids(nodes[one, agent]).item() for nodes in (turn.starts, turn.ends))
                 known = ResolvedAction(end, (start,) if start == end else (start, end))
             actions[number[one]][agent] = known._replace(deeds=done)
+    in_air, began = _in_air(state, games, row_of)
     return GameColumns(
         turn.turn[at].tolist(),
         ids(turn.node[at][:, rows]).tolist(),
@@ -246,8 +252,26 @@ def _columns(
         ids(turn.ends[at]).tolist(),
         ids(state.start[games]).tolist(),
         of_rows,
+        in_air,
+        began,
         actions,
     )
+
+
+def _in_air(
+    state: GameArrays, games: IntArray, row_of: Mapping[int, int]
+) -> tuple[list[dict[int, InAir]], list[dict[str, Position]]]:
+    """Return where agents that fly are in some games, by row, and where they began, by name."""
+    flyers = state.flyers
+    if flyers is None:
+        return [{}] * len(games), [{}] * len(games)
+    numbers = flyers.agents.tolist()
+    rows = [row_of[one] for one in numbers]
+    places = [dict(zip(rows, of_game, strict=True)) for of_game in flyers.places(games)]
+    names = [state.roster.names[number] for number in numbers]
+    return places, [
+        dict(zip(names, [tuple(xyz) for xyz in of_game], strict=True)) for of_game in flyers.start[games].tolist()
+    ]
 
 
 def _deeds(state: GameArrays, turn: ArrayTurn) -> dict[tuple[int, int], dict[str, dict[str, Any]]]:
@@ -289,6 +313,17 @@ def _actions(
                     path[-1], path, times=when, progress=ended, legs=tuple(gone), begun=place
                 )
     return found
+
+
+def _flights(turn: ArrayTurn, at: IntArray) -> Iterator[tuple[int, int, ResolvedAction]]:
+    """Yield what agents do that fly in some games of a turn: the place of the game, the number of the agent, and it."""
+    if turn.flights is None:
+        return
+    flights = turn.flights.of(at)
+    nodes = turn.streets.ids(turn.starts[at][:, flights.agents])
+    for i, which in zip(*(one.tolist() for one in np.nonzero(flights.goes)), strict=True):
+        node, xyz = int(nodes[i, which]), flights.xyz[i, which].tolist()
+        yield i, int(flights.agents[which]), ResolvedAction(node, (node,), position=tuple(xyz))
 
 
 def _global_random() -> tuple[Any, ...]:

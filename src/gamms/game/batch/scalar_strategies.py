@@ -1,7 +1,7 @@
 """Strategies and plans without an array form in games that are played in arrays: asked as the turn engine asks them."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -11,13 +11,15 @@ from gamms.deciding import phase_of
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.flights import Flown, InAir
 from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
-from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
+from gamms.game.batch.rule_fork import RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.sight import Seen, look_of, sees_from_edges
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.unknown import NeedsTurnEngine
 from gamms.game.batch.view import ArrayView
 from gamms.game.channels import Outgoing
 from gamms.game.decisions import Decisions
@@ -28,6 +30,7 @@ from gamms.game.order import Part
 from gamms.game.random_streams import DrawTable
 from gamms.game.slots import AgentSlot, restart_draws
 from gamms.game.snapshots import copies_of
+from gamms.ir.agents import Position, Quat
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -35,12 +38,13 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IAgent
 from gamms.typing.game import EdgePlace
 from gamms.typing.on_edges import PassedNode
-from gamms.typing.sensor_engine import ISensor, SensorType
+from gamms.typing.sensor_engine import FROM_AIR, ISensor, SensorType
 
 # From how many games on arrays are not slower, see decisions 0057 and 0058: where agents are asked, where they decide
 # at arrivals, where their strategies may need their context, and where rules are called.
 FEWEST, FEWEST_AT_ARRIVALS, FEWEST_IN_CONTEXT, FEWEST_CALLED = 16, 32, 64, 32
 _MOST_ASKED = 4  # one in so many agents, where rules are called, too
+_NOTHING: Mapping[str, Any] = {}
 _REMEMBERED = ("memories", "team_memories", "blocked", "delayed_looks")  # of a game that has begun
 
 
@@ -73,6 +77,51 @@ class Players:
         for slot in self.slots.values():
             if slot.name == name:
                 slot.show_blocked()
+
+
+class Answers(NamedTuple):
+    """What agents do that were asked one by one.
+
+    Attributes:
+        actions: (games, agents)
+        deeds, outboxes: what they do besides, and send.
+        routes: ways that they give by nodes.
+        flights: what those do that fly.
+    """
+
+    actions: IntArray
+    deeds: list[ArrayDeeds]
+    outboxes: list[Outbox]
+    routes: list[Route]
+    flights: list[Flown]
+
+
+class _Done(NamedTuple):
+    """What the agents of one game do, by their places among those that were asked.
+
+    Attributes:
+        ends: the nodes that they go to.
+        actions: of those that do more.
+        messages: that they send.
+        ways: of those that give their way by nodes.
+    """
+
+    ends: Sequence[int]
+    actions: Mapping[int, ResolvedAction]
+    messages: list[Outgoing]
+    ways: Mapping[int, ResolvedAction]
+
+    def deeds(self) -> Iterator[tuple[int, int, str, Any]]:
+        """Yield what they do besides: the agent, which of its deeds, its kind, and fields."""
+        for i, action in self.actions.items():
+            for order, (kind, values) in enumerate((action.deeds or _NOTHING).items()):
+                yield i, order, kind, values
+
+    def flights(self) -> Iterator[tuple[int, Position | None, Quat | None]]:
+        """Yield which of them fly, where to and how turned."""
+        for i, (*_, position, quat, _) in self.actions.items():
+            if position is not None or quat is not None:
+                yield i, position, quat
 
 
 class _Targets(Legality):
@@ -204,10 +253,8 @@ class ScalarStrategies:
 
     # -- asking -----------------------------------------------------------------------------------------------------
 
-    def decide(
-        self, turn: ArrayTurn, agents: IntArray, asked: BoolArray | None
-    ) -> tuple[IntArray, list[ArrayDeeds], list[Outbox], list[Route]]:
-        """Ask some agents; return their actions, (games, agents), deeds, messages, and ways that they give by nodes.
+    def decide(self, turn: ArrayTurn, agents: IntArray, asked: BoolArray | None) -> Answers:
+        """Ask some agents.
 
         Args:
             turn: of the games.
@@ -217,6 +264,7 @@ class ScalarStrategies:
         state, view = self._state, ArrayView(self._state, turn.games, agents, asked)
         node, alive, numbers = state.streets.ids(view.node).tolist(), view.mask.tolist(), agents.tolist()
         deeds, sent, routes = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]](), list[Route]()
+        flights, in_air = list[Flown](), self._in_air(turn, agents)
         self._look_at(self._context.fork)
         shown_by = [(cells, self._shown(view, name, cells)) for name, cells in self._cells.items()]
 
@@ -224,18 +272,20 @@ class ScalarStrategies:
             if not any(alive[at]):
                 return
             self._look_at(fork)
+            fork.put_flyers(in_air[at])
             for cells, data in shown_by:
                 for i, number in enumerate(numbers):
                     if number in cells:
                         cells[number][0] = fork.in_order(data[at * len(numbers) + i])
             columns = [i for i, is_living in enumerate(alive[at]) if is_living]
             living = [numbers[i] for i in columns]
-            ends, done, messages, given = self._ask(fork, turn, at, living, [node[at][i] for i in columns])
-            for i, end in zip(columns, ends, strict=True):
+            done = self._ask(fork, turn, at, living, [node[at][i] for i in columns])
+            for i, end in zip(columns, done.ends, strict=True):
                 node[at][i] = end
-            routes.extend(Route(at, living[i], action) for i, action in given)
-            deeds.extend((at, living[i], *deed) for i, deed in done)
-            sent.extend((int(turn.games[at]), message) for message in messages)
+            routes.extend(Route(at, living[i], action) for i, action in done.ways.items())
+            deeds.extend((at, living[i], *deed) for i, *deed in done.deeds())
+            flights.extend(Flown(at, living[i], xyz, quat) for i, xyz, quat in done.flights())
+            sent.extend((int(turn.games[at]), message) for message in done.messages)
 
         needs_game = any(self._needs_game[number] for number in numbers)
         try:
@@ -245,7 +295,17 @@ class ScalarStrategies:
                 restart_draws(players.slots.values())
             raise
         ends = np.array(node, np.int64).reshape(view.node.shape)
-        return self._actions(view, ends), state.deeds.from_plain(deeds, turn.node), self._outboxes(sent), routes
+        done = state.deeds.from_plain(deeds, turn.node)
+        return Answers(self._actions(view, ends), done, self._outboxes(sent), routes, flights)
+
+    def _in_air(self, turn: ArrayTurn, agents: IntArray) -> list[dict[int, InAir]]:
+        """Return where those of some agents are that fly, in each game."""
+        flyers = self._state.flyers
+        if flyers is None:
+            return [{}] * len(turn.games)
+        numbers = np.intersect1d(flyers.agents, agents, assume_unique=True)
+        places = flyers.places(turn.games, np.searchsorted(flyers.agents, numbers))
+        return [dict(zip(numbers.tolist(), of_game, strict=True)) for of_game in places]
 
     def _actions(self, view: ArrayView, ends: IntArray) -> IntArray:
         """Return the actions that lead to or towards nodes; -1: it stops where it is."""
@@ -272,10 +332,8 @@ class ScalarStrategies:
             found.append(Outbox(channel, np.array(games), np.array(senders), to, list(bodies), np.array(orders)))
         return found
 
-    def _ask(
-        self, fork: RuleFork, turn: ArrayTurn, at: int, living: list[int], starts: list[int]
-    ) -> tuple[Sequence[int], list[tuple[int, tuple[int, str, Any]]], list[Outgoing], list[tuple[int, ResolvedAction]]]:
-        """Ask agents of a game; return the nodes that they go to, deeds, by their places, messages, and given ways."""
+    def _ask(self, fork: RuleFork, turn: ArrayTurn, at: int, living: list[int], starts: list[int]) -> _Done:
+        """Ask agents of a game."""
         players = self._of(game := int(turn.games[at]))
         state, turns, settings = players.state, fork.parts.turns, fork.parts.settings
         state.turn = int(turn.turn[at])
@@ -309,18 +367,15 @@ class ScalarStrategies:
         messages, unsent = turns.outboxes.read(deciding, state.turn) if settings.channels else ([], [])
         self.forget_blocked(turn, living, [at])
         turn.failures += self._failures(game, state, decisions.close(), unsent)
-        done = []
-        for i, action in decisions.actions.items():
-            if action.heading != ():
-                raise NeedsTurnEngine("it turns agents")
-            done += [(i, (order, kind, values)) for order, (kind, values) in enumerate((action.deeds or {}).items())]
-        given = [(i, one) for i, one in decisions.actions.items() if one.times or one.progress or len(one.path) > 1]
+        if any(action.heading != () for action in decisions.actions.values()):
+            raise NeedsTurnEngine("it turns agents")
+        ways = {i: one for i, one in decisions.actions.items() if one.times or one.progress or len(one.path) > 1}
         ends, leaves_nodes = list[int](decisions.ends), self._state.movement.leaves_nodes
         if leaves_nodes:
             ends = [decisions.actions[i].end if i in decisions.actions else -1 for i in range(len(slots))]
-        for i, _ in given:
+        for i in ways:
             ends[i] = -1 if leaves_nodes else starts[i]
-        return ends, done, messages, given
+        return _Done(ends, decisions.actions, messages, ways)
 
     def _failures(
         self,
@@ -387,7 +442,7 @@ class ScalarStrategies:
                     self._cells.setdefault(name, {})[number] = [None]
                     is_exact = self._is_exact.setdefault(name, np.zeros(len(self._state.roster.names), np.bool_))
                     is_exact[number] = not (look := look_of(sensor, agent)) or not look.errs
-                elif not _sees_from_node(sensor):
+                elif not (_sees_from_node(sensor) or sensor.type in FROM_AIR):
                     needs_game = True
                     if _counts_looks(sensor):
                         self._counting.append((number, there.sensors[name]))

@@ -13,6 +13,7 @@ from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
+from gamms.game.batch.flights import Flights, Flyers
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.batch.roads import OpenRoads, RoadMap, StreetsOfMaps
@@ -194,6 +195,7 @@ class Headings:
     Args:
         streets: of the map.
         fixed: (agents, 2) `(cos, sin)` where the heading was set; NaN: it follows the moves.
+        flyers: the agents whose headings follow from how they are turned; None: none flies.
         before: (agents,) rows of the nodes on which agents were before they began; -1: where they began.
         start: (games, agents) rows, where they began.
 
@@ -201,8 +203,10 @@ class Headings:
         previous: (games, agents) rows of the nodes on which they were before they moved last.
     """
 
-    def __init__(self, streets: Streets, fixed: FloatArray, before: IntArray, start: IntArray) -> None:
-        self._axes, self._fixed, self._before = streets.axes, fixed, before
+    def __init__(
+        self, streets: Streets, fixed: FloatArray, before: IntArray, start: IntArray, flyers: Flyers | None
+    ) -> None:
+        self._axes, self._fixed, self._before, self._flyers = streets.axes, fixed, before, flyers
         self.previous = np.where(before < 0, start, before)
 
     def begin(self, games: IntArray, start: IntArray) -> None:
@@ -225,7 +229,11 @@ class Headings:
         goes, fixed = far > 0.0, self._fixed[agents]
         far = np.where(goes, far, 1.0)
         follows = np.isnan(fixed[:, 0])
-        return np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
+        cos, sin = np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
+        if self._flyers is not None:
+            some = np.flatnonzero(np.isin(agents, self._flyers.agents))
+            cos[some], sin[some] = self._flyers.headings(games[some], agents[some])
+        return cos, sin
 
 
 class World(NamedTuple):
@@ -257,13 +265,14 @@ class GameArrays:
     Attributes:
         roster: the agents of each game.
         movement: how they go.
+        flyers: those that fly; None: none does.
         streets: where they go.
         seeds: of the games.
         node, start: (games, agents) rows of nodes: where agents are, and where they began.
         alive: (games, agents)
         is_there: (games, agents) which agents are in the game, dead or alive; the others may come.
-        last_moves, last_paths, last_deeds: of the last turn, where rules of the phase "before" need them; deeds are of
-            games by their numbers in the batch.
+        last_moves, last_paths, last_deeds, last_flights: of the last turn, where rules of the phase "before" need them;
+            deeds are of games by their numbers in the batch.
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
         has_score: key -> (games,) whether the score was set.
@@ -299,6 +308,8 @@ class GameArrays:
     """
 
     note_blocked: Callable[[int, int, str | None], None] | None = None
+    flyers: Flyers | None = None
+    last_flights: Flights | None = None
 
     def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
         self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
@@ -351,6 +362,10 @@ class GameArrays:
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
             self.apart.pop(game, None)
             self.collected.pop(game, None)
+        if self.flyers is not None:
+            self.flyers.begin(games, start)
+            if self.last_flights is not None:
+                self.flyers.hovering(len(games)).noted(games, self.last_flights)
         self.start[games] = self.node[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games], self.turn[games], self.stops[games] = True, 0, 0
@@ -422,6 +437,8 @@ class GameArrays:
     def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
+        if self.flyers is not None:
+            found |= self.flyers.columns
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
             found["stops"] = self.stops
@@ -489,6 +506,7 @@ class GameArrays:
         columns += [one for those in (*by_name, self.counts) for one in those.values()]
         if self.headings is not None:
             columns.append(self.headings.previous)
+        columns += [] if self.flyers is None else self.flyers.columns.values()
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
         names = [(those, {*those}) for those in (*by_name, self.kept, self._makers)]
         over, facts, undo_events = [*self.over], dict(self.facts), self.events.checkpoint()

@@ -583,6 +583,5 @@ def why_not_moved(game: PlayedGame) -> str | None:
     ]
     for agent in agents_of(game):
         is_endless = agent.speed is not None and not isfinite(agent.speed)
-        reasons.append((agent.type is AgentType.AERIAL, f"agent {agent.name!r}, which flies"))
         reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))
     return next((why for is_so, why in reasons if is_so), None)

@@ -128,12 +128,27 @@ class ArrayView(Mapping[str, Any]):
         """How many nodes are legal for each agent, its own included."""
         if "counts" not in self._known:
             self._known["counts"] = self.movement.counts(self.choices)
+            if self._in_air is not None:
+                self._known["counts"] = np.where(self._in_air, 1, self._known["counts"])
             self._known["counts"].flags.writeable = self.deeds is None  # strategies cannot write into it
         return self._known["counts"]
 
+    @property
+    def _in_air(self) -> BoolArray | None:
+        """Which agents of the view fly, (agents,), that arrays move; None: none."""
+        in_air: BoolArray = self.roster.flies[self.agents]
+        return in_air if self._state.flyers is not None and in_air.any() else None
+
+    @property
+    def flies(self) -> bool:
+        """Whether all agents of the view fly; a form that decides for such returns how far they fly."""
+        return bool(self.roster.flies[self.agents].all())
+
     def _heights(self) -> FloatArray:
-        known = self._state.heights
-        return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
+        known, heights = self._state.heights, np.zeros(self.node.shape)
+        if self._state.flyers is not None:
+            return self._state.flyers.shown(self.games, self.agents, heights, 2)
+        return heights if known is None else known[np.ix_(self.games, self.agents)]
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count.
@@ -141,7 +156,14 @@ class ArrayView(Mapping[str, Any]):
         Args:
             which: an index of the agents of the view that are asked for.
         """
-        return self.movement.legal(self.choices[which])
+        rows, is_legal = self.movement.legal(self.choices[which])
+        if self._in_air is None:
+            return rows, is_legal
+        in_air = np.broadcast_to(self._in_air, self.node.shape)[which]
+        own, is_first = self.node[which][..., None], np.arange(rows.shape[-1]) == 0
+        most = 1 if in_air.all() else rows.shape[-1]
+        rows, is_legal = np.where(in_air[..., None], own, rows), np.where(in_air[..., None], is_first, is_legal)
+        return rows[..., :most], is_legal[..., :most]
 
     def _time(self) -> FloatArray:
         now = self.movement.now
@@ -155,12 +177,18 @@ class ArrayView(Mapping[str, Any]):
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
         if len(self.movement.edge):
-            return self.movement.places(self.node, self.numbers(np.s_[:, :]))
+            found = self.movement.places(self.node, self.numbers(np.s_[:, :]))
+            return found._replace(xy=self._xy(found.xy))
         known, rows = self._state.places, np.ix_(self.games, self.agents)
         if known is None:
             shape = self.node.shape
-            return Places(np.full((*shape, 3), -1), np.zeros(shape), self.streets.columns.xy[self.node])
+            return Places(np.full((*shape, 3), -1), np.zeros(shape), self._xy(self.streets.columns.xy[self.node]))
         return Places(known.edge[rows], known.offset_m[rows], known.xy[rows])
+
+    def _xy(self, xy: FloatArray) -> FloatArray:
+        """Return where the agents are, given the places of those on the ground."""
+        flyers = self._state.flyers
+        return xy if flyers is None else flyers.shown(self.games, self.agents, xy, slice(2))
 
     def action_to(self, nodes: Any) -> IntArray:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
@@ -169,8 +197,9 @@ class ArrayView(Mapping[str, Any]):
             BadType, BadValue: they are no integers, or do not broadcast to (games, agents).
             UnknownName (KeyError): one is not on the map.
         """
-        wanted = as_array(nodes, "nodes", "integers", self.node.shape)
-        return self.movement.action_to(self.choices, self.streets.rows(wanted))
+        wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
+        found = self.movement.action_to(self.choices, wanted)
+        return found if self._in_air is None else np.where(self._in_air, np.where(wanted == self.node, 0, -1), found)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
         """Return the actions by which agents go towards nodes, as the strategies of `gamms.strategies` do.
@@ -404,13 +433,14 @@ class ArrayView(Mapping[str, Any]):
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere."""
         shared, movement = self._shared, self.movement
-        width, is_plain = movement.width if actions is None else actions, movement.are_plain(self.agents)
+        width = movement.width if actions is None else actions
+        is_plain = movement.are_plain(self.agents) and self._in_air is None
         key = "encoder", others, width, is_plain
         if key not in shared:
             shared[key] = Encoder(self.streets, others, width, is_plain=is_plain)
         found, encoder = self.seen(), shared[key]
-        legal = None if is_plain else movement.legal(self.choices)
-        xy = self.places().xy if movement.leaves_nodes else None
+        legal = None if is_plain else self.legal_rows()
+        xy = self.places().xy if movement.leaves_nodes or self._in_air is not None else None
         made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found), legal, xy)
         return made
 

@@ -1,0 +1,108 @@
+"""Says what keeps games from being played in arrays, and which agents are asked one by one there."""
+
+from collections.abc import Hashable, Iterator, Sequence
+from typing import Any
+
+from gamms.game.batch.begun import remembers, why_not_begun
+from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
+from gamms.game.batch.forms import flies, form_of
+from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
+from gamms.game.batch.scalar_strategies import why_not_asked
+from gamms.game.batch.sight import sees_from_edges, turns_with_its_agent, why_not_seen
+from gamms.game.batch.travel import why_not_moved
+from gamms.game.batch.turn import IN_ARRAYS_ALONE
+from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS
+from gamms.text import as_code, shown
+from gamms.typing import AgentType, IAgent
+from gamms.typing.sensor_engine import IN_AIR
+
+
+def why_not_in_arrays(game: PlayedGame) -> str | None:
+    """Return what keeps games from being played in arrays, in words; None: nothing."""
+    settings, asked, scalar, agents = game.settings(), teams_asked(game), called_one_by_one(game), agents_of(game)
+    reasons = [
+        (_leaves_out_a_team(settings["order"], agents), "an order of play without one of the teams"),
+        (settings["time_budget"] is not None, "a time budget"),
+        (bool(game.internals.after_observing), "what is recorded of states"),
+    ]
+    not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
+    not_called = why_not_called(game)
+    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so), *_why_not_in_air(game, agents)]
+    found += why_not_begun(game)
+    found += [as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
+    found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
+    found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]
+    found += [one.rule.why_not_in_arrays(agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
+    return next((why for why in found if why is not None), None)
+
+
+def as_prepared(decider: object) -> str:
+    """Say that a strategy or a plan prepares something in a game."""
+    return f"{as_code(decider)}, with what it prepares in a game"
+
+
+def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tuple[IAgent, str]]:
+    """Yield agents, and what of their strategies and sensors has no array form, in words."""
+    settings = game.settings()
+    by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
+    speeds = SPEEDS[-1] if by_metres else SPEEDS[any(map(_is_paced, agents_of(game)))]
+    deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
+    for agent, one in deciders:
+        if form_of(one) is None or remembers(game, agent):
+            kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
+            yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
+        if getattr(form_of(one), BOARDS, ()) and by_metres and settings["decide"] == "arrival":
+            yield agent, f"{as_code(one)}, whose team knows at arrivals what it wrote in the same turn"
+        if getattr(form_of(one), MAY_SKIP, False):
+            yield agent, f"{as_code(one)}, which may set no action"
+        if SPEEDS.index(getattr(form_of(one), FITS, speeds)) < SPEEDS.index(speeds):
+            yield agent, f"{as_code(one)}, with speeds in {speeds}"
+        if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
+            yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
+        yield from ((agent, why) for why in _why_not_flown(agent, one, has_plan=agent.team in plans))
+        for name, sensor in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}).items():
+            why = why_not_seen(agent, name)
+            if why is not None:
+                yield agent, why
+            if by_metres and not sees_from_edges(sensor, agent):
+                yield agent, f"the sensor {name!r} of agent {agent.name!r}, from edges"
+
+
+def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
+    """Return the teams whose agents are asked one by one, and what of each has no array form, in words.
+
+    These are all agents of a team, because they share a memory.
+    """
+    found: dict[Hashable, str] = {}
+    for agent, why in why_not_decided(game, agents_of(game)):
+        found.setdefault(agent.team, why)
+    return found
+
+
+def _why_not_flown(agent: IAgent, decider: object, *, has_plan: bool) -> Iterator[str]:
+    """Yield why a strategy has no array form for an agent that flies, in words."""
+    if _flies(agent) and (has_plan or not flies(decider)):
+        yield f"{as_code(decider)} of agent {agent.name!r}, which flies"
+
+
+def _flies(agent: IAgent) -> bool:
+    return agent.type is AgentType.AERIAL
+
+
+def _is_paced(agent: IAgent) -> bool:
+    return agent.speed is not None and not _flies(agent)
+
+
+def _why_not_in_air(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]:
+    """Yield what has no array form where agents fly, in words."""
+    flying = [agent.name for agent in agents if _flies(agent)]
+    if flying and any(getattr(one.rule, IN_ARRAYS_ALONE, False) for one in game.rules):
+        yield f"agent {flying[0]!r}, which flies"
+    for agent in agents if flying else ():
+        for name, sensor in getattr(agent, "sensors", {}).items():
+            if sensor.type in IN_AIR:
+                yield f"the sensor {name!r} of agent {agent.name!r}, which looks for agents from the air"
+
+
+def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
+    return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)

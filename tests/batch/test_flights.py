@@ -1,0 +1,151 @@
+"""Agents that fly in games that are played in arrays: they are where they are in games played alone."""
+
+import numpy as np
+import pytest
+from batch_scenes import WALK, plain, scene
+
+import gamms
+from gamms.errors import BadValue
+from gamms.rules import Conflicts, tag
+
+DRONE = {"count": 2, "type": "aerial", "speed": 12.0, "altitude": 5.0, "strategy": WALK}
+
+
+def flying(*rules, drone=None, **more):
+    """A scenario of walkers, and of a team that flies above them."""
+    teams = {"red": {"count": 2, "strategy": WALK}, "blue": {"count": 2, "strategy": WALK}}
+    return scene(rules, teams=teams | {"air": DRONE | (drone or {})}, **more)
+
+
+def swerve(state):
+    """Fly somewhere, turned."""
+    x, y, _ = state["curr_pos"]
+    state["action"] = {"direction": (20.0 - x, 20.0 - y, 1.0), "quat": (1.0, 0.0, 0.0, state["draw"].random())}
+
+
+@gamms.array_strategy
+def climb(view):
+    """Fly to the middle, and up."""
+    x, y = np.moveaxis(view["xy"], -1, 0)
+    return np.stack([20.0 - x, 20.0 - y, view.draw.random() - view["z"] / 40.0], axis=-1)
+
+
+CAPTURE = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+HOLD = {"rule": "hold", "with": {"nodes": [6, 7, 8, 12], "turns": 1, "ends": False, "score": 1}}
+FUEL = {"rule": "resource", "with": {"name": "fuel", "start": 40, "per_metre": 1, "recharge": {12: 30}}}
+TAG = {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "hops": 1, "air": True}}
+BACK = {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "hops": 2, "air": True}}
+
+
+@pytest.mark.parametrize("rules", [(), (CAPTURE, HOLD), (FUEL, TAG, BACK)])
+def test_agents_that_fly_at_random_are_played_in_arrays(rules, same_as_one_by_one):
+    same_as_one_by_one(flying(*rules), range(4))
+
+
+@pytest.mark.parametrize("strategy", [climb, swerve])
+def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
+    scenario = flying(FUEL, TAG, BACK, conflicts={"capacity": 1})
+    with scenario.batch(3, strategies={"air": strategy}) as games:
+        games.step()
+        games.reset([1], seeds=[7])
+        games.run()
+        assert games.is_in_arrays
+        assert not games.detached
+        assert games.slow == (None if strategy is climb else "the strategy swerve, which is asked agent by agent")
+        for number, seed in enumerate(games.seeds):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
+
+
+def test_given_flights_are_those_of_games_one_by_one(tmp_path):
+    scenario, rng = flying(FUEL, TAG), np.random.default_rng(2)
+    with (
+        scenario.batch(3, seed=4, record=True) as games,
+        scenario.batch(3, seed=4, record=True, one_by_one=True) as others,
+    ):
+        assert games.slow is None
+        while not games.is_over.all():
+            given = {"air": {"flights": rng.normal(size=(3, 2, 3)) * 9.0}} if int(games.turn[0]) % 3 else {}
+            seen = [one.observe("air") for one in (games, others)]
+            for key in ("curr_pos", "xy", "z", "legal", "mask", "turn"):
+                assert np.array_equal(seen[0][key], seen[1][key]), key
+            assert (seen[0].counts == 1).all()
+            assert np.array_equal(seen[0].vector().values, seen[1].vector().values)
+            games.step(given)
+            others.step(given)
+        for number in range(3):
+            assert plain(games.result(number)) == plain(others.result(number))
+            games.record(number, tmp_path / "batch.ggr")
+            others.record(number, tmp_path / "other.ggr")
+            assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "other.ggr").read_bytes()
+
+
+def test_agents_that_fly_are_in_no_conflicts_and_meet_others_in_the_air_alone():
+    with flying().build(seed=1) as ctx:
+        ctx.game.add(tag("air", "blue", score=1))
+        ctx.game.conflicts = Conflicts(capacity=1)
+        for agent in ctx.agent.create_iter():
+            agent.strategy = None
+            if agent.type is gamms.agent.AgentType.AERIAL:
+                agent.position = (0.0, 0.0, 1.0)
+            else:
+                agent.current_node_id = 0
+        with ctx.game.batch(2) as games:
+            games.step()
+            assert not games.scores["air"].any()
+            assert np.array_equal(games.observe("air")["xy"], np.zeros((2, 2, 2)))
+
+
+def test_flights_that_lead_beyond_all_numbers_are_refused_as_in_games_alone():
+    @gamms.array_strategy
+    def far_in_arrays(view):
+        return np.broadcast_to((1e308, 0.0, 0.0), (*view.node.shape, 3))
+
+    with flying(drone={"speed": 1e308}).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            if agent.team == "air":
+                agent.position, agent.strategy = (1.7e308, 0.0, 0.0), far_in_arrays(ctx)
+        ctx.game.on_illegal = "stay"
+        alone = ctx.game.fork(0)
+        alone.reset(seed=3)
+        with ctx.game.batch(seeds=[3, 4]) as games:
+            assert games.slow is None
+            games.run()
+            assert "beyond all numbers" in games.result(0).errors[0]["message"]
+            assert plain(games.result(0)) == plain(alone.run())
+        ctx.game.on_illegal = "raise"
+        with ctx.game.batch(seeds=[3, 4]) as games, pytest.raises(ValueError, match="'air_0' in turn 0: A step of"):
+            games.step()
+
+
+def test_errors_of_agents_that_fly_name_the_game_the_turn_and_the_agent():
+    def fails(state):
+        raise ValueError("engine")
+
+    with flying().batch(2, strategies={"air": fails}) as games, pytest.raises(ValueError, match="engine") as error:
+        games.step()
+    assert error.value.__notes__ == [
+        "In the strategy of agent 'air_0', in turn 0.",
+        "In game 0 of a batch, with the seed 0.",
+    ]
+
+
+def test_a_form_that_gives_agents_that_fly_no_flights_is_refused():
+    @gamms.array_strategy
+    def walks(view):
+        return view.counts
+
+    with flying().batch(2, strategies={"air": walks}) as games:
+        with pytest.raises(BadValue, match=r"walks: what agents that fly do are finite numbers \(dx, dy, dz\)"):
+            games.step()
+        assert not games.turn.any()
+
+
+def test_columns_have_where_agents_fly():
+    with flying().batch(2, seed=3) as games, flying().batch(2, seed=3) as others:
+        games.step()
+        games.step()
+        others.load(games.columns(), turn=2)
+        assert np.array_equal(others.observe("air")["xy"], games.observe("air")["xy"])
+        games.step()
+        others.step()
+        assert np.array_equal(others.observe("air")["xy"], games.observe("air")["xy"])
