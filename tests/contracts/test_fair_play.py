@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gamms
+from gamms.game.hidden_state import HiddenState
 from gamms.rules import Conflicts, capture_flag, contacts, last_team, reach, tag, territory, time_limit
 from gamms.sensor import SensorType
 from gamms.strategies import (
@@ -426,6 +427,24 @@ def in_dice_that_it_does_not_use():
     return rule
 
 
+def in_an_iterator():
+    turns = iter([*range(99)])
+
+    def rule(ctx):
+        next(turns, None)
+
+    return rule
+
+
+def in_a_cycle():
+    turns = itertools.cycle("abc")
+
+    def rule(ctx):
+        next(turns)
+
+    return rule
+
+
 HIDDEN = [
     (in_a_closure, r"The closure variable 'seen' of rule\(\) changed from \[\] to \[[01], [12]"),
     (in_a_number_of_a_closure, r"The closure variable 'number' of rule\(\) changed from 0 to 10"),
@@ -439,6 +458,8 @@ HIDDEN = [
     (in_an_attribute_of_the_function, r"The attribute 'turn' of rule\(\) changed from 0 to (9|10)"),
     (in_an_argument_of_a_partial_function, "The argument 0 of a partial function changed"),
     (in_dice_that_it_does_not_use, r"The closure variable 'dice' of rule\(\) changed in the game"),
+    (in_an_iterator, r"The closure variable 'turns' of rule\(\) changed in the game"),
+    (in_a_cycle, r"The closure variable 'turns' of rule\(\) changed in the game"),
 ]
 
 
@@ -458,6 +479,40 @@ def test_a_strategy_that_remembers_in_what_a_snapshot_does_not_hold_is_found(mak
 
     with pytest.raises(AssertionError, match=rf"{message}.*Keep it in state\['memory'\]"):
         check_strategy(strategy, make_ctx, "red0", turns=10)
+
+
+ITERATORS = {
+    "list": lambda: iter([3, 1, 2]),
+    "tuple": lambda: iter((3, 3, 3)),
+    "text": lambda: iter("aaa"),
+    "range": lambda: iter(range(3)),
+    "values": lambda: iter({1: 2, 3: 2}.values()),
+    "set": lambda: iter({1, 2}),
+    "reversed": lambda: reversed([1, 1]),
+    "enumerate": lambda: enumerate("aaa"),
+    "zip": lambda: zip([1, 1], [2, 2], strict=True),
+    "map": lambda: map(str, [1, 1]),
+    "filter": lambda: filter(None, [1, 1]),
+    "chain": lambda: itertools.chain([1, 1], [1]),
+    "cycle": lambda: itertools.cycle([1, 1]),
+    "islice": lambda: itertools.islice([1, 1], 2),
+    "repeat": lambda: itertools.repeat(1, 2),
+    "product": lambda: itertools.product([1, 2], [3]),
+}
+
+
+@pytest.mark.parametrize("make", ITERATORS.values(), ids=ITERATORS)
+def test_an_iterator_is_seen_to_go_on_and_nothing_is_taken_from_it(make):
+    lots, known = make(), [*itertools.islice(make(), 4)]
+
+    def draw():
+        return next(lots)
+
+    hidden = HiddenState(draw)
+    assert hidden.changed("Keep it.") == ""
+    taken = [draw()]
+    assert hidden.changed("Keep it.").startswith("The closure variable 'lots' of draw() changed")
+    assert [*taken, *itertools.islice(lots, 3)] == known
 
 
 def test_a_method_as_a_strategy_that_writes_to_its_object_is_found():

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dis import get_instructions
 from functools import cached_property, lru_cache, partial
-from itertools import chain, count
+from gc import get_referents
+from itertools import chain, count, repeat
+from operator import length_hint
 from pathlib import Path
-from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinMethodType, CodeType, FunctionType, GeneratorType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from gamms.errors import BadValue
 from gamms.text import shown
 
 _INSTALLED = {"site-packages", "dist-packages"}
+_OF_ITERATORS = {"builtins", "itertools"}  # modules: of iter(path), zip(…), cycle(…)
 
 
 class _Variable(NamedTuple):
@@ -173,6 +176,9 @@ def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program kee
     if id(value) in seen:
         return None
     seen.add(id(value))
+    if isinstance(value, Iterator) and type(value).__module__ in _OF_ITERATORS:
+        # What is left of it, or what it is made from, which it goes on along; asking takes nothing from it.
+        return length_hint(value), tuple(_image(one, seen) for one in get_referents(value))
     if isinstance(value, set | frozenset):
         return frozenset(_image(one, seen) for one in value)
     if isinstance(value, list | tuple | deque):
@@ -183,13 +189,14 @@ def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program kee
 
 _ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
     (
-        (bool, int, float, complex, str, bytes, bytearray, np.generic, count),
+        (bool, int, float, complex, str, bytes, bytearray, np.generic, count, repeat),
         lambda one: (type(one).__name__, repr(one)),
     ),
     (np.ndarray, lambda one: (one.dtype.str, one.shape, repr(one) if one.dtype.hasobject else one.tobytes())),
     (random.Random, lambda one: one.getstate()),
     (np.random.Generator, lambda one: repr(one.bit_generator.state)),
-    ((type(None), FunctionType, ModuleType), lambda _: None),
+    # A generator may pass signals through, which are no state of a game.
+    ((type(None), FunctionType, ModuleType, GeneratorType), lambda _: None),
 )
 
 
