@@ -76,6 +76,7 @@ from gamms.kernels.paths import (
     first_steps,
     lacks_scipy,
     last_arcs,
+    last_arcs_to_nearest,
     least_matching,
     make_arcs,
     reached_from,

@@ -90,7 +90,7 @@ def _matched_in_arrays(view: ArrayView, board: "_Board", enemies: BoolArray, ene
     games, memories = np.nonzero(asking & enemies.any(axis=2))
     is_mate = are_mates[games] & (view.memory_of == memories[:, None])
     at, mate, enemy = np.nonzero(is_mate[:, :, None] & enemies[games, memories][:, None])
-    far = view.routes().distances(mate_at[games[at], mate], enemy_at[games[at], memories[at], enemy])
+    far = view.routes().distances(mate_at[games[at], mate], enemy_at[games[at], memories[at], enemy], at=games[at])
     bounds = np.searchsorted(at, np.arange(len(games) + 1)).tolist()
     for game, begin, end in zip(games.tolist(), bounds, bounds[1:], strict=False):
         if begin == end:

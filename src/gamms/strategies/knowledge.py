@@ -583,7 +583,7 @@ def nearest_seen(view: ArrayView, seen: Seen, chosen: BoolArray | None = None) -
     seen = seen if chosen is None else seen.of(chosen[seen.at, seen.viewers])
     targets = no_actions(view)
     if len(seen.at):
-        far = view.routes().distances(view.node[seen.at, seen.viewers], seen.nodes)
+        far = view.routes().distances(view.node[seen.at, seen.viewers], seen.nodes, at=seen.at)
         starts, viewer = runs_of(seen)
         best = np.flatnonzero((far == np.minimum.reduceat(far, starts)[viewer]) & np.isfinite(far))[::-1]
         targets[seen.at[best], seen.viewers[best]] = seen.nodes[best]  # the first of a viewer is written last

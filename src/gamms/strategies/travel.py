@@ -238,6 +238,11 @@ def random_waypoints(
     return strategy
 
 
+def _places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
+    """Return the places of the games of a view, for arrays of so many axes; None: on a device."""
+    return None if isinstance(view, DeviceView) else np.arange(len(view.games)).reshape(-1, *(1,) * (axes - 1))
+
+
 def _waypoints_in_arrays(
     chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
@@ -245,11 +250,11 @@ def _waypoints_in_arrays(
     among = None if chosen is None else streets.rows(chosen)
     target, left, is_there = known["target"], known["left"], known["target"] == view.node
     going = view.mask & ~is_there & (target >= 0)
-    is_lost = going & (view.routes().distances(view.node, target, among=among, asked=going) == inf)
+    is_lost = going & (view.routes().distances(view.node, target, among=among, asked=going, at=_places_of(view)) == inf)
     draws = view.mask & ((target < 0) | is_lost | (is_there & (left <= 0)))
     left = xp.where(is_there & (left > 0), left - 1, left)
     if may_hold(view, draws):
-        options = np.arange(len(streets.counts)) if among is None else among
+        options = np.arange(streets.num_nodes) if among is None else among
         drawn = put(view, options)[view.only(draws).draw.below(len(options))]
         target, left = xp.where(draws, drawn, target), xp.where(draws, turns, left)
     remember(view, "random_waypoints", target=target, left=left)
@@ -499,7 +504,9 @@ def _route_in_arrays(
     begins, first, stop_rows = view.mask & (at < 0), 0, put(view, np.append(rows, -1))
     if is_nearest_first and may_hold(view, begins):
         ends = put(view, rows)[None, None, :]
-        far = view.routes().distances(view.node[..., None], ends, among=rows, asked=begins[..., None])
+        far = view.routes().distances(
+            view.node[..., None], ends, among=rows, asked=begins[..., None], at=_places_of(view, 3)
+        )
         first = xp.argmin(far, axis=2)
     at = xp.where(at < 0, first, at)
     at = xp.where(stop_rows[at] == view.node, put(view, _following(stops, repeat=repeat))[at], at)

@@ -239,6 +239,7 @@ class DeviceEngine(ArrayEngine):
         self.library = library
         super().__init__(game, seeds, start, roster)
         self._resolver = game.settings()["conflicts"]
+        self.state.change_roads = None  # of the streets on the device
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return DeviceGames(roster, movement, seeds, start, self.library)

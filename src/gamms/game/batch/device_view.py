@@ -425,7 +425,13 @@ class DeviceRoutes:
         self._slots = put(self._slot_of)
 
     def distances(
-        self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
+        self,
+        sources: Tensor,
+        targets: Tensor,
+        *,
+        among: IntArray | None = None,
+        asked: Tensor | None = None,
+        at: IntArray | None = None,  # noqa: ARG002 - for maps that differ
     ) -> Tensor:
         """Return what `RouteTable.distances` does.
 

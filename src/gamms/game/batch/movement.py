@@ -13,7 +13,8 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.roads import OpenRoads, RoadMap
-from gamms.game.batch.routes import RoutesOfMaps, RouteTable, shared_routes
+from gamms.game.batch.routes import RouteTable, shared_routes
+from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.legality import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray

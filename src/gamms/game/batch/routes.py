@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_numbers_of, as_one_shape
-from gamms.game.batch.roads import OpenRoads, RoadMap, refuse_several_maps
+from gamms.arguments import as_array, as_one_shape
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -232,6 +231,36 @@ class RouteTable:
             actions[~allowed[streets.ends_of(starts, actions)]] = 0
         return np.where(has_path, actions, -1)
 
+    # -- for maps on which some of the roads are closed --------------------------------------------------------------
+
+    @property
+    def arcs(self) -> kernels.Arcs:
+        """The edges with their weights, reversed."""
+        return self._arcs
+
+    def ready(self, starts: IntArray, ends: IntArray) -> Iterator[Any]:
+        """Yield places of queries of which `values` and `around` know all nodes on the ways."""
+        with _lock:
+            yield from self._ready(starts, ends)
+
+    def values(self, starts: IntArray, ends: IntArray) -> tuple[FloatArray, IntArray]:
+        """Return how far it is, infinite where that is not known, and the rows of the nodes that come next."""
+        values = self._values(starts, ends)
+        hops = self._hops[values]
+        return self._far[values], self._streets.ends_of(starts, np.where(hops == self._none, 0, hops).astype(np.int64))
+
+    def around(self, targets: IntArray) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
+        """Return the nodes from which it is known how far some targets are.
+
+        Returns:
+            The places in `targets`, ascending, rows of nodes, ascending, how far it is, and (targets,) of which
+            all are known.
+        """
+        tables = self._table_of[targets]
+        lines, rows = np.nonzero(self._ranks[tables] != self._unknown)
+        far = self._far[self._first[tables][lines] + self._ranks[tables[lines], rows]]
+        return lines, rows, far, self._level[targets] == len(_DETOURS) - 1
+
     # -- tables -------------------------------------------------------------------------------------------------
 
     def _ready(self, starts: IntArray, ends: IntArray, *, with_hops: bool = True) -> Iterator[Any]:
@@ -376,88 +405,6 @@ class RouteTable:
             sources = np.repeat(np.arange(len(streets.counts)), streets.counts)
             self._entries = *kernels.group_rows(streets.targets, len(streets.counts)), sources
         return self._entries
-
-
-class RoutesOfMaps:
-    """What `RouteTable` says, in games in which other roads are closed.
-
-    Args:
-        roads: of all games.
-        weight: of the edges.
-        games: that are meant by `at`, by their numbers in the batch; None: `at` are these numbers.
-    """
-
-    def __init__(self, roads: OpenRoads, weight: str | None, games: IntArray | None) -> None:
-        self._roads, self._weight, self._games = roads, weight, games
-
-    def distances(
-        self,
-        sources: IntArray,
-        targets: IntArray,
-        *,
-        among: IntArray | None = None,  # noqa: ARG002 - for tables on devices
-        asked: BoolArray | None = None,
-        at: IntArray | None = None,
-    ) -> FloatArray:
-        """Return how far it is from nodes to others in games; see `RouteTable`."""
-        given = self._as_given(sources, targets, at)
-        which: BoolArray = np.ones(given["at"].shape, np.bool_)
-        if asked is not None:
-            given, which = _with_asked(given, as_array(asked, "asked", "booleans"))
-        found = np.zeros(which.shape)
-        starts, ends, games = (one[which] for one in given.values())
-        answers = np.empty(len(games))
-        for table, some in self._by_map(games):
-            answers[some] = table.distances(starts[some], ends[some])
-        found[which] = answers
-        return found
-
-    def actions(
-        self, sources: IntArray, targets: IntArray, allowed: BoolArray | None = None, *, at: IntArray | None = None
-    ) -> IntArray:
-        """Return the actions that lead to targets in games; see `RouteTable`."""
-        given = self._as_given(sources, targets, at)
-        starts, ends, games = (one.ravel() for one in given.values())
-        found = np.empty(len(games), np.int64)
-        for table, some in self._by_map(games):
-            found[some] = table.actions(starts[some], ends[some], allowed)
-        return found.reshape(given["at"].shape)
-
-    def following(self, sources: IntArray, targets: IntArray, *, at: IntArray | None = None) -> IntArray:
-        """Return the row of the next node on the shortest path in games; see `RouteTable`."""
-        starts, ends, games = self._as_given(sources, targets, at).values()
-        found = np.empty(len(games), np.int64)
-        for table, some in self._by_map(games):
-            found[some] = table.following(starts[some], ends[some])
-        return found
-
-    def _as_given(self, sources: object, targets: object, at: object) -> dict[str, IntArray]:
-        """Return rows of nodes and the games, by their numbers in the batch, of one shape."""
-        if at is None:
-            refuse_several_maps("What view.routes() says without at=, the games by their places in the view,")
-        checked, games = self._roads.streets.checked, self._games
-        places = as_numbers_of(at, "at", len(self._roads.number) if games is None else len(games), "games")
-        pairs = {"sources": checked(sources, "sources"), "targets": checked(targets, "targets")}
-        found = as_one_shape(pairs | {"at": places if games is None else games[places]})
-        return dict(zip((*pairs, "at"), found, strict=True))
-
-    def _by_map(self, games: IntArray) -> Iterator[tuple[RouteTable, IntArray]]:
-        for roads, places in self._roads.by_map(games):
-            yield self._table(roads), places
-
-    def _table(self, roads: RoadMap | None) -> RouteTable:
-        """Return the tables of a map."""
-        known: dict[Any, Any] = self._roads.shared if roads is None else roads.shared
-        key = "routes", self._weight
-        if key not in known:
-            known[key] = shared_routes(self._roads.streets if roads is None else roads.streets, self._weight)
-        table: RouteTable = known[key]
-        return table
-
-
-def _with_asked(given: dict[str, IntArray], asked: BoolArray) -> tuple[dict[str, IntArray], BoolArray]:
-    *arrays, which = as_one_shape(given | {"asked": asked})
-    return dict(zip(given, arrays, strict=True)), which
 
 
 def _has_triangle(streets: Streets) -> BoolArray:

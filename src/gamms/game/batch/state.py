@@ -17,7 +17,8 @@ from gamms.game.batch.flights import Flights, Flyers
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.batch.roads import OpenRoads, RoadMap, StreetsOfMaps
-from gamms.game.batch.routes import RoutesOfMaps, RouteTable
+from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets

@@ -11,7 +11,8 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import once, places_of, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.moves_of_turn import MovesOfTurn
-from gamms.game.batch.routes import RoutesOfMaps, RouteTable
+from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, NotTakenUp, routes_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
@@ -223,8 +224,8 @@ class ArrayTurn(MovesOfTurn):
         change = self._state.change_roads
         if change is None or self._is_moving:
             raise BadValue(
-                "Roads are opened and closed in arrays where agents go from node to node, and by rules of the phases "
-                "'before' and 'after'."
+                "Roads are opened and closed in arrays of NumPy, where agents go from node to node, and by rules of "
+                "the phases 'before' and 'after'."
             )
         if len(at):
             change(self.games[self._places(at)], tuple(edges), is_open)

@@ -14,7 +14,8 @@ from gamms.game.batch.columns import lock
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Places
-from gamms.game.batch.routes import RoutesOfMaps, RouteTable
+from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
