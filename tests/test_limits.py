@@ -1,4 +1,6 @@
+import gc
 import math
+from contextlib import suppress
 
 import pytest
 
@@ -90,3 +92,19 @@ def test_any_number_of_honest_keys_is_taken():
         keys.check((1 << 70) + i)
         assert keys.check([i]) == [i]
         keys.check((i, [i]))
+
+
+@pytest.mark.parametrize("is_enabled", [True, False])
+@pytest.mark.parametrize("is_wanted", [True, False])
+def test_no_garbage_is_collected_in_a_pause_and_then_as_before(is_enabled, is_wanted):
+    (gc.enable if is_enabled else gc.disable)()
+    try:
+        with suppress(ZeroDivisionError), limits.GarbagePause(is_wanted=is_wanted):
+            assert gc.isenabled() == (is_enabled and not is_wanted)
+            with limits.GarbagePause():
+                assert not gc.isenabled()
+            assert gc.isenabled() == (is_enabled and not is_wanted)
+            raise ZeroDivisionError
+        assert gc.isenabled() == is_enabled
+    finally:
+        gc.enable()

@@ -4,8 +4,11 @@ Readers of files from untrusted sources (recordings, maps, scenarios, databases)
 own. `refuse_above` is for what a file *declares*: counts, grids, pieces of a line, pixels; it is estimated before it is
 built. `Allowance` is for what a file *holds*: values packed in few bytes; it is charged before they are made. `Keys` is
 for the keys of dicts and sets in a file, which take time where they were made to have one hash.
+
+`GarbagePause` is for what makes many objects of which none is garbage.
 """
 
+import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -160,3 +163,28 @@ def _shown(size: float) -> str:
     if size != size or size >= 1e18:  # noqa: PLR0124 - NaN differs from itself; beyond are no memories
         return "an astronomical amount"
     return f"{size / _GIB:.1f} GiB" if size >= _GIB else f"{size / (1 << 20):.0f} MiB"
+
+
+class GarbagePause:
+    """A `with` block in which Python collects no garbage; without effect where it does not anyway.
+
+    Args:
+        is_wanted: whether to pause.
+    """
+
+    # NOTE: no generator, which makes objects behind `enable`: the collection would begin there, and not in the program
+    # (benchmarks: planning.py budget).
+
+    def __init__(self, *, is_wanted: bool = True) -> None:
+        self._is_wanted = is_wanted
+
+    def __enter__(self) -> None:
+        """Begin the pause."""
+        self._is_paused = self._is_wanted and gc.isenabled()
+        if self._is_paused:
+            gc.disable()
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        if self._is_paused:
+            gc.enable()

@@ -1,6 +1,5 @@
 """The mutable graph: every change and every query of nodes and edges goes through here."""
 
-import gc
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import fields
@@ -19,6 +18,7 @@ from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import Cache, GraphStore, Neighborhoods
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
 from gamms.ir.scenery import Scenery
+from gamms.limits import GarbagePause
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing.graph_engine import (
@@ -292,14 +292,8 @@ class Graph(Guarded, IGraph):
             return super().within_many(node_ids, radius)
         # NOTE: with collections of garbage, which find none here, it takes twice as long (benchmarks: looks of many
         # agents).
-        is_paused = gc.isenabled()
-        if is_paused:
-            gc.disable()
-        try:
+        with GarbagePause():
             seen = [disc for part in parts for disc in self._surroundings(part)]
-        finally:
-            if is_paused:
-                gc.enable()
         return [seen[i] for i in np.argsort(order).tolist()]
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:

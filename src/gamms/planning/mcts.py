@@ -1,6 +1,5 @@
 """Search for agents that decide at once: Monte Carlo tree search in worlds that fit what they know."""
 
-import gc
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from math import exp, inf, isqrt, log, sqrt
@@ -10,6 +9,7 @@ from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.limits import GarbagePause
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
 from gamms.planning.pace import Pace, Timer
 from gamms.scenario.code import first_of, offered_function
@@ -160,17 +160,11 @@ def _searching(settings: _Settings) -> Callable[[States], None]:
 
     def mcts(states: States) -> None:
         # NOTE: a collection of garbage takes 50 to 80 ms on the map of a suburb: with a limit it waits until the
-        # decision was made. Nothing may be made behind `enable`, or the collection would begin here.
-        is_paused = limit < inf and gc.isenabled()
-        if is_paused:
-            gc.disable()
-        try:
+        # decision was made. Nothing may be made behind this block, or the collection would begin here.
+        with GarbagePause(is_wanted=limit < inf):
             given, timer = states_of(states), Timer(limit, pace)
             if not pace.has_followed(given, limit):
                 _Search(settings, pace, timer, given).decide()
-        finally:
-            if is_paused:
-                gc.enable()
 
     def prepare(ctx: Context) -> None:
         teams = [team for team, plan in ctx.game.plans.items() if getattr(plan.function, "prepare", None) is prepare]
