@@ -5,7 +5,7 @@ import pytest
 
 import gamms
 from gamms.agent import AgentType
-from gamms.errors import GammsError
+from gamms.errors import GammsError, MissingKey
 from gamms.sensor import SensorType
 
 
@@ -176,6 +176,17 @@ def test_an_attribute_that_looks_misspelt_is_warned_about_once_and_kept(ctx, hea
     assert heard == [f"Agent 'ann': {hint}"]
     with ctx.game.fork(1).ctx as ahead:
         ahead.agent.get_agent("ann").curent_node_id = 4
+    assert len(heard) == 1
+
+
+def test_the_position_of_an_agent_that_does_not_fly_is_warned_about_and_kept_as_in_1_0_0(ctx, heard):
+    kite = ctx.agent.create_agent("kite", start_node_id=0, position=(1.0, 2.0, 3.0))
+    assert (kite.position, kite.type, kite.current_node_id) == ((1.0, 2.0, 3.0), AgentType.BASIC, 0)
+    hint = "position= is for agents that fly: give it type=AgentType.AERIAL and speed=, too."
+    assert heard == [f"Agent 'kite': {hint} It is kept as an attribute."]
+    with pytest.raises(MissingKey, match=f"needs start_node_id=, the node it stands on. {hint}"):
+        ctx.agent.create_agent("ann", position=(1.0, 2.0, 3.0))
+    ctx.agent.create_agent("drone", start_node_id=0, type="AERIAL", speed=1.0, position=(1.0, 2.0, 3.0))
     assert len(heard) == 1
 
 

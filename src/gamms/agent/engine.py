@@ -31,13 +31,12 @@ from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
 
 _MANY = 1000  # nodes, from which on an array is quicker than a look at each
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
-_KEYWORDS = dict.fromkeys(
-    (
-        *("start_node_id", "sensors", "team", "strategy", "type", "agent_type", "orientation", "meta", "speed"),
-        *("position", "quat"),
-    )
-)
 _OF_TEAMS = dict.fromkeys(("start_node_id", "sensors", "team", "strategy"))  # what a team has besides its columns
+_KEYWORDS = _OF_TEAMS | dict.fromkeys(("type", "agent_type", "orientation", "meta", "speed", "position", "quat"))
+_OF_FLYERS = {
+    one: f"{one}= is for agents that fly: give it type=AgentType.AERIAL and speed=, too."
+    for one in ("position", "quat")
+}
 
 
 class AgentEngine(ContextPart, IAgentEngine):
@@ -156,6 +155,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         sensors = self._found_sensors(name, kwargs.pop("sensors")) if "sensors" in kwargs else {}
         strategy = kwargs.pop("strategy", None)
         hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(given, _KEYWORDS)
+        hints += [hint for one, hint in _OF_FLYERS.items() if kind is AgentType.BASIC and one in kwargs]
         for needed, what in _NEEDED[kind].items():
             if needed not in kwargs:
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
