@@ -30,6 +30,25 @@ def climb(view):
     return np.stack([20.0 - x, 20.0 - y, view.draw.random() - view["z"] / 40.0], axis=-1)
 
 
+def follow(state):
+    """Fly to the first agent that is seen from the air, turned."""
+    x, y, _ = state["curr_pos"]
+    seen = {name: place for _, data in state["sensor"].values() for name, (_, place) in data.items()}
+    a, b, _ = next(iter(seen.values()), (20.0, 20.0, 0.0))
+    state["memory"]["seen"] = repr(seen)
+    state["action"] = {"direction": (a - x, b - y, 0.1 * len(seen)), "quat": (1.0, 0.1, 0.2, a)}
+
+
+@gamms.array_strategy
+def shadow(view):
+    """Fly to the last agent of another team that is seen."""
+    seen, ways = view.enemies(), np.ones((*view.node.shape, 3))
+    x, y = view.streets.axes
+    ways[seen.at, seen.viewers, 0] = x[seen.nodes] - view["xy"][seen.at, seen.viewers, 0]
+    ways[seen.at, seen.viewers, 1] = y[seen.nodes] - view["xy"][seen.at, seen.viewers, 1]
+    return ways
+
+
 CAPTURE = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
 HOLD = {"rule": "hold", "with": {"nodes": [6, 7, 8, 12], "turns": 1, "ends": False, "score": 1}}
 FUEL = {"rule": "resource", "with": {"name": "fuel", "start": 40, "per_metre": 1, "recharge": {12: 30}}}
@@ -52,6 +71,35 @@ def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
         assert games.is_in_arrays
         assert not games.detached
         assert games.slow == (None if strategy is climb else "the strategy swerve, which is asked agent by agent")
+        for number, seed in enumerate(games.seeds):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
+
+
+EYES = {
+    "wide": {"type": "AERIAL_AGENT", "sensor_range": 25.0},
+    "ahead": {"type": "AERIAL_AGENT", "sensor_range": 60.0, "fov": 2.0, "quat": [1.0, 0.0, 0.7, 0.0]},
+    "of red": {"type": "AERIAL_AGENT", "sensor_range": 90.0, "team": "red", "at": [10.0, 10.0, 30.0]},
+}
+
+
+@pytest.mark.parametrize("strategy", [follow, shadow])
+@pytest.mark.parametrize("eyes", [["wide"], ["ahead", "of red"]])
+def test_agents_see_others_from_the_air_as_in_games_alone(strategy, eyes):
+    scenario = flying(FUEL, BACK, drone={"sensors": eyes}, sensors=EYES)
+    with (
+        scenario.batch(3, seed=2, strategies={"air": strategy}) as games,
+        scenario.batch(3, seed=2, strategies={"air": strategy}, one_by_one=True) as others,
+    ):
+        assert games.is_in_arrays
+        for _ in range(4):
+            games.step()
+            others.step()
+            one, other = games.observe("air"), others.observe("air")
+            assert np.array_equal(one.vector().values, other.vector().values)
+            for name in ((), *eyes):
+                pairs = [np.stack(view.seen(*([name] if name else []))[1:]).tolist() for view in (one, other)]
+                assert pairs[0] == pairs[1], name
+        games.run()
         for number, seed in enumerate(games.seeds):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
 

@@ -108,6 +108,31 @@ class AgentLook(NamedTuple):
         return self._replace(hides=None, hides_pairs=None, draws=None, nearest=None, covers=None)
 
 
+class AerialLook(NamedTuple):
+    """How a sensor shows agents from the air, in a form that is computed for many games at once.
+
+    Attributes:
+        radius: map units, in space; may be infinite.
+        fov: the full opening angle of its cone, radians.
+        quat: how it is turned, `(w, x, y, z)`: relative to the agent that carries it, at a fixed place by itself.
+        place: (x, y, z) to look from; None: from the agent that carries it, which it does not show.
+        teams: the teams whose agents alone it shows; None: all.
+        others: the teams whose agents it does not show.
+    """
+
+    radius: float
+    fov: float
+    quat: tuple[float, float, float, float]
+    place: tuple[float, float, float] | None
+    teams: tuple[Hashable, ...] | None
+    others: tuple[Hashable, ...]
+    turns: bool = True  # what it shows does not follow from a node
+
+    def shows(self, team: Hashable) -> bool:
+        """Whether it shows agents of a team where they are in view."""
+        return (self.teams is None or team in self.teams) and team not in self.others
+
+
 class NodeLook(NamedTuple):
     """How a sensor shows nodes, in a form that is computed for many games at once; equal if two show the same.
 

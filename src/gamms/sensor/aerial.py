@@ -11,10 +11,10 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import Sensed, SensorView, ragged
+from gamms.ir.sensed import AerialLook, Sensed, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
-from gamms.sensor.detection import DetectingSensor
+from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.ground import map_view
 from gamms.sensor.nearby import memory_of
 from gamms.sensor.sensor import Sensor, of_data
@@ -259,6 +259,25 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             return seen
         report = self._report(look, None, seen)
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in report.items()}
+
+    def in_arrays(self, owner: str) -> AerialLook | str:  # noqa: ARG002 - as other sensors have it
+        """Return how it shows agents, to be computed for many games at once; else in words why it cannot.
+
+        What follows from that must be what `sense` shows.
+        """
+        if not self._is_ours:
+            return "is of a class of its own"
+        if self._is_occluded or self.notice.needs_look:
+            return "looks past obstacles, draws, errs or reports late in the air"
+        teams, others = self.notice.team, self.notice.exclude
+        return AerialLook(
+            self.range,
+            self.fov,
+            self._quat,
+            self._at,
+            None if teams is None else tuple(teams_in(teams)),
+            () if others is None else tuple(teams_in(others)),
+        )
 
     def _reportable_rows(self) -> list[int]:
         flyers = set(self.ctx.agent.positions.flyers.tolist())

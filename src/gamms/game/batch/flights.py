@@ -103,11 +103,14 @@ class Flyers:
         start, xyz, before: (games, flyers, 3) where they began, are, and were before they flew last.
         quat: (games, flyers, 4) how they are turned.
         speeds: (flyers,) how far they go in a turn at most.
+        ground_z: (nodes,) how high nodes are.
     """
 
     def __init__(self, game: PlayedGame, roster: Roster, streets: Streets, start: IntArray) -> None:
         self.agents, self._streets = np.flatnonzero(roster.flies & roster.is_first), streets
         self._nearest: Callable[[FloatArray, FloatArray], IntArray] = game.ctx.graph.graph.nearest_node
+        ground = game.ctx.graph.graph.ground(streets.columns.node_ids)
+        self.ground_z: FloatArray = np.zeros(len(streets.columns.node_ids)) if ground is None else ground.z
         agents: list[Any] = [roster.agents[number] for number in self.agents.tolist()]
         self.speeds = np.array([one.speed or 0.0 for one in agents])
         self._started = np.array([game.internals.start_of(one) for one in agents], np.float64)

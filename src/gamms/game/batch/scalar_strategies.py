@@ -1,13 +1,14 @@
 """Strategies and plans without an array form in games that are played in arrays: asked as the turn engine asks them."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.deciding import phase_of
+from gamms.game.batch.aerial_sight import Sighting, aerial_look_of, seen_in_space, sightings
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
@@ -196,6 +197,7 @@ class ScalarStrategies:
         self._context, self._state, self.agents, self._players = context, state, agents, players
         self._numbers = frozenset(agents.tolist())
         self._is_exact: dict[str, BoolArray] = {}  # sensor -> (agents,) whether it shows agents where they are
+        self._cells_in_air: dict[str, dict[int, list[Any]]] = {}  # likewise, of those that look from the air
         self._cells: dict[str, dict[int, list[Any]]] = {}  # sensor -> agent -> what it shows, where arrays say that
         self._fork: RuleFork | None = None  # for which it was worked out what follows
         self._needs_game: dict[int, bool] = {}  # agent -> whether it must be asked in the context of its game
@@ -266,7 +268,10 @@ class ScalarStrategies:
         deeds, sent, routes = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]](), list[Route]()
         flights, in_air = list[Flown](), self._in_air(turn, agents)
         self._look_at(self._context.fork)
-        shown_by = [(cells, self._shown(view, name, cells)) for name, cells in self._cells.items()]
+        shown_by: list[tuple[dict[int, list[Any]], list[dict[str, Any]]]] = [
+            *((cells, self._shown(view, name, cells)) for name, cells in self._cells.items()),
+            *((cells, self._shown_in_air(view, name, cells)) for name, cells in self._cells_in_air.items()),
+        ]
 
         def ask(fork: RuleFork, at: int) -> None:
             if not any(alive[at]):
@@ -409,9 +414,9 @@ class ScalarStrategies:
                 access = agents.storage.turn_access(agent)
                 slot = AgentSlot(agent, access, state, table, facts, settings, forks)
                 slot.carried = tuple(
-                    (name, self._cells[name][number], None, _Shown(agent.sensors[name].type))
-                    if number in self._cells.get(name, ())
-                    else (name, *rest)
+                    (name, *rest)
+                    if (cell := self._cell(name, number)) is None
+                    else (name, cell, None, _Shown(agent.sensors[name].type))
                     for name, *rest in slot.carried
                 )
                 players.slots[number] = slot
@@ -427,7 +432,7 @@ class ScalarStrategies:
         if fork is self._fork:
             return
         self._fork, self._cells, self._counting, self._targets = fork, {}, [], _Targets(fork)
-        self._is_exact = {}
+        self._is_exact, self._cells_in_air = {}, {}
         plans, movement = self._context.start().settings()["plans"], self._state.movement
         own, by_metres = fork.parts.settings.plans, movement.leaves_nodes
         self._facts = [facts for rule in fork.rules_in_arrays if (facts := getattr(rule, "facts_in_game", None))]
@@ -438,7 +443,9 @@ class ScalarStrategies:
             needs_game = has_reserved or decider_of(there, own) is not decider_of(agent, plans)
             needs_game |= by_metres or (bool(movement.remembers) and (agent.speed or 0.0) % 1.0 > 0.0)
             for name, sensor in getattr(agent, "sensors", {}).items():
-                if _is_in_arrays(sensor, agent, by_metres=by_metres):
+                if self._state.flyers is not None and aerial_look_of(sensor, agent) is not None:
+                    self._cells_in_air.setdefault(name, {})[number] = [None]
+                elif _is_in_arrays(sensor, agent, by_metres=by_metres):
                     self._cells.setdefault(name, {})[number] = [None]
                     is_exact = self._is_exact.setdefault(name, np.zeros(len(self._state.roster.names), np.bool_))
                     is_exact[number] = not (look := look_of(sensor, agent)) or not look.errs
@@ -447,6 +454,17 @@ class ScalarStrategies:
                     if _counts_looks(sensor):
                         self._counting.append((number, there.sensors[name]))
             self._needs_game[number] = needs_game
+
+    def _cell(self, name: str, number: int) -> list[Any] | None:
+        """Return where it is put what a sensor of an agent shows; None: arrays do not say that."""
+        return self._cells.get(name, {}).get(number) or self._cells_in_air.get(name, {}).get(number)
+
+    def _shown_in_air(self, view: ArrayView, name: str, cells: Collection[int]) -> list[dict[str, Sighting]]:
+        """Return what a sensor shows to agents from the air, likewise."""
+        flyers, carries = self._state.flyers, np.isin(view.agents, list(cells))
+        assert flyers is not None  # noqa: S101 - there are such sensors
+        above = seen_in_space(self._state, flyers, view.games, view.agents, view.mask & carries, [name])
+        return sightings(above, view.roster, self._context.fork.rank, view.node.shape)
 
     def _shown(self, view: ArrayView, name: str, cells: Mapping[int, object]) -> list[dict[str, int]]:
         """Return what a sensor shows to agents, as `data` has it, game by game; nothing to those without one."""

@@ -77,12 +77,17 @@ class Seen(NamedTuple):
             asked: (games, agents) which agents are asked.
         """
         number, column = ({one: i for i, one in enumerate(of.tolist())} for of in (games, agents))
-        parts = [(self.at, self.viewers, self.others, self.nodes)]
+        parts = list[tuple[IntArray, ...]]()
         for game, agent, others, nodes in sights:
             if game in number and agent in column and asked[number[game], column[agent]]:
                 looking = np.full_like(others, number[game]), np.full_like(others, column[agent])
                 parts.append((*looking, others, nodes))
-        at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        return self.joined(parts)
+
+    def joined(self, parts: Sequence[tuple[IntArray, ...]]) -> "Seen":
+        """Return these pairs with others, the columns of each part, of which that counts which comes first."""
+        own = self.at, self.viewers, self.others, self.nodes
+        at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(own, *parts, strict=True))
         keys = (at * self.shape[1] + viewers) * self.shape[2] + others
         _, first = np.unique(keys, return_index=True)
         return Seen(self.shape, at[first], viewers[first], others[first], nodes[first])
@@ -185,7 +190,7 @@ def sees_from_edges(sensor: ISensor, agent: IAgent) -> bool:
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     """Return the names of the sensors of agents of a roster that show agents."""
     carried = [getattr(agents[number], "sensors", {}) for number in numbers.tolist()]
-    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in ON_GROUND})
+    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in ON_GROUND | IN_AIR})
 
 
 def noted_sensors(agent: IAgent) -> list[str]:

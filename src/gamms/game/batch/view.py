@@ -9,6 +9,7 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.actions import as_actions, refuse_no_actions
+from gamms.game.batch.aerial_sight import seen_in_space
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.columns import lock
 from gamms.game.batch.deeds import ArrayDeeds
@@ -343,6 +344,9 @@ class ArrayView(Mapping[str, Any]):
         if key not in state.shared:
             state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted)
         found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
+        if state.flyers is not None:
+            above = seen_in_space(state, state.flyers, self.games, self.agents, self._whole, names)
+            found = found.joined([(*above[:3], state.flyers.below(above.xyz))]) if len(above.at) else found
         if state.sighted:
             sights = [
                 (*who, *sight)

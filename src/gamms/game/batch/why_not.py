@@ -3,6 +3,7 @@
 from collections.abc import Hashable, Iterator, Sequence
 from typing import Any
 
+from gamms.game.batch.aerial_sight import why_not_seen_in_space
 from gamms.game.batch.begun import remembers, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
 from gamms.game.batch.forms import flies, form_of
@@ -83,6 +84,10 @@ def _why_not_flown(agent: IAgent, decider: object, *, has_plan: bool) -> Iterato
     """Yield why a strategy has no array form for an agent that flies, in words."""
     if _flies(agent) and (has_plan or not flies(decider)):
         yield f"{as_code(decider)} of agent {agent.name!r}, which flies"
+    if hasattr(form_of(decider), IS_BLIND) and not getattr(form_of(decider), IS_BLIND):  # of `gamms.strategies`
+        for name, sensor in getattr(agent, "sensors", {}).items():
+            if sensor.type in IN_AIR:
+                yield f"the sensor {name!r} of agent {agent.name!r}, at which {as_code(decider)} does not look"
 
 
 def _flies(agent: IAgent) -> bool:
@@ -99,9 +104,7 @@ def _why_not_in_air(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]
     if flying and any(getattr(one.rule, IN_ARRAYS_ALONE, False) for one in game.rules):
         yield f"agent {flying[0]!r}, which flies"
     for agent in agents if flying else ():
-        for name, sensor in getattr(agent, "sensors", {}).items():
-            if sensor.type in IN_AIR:
-                yield f"the sensor {name!r} of agent {agent.name!r}, which looks for agents from the air"
+        yield from why_not_seen_in_space(agent)
 
 
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
