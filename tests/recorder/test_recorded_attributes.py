@@ -52,6 +52,37 @@ def test_a_resumed_game_has_the_attributes_of_its_turn(ctx):
         assert [one["energy"] for one in columns["attributes"]] == [1, "gone", 20, 2]
 
 
+def test_an_attribute_that_is_deleted_is_gone_from_its_turn_on(ctx):
+    ctx.agent.create_team("ant", [0, 4], strategy=stay, columns={"energy": [1, 2]})
+    solo = ctx.agent.create_agent("solo", start_node_id=3, strategy=stay, energy=3, path=[1])
+
+    def starve(ctx):
+        if ctx.game.turn == 2:
+            del ctx.agent.get_agent("ant_1").energy
+            del solo.energy, solo.path
+        elif ctx.game.turn == 3:
+            solo.energy = 9
+
+    file, again = io.BytesIO(), io.BytesIO()
+    with recorded(ctx, starve, turns=4, file=file) as recording:
+        for turn, expected in ((1, (1, 2, 3)), (2, (1, None, None)), (3, (1, None, 9)), (4, (1, None, 9))):
+            with recording.resume(turn) as then:
+                assert tuple(energies(then).values()) == expected
+                assert hasattr(then.agent.get_agent("solo"), "path") == (turn < 2)
+            attributes = recording.detached(turn).agents.columns["attributes"]
+            assert tuple(one.get("energy") for one in attributes) == expected
+    assert energies(ctx) == {"ant_0": 1, "ant_1": None, "solo": 9}
+    with gamms.create_context() as other:
+        file.seek(0)
+        other.record.start(again)
+        assert sum(1 for _ in other.record.replay(file)) > 0
+        other.record.stop()
+        assert tuple(energies(other).values()) == (1, None, 9)
+    again.seek(0)
+    with opened(again) as second:
+        assert [one.get("energy") for one in second.detached(2).agents.columns["attributes"]] == [1, None, None]
+
+
 def test_a_replay_sets_attributes_and_writes_them_again(ctx):
     ctx.agent.create_agent("a", start_node_id=0, strategy=stay)
 

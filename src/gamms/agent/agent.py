@@ -62,10 +62,7 @@ class BaseAgent(ContextPart, IAgent):
 
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
     # because setting an attribute asks whether a strategy is running (benchmarks: the loop).
-    __slots__ = (
-        *("_block", "_carried", "_ctx", "_last", "_near", "_phase", "_row", "_sensor_list", "_shared"),
-        "strategy",
-    )
+    __slots__ = "_block", "_carried", "_ctx", "_last", "_near", "_phase", "_row", "_sensor_list", "_shared", "strategy"
 
     _called = "agent"
 
@@ -101,6 +98,13 @@ class BaseAgent(ContextPart, IAgent):
                 journal.attributed([self._row], name, [value])
             return
         object.__setattr__(self, name, value)
+
+    def __delattr__(self, name: str) -> None:
+        """Delete an attribute; refused while a strategy is running."""
+        is_noted = name[0] != "_" and name in self.__dict__ and not self._block.journal.is_silent
+        super().__delattr__(name)
+        if is_noted:
+            self._block.journal.attributed([self._row], name, None)
 
     def _look_at(self, name: str, value: object) -> None:
         """Check a strategy; refuse what cannot be set; warn of a name that looks misspelt, once in a context."""
