@@ -52,7 +52,7 @@ def batch_of(rules, settings, strategies=None, games=1024, turns=50, **more):
     given = {"map": {"grid": {"width": 20, "height": 20}}, "teams": {"red": WALK, "blue": WALK}, **more}
     scenario = Scenario(rules=rules, settings=settings, max_turns=turns, **given)
     batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=strategies)
-    if batch.slow is not None:
+    if not batch.is_in_arrays:
         raise RuntimeError(f"This batch is played one by one, because of {batch.slow}.")
 
     def ours():
@@ -92,6 +92,25 @@ def with_deeds():
 
     gamms.array_strategy(of=act_alone)(act)
     return batch_of(PRICED, {"deeds": DEEDS}, {"red": act_alone, "blue": act_alone})
+
+
+def close_roads(ctx):
+    """Close another road in each game in every fifth turn."""
+    if ctx.game.turn % 5 == 0:
+        open_edges = ctx.graph.graph.columns().edge_ids
+        ctx.graph.close_roads([int(open_edges[(ctx.seed * 7919 + ctx.game.turn * 104_729) % len(open_edges)])])
+
+
+def with_closed_roads():
+    """Agents that walk at random and tag, in games with other roads closed in each, by a rule without an array form."""
+    return batch_of([TAG, {"rule": "parts:close_roads"}], {}, games=256, allow=["parts"])
+
+
+def with_close_tags():
+    """Agents that travel by metres and tag from afar."""
+    goes = {**WALK, "strategy": "gamms.strategies:random_waypoints", "speed": 7.0}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 8.0}}
+    return batch_of([tag], {"speed_unit": "metres"}, games=256, teams={"red": goes, "blue": goes})
 
 
 def with_messages():

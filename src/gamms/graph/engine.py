@@ -259,7 +259,7 @@ class GraphEngine(ContextPart, IGraphEngine):
                 "Say what to close: close_roads(edges), close_roads(name='…') or close_roads(inside=polygon)."
             )
         both = set(chosen[0]).intersection(*chosen[1:])
-        ids = [id for id in self.graph.get_edges() if id in both]
+        ids = sorted(both, key=self._store.edges.index.row)
         if ids:
             self._store.close_edges(ids)
         return ids

@@ -98,13 +98,14 @@ class RowIndex:
         Raises:
             DuplicateId (KeyError): one of them is.
         """
-        if not _are_consecutive(ids):
+        if not (ids[1:] > ids[:-1]).all():
             unique, counts = np.unique(ids, return_counts=True)
             if len(unique) < len(ids):
                 raise DuplicateId(kind, int(unique[counts > 1][0]))
-        taken = np.flatnonzero(self._look_up(ids) >= 0)
-        if len(taken):
-            raise DuplicateId(kind, int(ids[taken[0]]))
+        if self._run or self._others or self._ascending is not None:
+            taken = np.flatnonzero(self._look_up(ids) >= 0)
+            if len(taken):
+                raise DuplicateId(kind, int(ids[taken[0]]))
 
     def _row_of_ascending(self, id: int) -> int:
         ids = self._ascending
