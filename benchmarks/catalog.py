@@ -154,6 +154,10 @@ CASES = [
     Case("scenario: 1,024 games with an order of play in a batch", "agent-step", parts.in_order, RESET),
     Case("scenario: 1,024 games with speeds in edges in a batch", "agent-step", parts.by_edges, RESET),
     Case("scenario: 1,024 games by metres in a batch", "agent-step", parts.by_metres, RESET),
+    Case("scenario: 256 games by metres with tag(euclid=), in a batch", "agent-step", parts.with_close_tags, RESET),
+    Case("scenario: 256 games with roads closed in each, in a batch", "agent-step", parts.with_closed_roads, RESET),
+    Case("scenario: 256 games with a plain rule, in a batch", "agent-step", parts.with_plain_rule, RESET),
+    Case("scenario: 256 games with a drone, in a batch", "agent-step", parts.with_a_drone, RESET),
     Case("scenario: 1,024 games with deeds in a batch", "agent-step", parts.with_deeds, RESET),
     Case("scenario: 1,024 games with messages in a batch", "agent-step", parts.with_messages, RESET),
     Case(

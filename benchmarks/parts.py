@@ -1,5 +1,8 @@
 """Parts of games in batches of 1,024, each against the same games one after the other by `reset` and `run`."""
 
+import numpy as np
+
+ROADS = 1520  # edges of the grid of 20 x 20
 WALK = {"count": 5, "strategy": "gamms.strategies:random_walk"}
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 DEEDS = {"scan": {"node": "node"}, "mark": {"size": "number"}}
@@ -50,6 +53,7 @@ def batch_of(rules, settings, strategies=None, games=1024, turns=50, **more):
     from gamms.scenario import Scenario
 
     given = {"map": {"grid": {"width": 20, "height": 20}}, "teams": {"red": WALK, "blue": WALK}, **more}
+    agents = sum(team["count"] for team in given["teams"].values())
     scenario = Scenario(rules=rules, settings=settings, max_turns=turns, **given)
     batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=strategies)
     if not batch.is_in_arrays:
@@ -59,13 +63,13 @@ def batch_of(rules, settings, strategies=None, games=1024, turns=50, **more):
         batch.reset()
         while not batch.is_over.all():
             batch.step()
-        return games * 10 * turns
+        return games * agents * turns
 
     def floor(few=4):
         for seed in range(few):
             alone.game.reset(seed=seed)
             alone.game.run()
-        return few * 10 * turns
+        return few * agents * turns
 
     return ours, floor
 
@@ -97,13 +101,38 @@ def with_deeds():
 def close_roads(ctx):
     """Close another road in each game in every fifth turn."""
     if ctx.game.turn % 5 == 0:
-        open_edges = ctx.graph.graph.columns().edge_ids
-        ctx.graph.close_roads([int(open_edges[(ctx.seed * 7919 + ctx.game.turn * 104_729) % len(open_edges)])])
+        ctx.graph.close_roads([(7 * ctx.seed + ctx.game.turn) % ROADS])
+
+
+def close_roads_in_arrays(turn):
+    """Do the same in many games."""
+    for place in np.flatnonzero(turn.turn % 5 == 0):
+        turn.close_roads([place], [(7 * int(turn.seeds[place]) + int(turn.turn[place])) % ROADS])
 
 
 def with_closed_roads():
-    """Agents that walk at random and tag, in games with other roads closed in each, by a rule without an array form."""
+    """Agents that walk at random and tag, in games with other roads closed in each."""
+    import gamms
+
+    gamms.array_rule(of=close_roads)(close_roads_in_arrays)
     return batch_of([TAG, {"rule": "parts:close_roads"}], {}, games=256, allow=["parts"])
+
+
+def with_plain_rule():
+    """Agents that walk at random and tag, and a rule without an array form that looks at all of them."""
+    return batch_of([TAG, {"rule": "parts:count_the_living"}], {}, games=256, allow=["parts"])
+
+
+def count_the_living(ctx):
+    """Give red as many points as agents are alive, now and then."""
+    if sum(agent.alive for agent in ctx.agent.create_iter()) % 7 == 0:
+        ctx.game.scores["red"] += 1.0
+
+
+def with_a_drone():
+    """Agents that walk at random and tag below a drone that flies at random."""
+    drone = {**WALK, "count": 1, "type": "aerial", "altitude": 20.0, "speed": 15.0}
+    return batch_of([TAG], {}, games=256, teams={"red": WALK, "blue": WALK, "air": drone})
 
 
 def with_close_tags():
