@@ -35,11 +35,20 @@ def check(scenario, strategies=None, rules=(dig,)):
             return [games.result(number) for number in range(len(SEEDS))]
 
 
-@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
+@pytest.mark.parametrize(
+    ("speed", "settings"),
+    [
+        ({}, {}),
+        ({}, {"order": [["blue"], ["red"]]}),
+        ({}, {"legal": "any"}),
+        ({"speed": 2.5}, {}),
+        ({"speed": 0.7}, {"order": [["red"], ["blue"]]}),
+    ],
+)
 @pytest.mark.parametrize("strategy", ["chase", "flee"])
-def test_games_in_which_other_roads_are_closed_stay_in_arrays(settings, strategy):
+def test_games_in_which_other_roads_are_closed_stay_in_arrays(speed, settings, strategy):
     near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
-    team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"]}
+    team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"], **speed}
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
     check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings))
 

@@ -224,8 +224,7 @@ class _Tank(NamedTuple):
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         """Return what the rule remembers of a game as arrays; see `_kept`."""
         known = ctx.game.data.get(RESOURCES, {}).get(self.name, {}).get("amounts", {})
-        amounts = state.roster.column(known, self.start)
-        return {("resource", self.name): {"amounts": amounts, "prices": np.zeros(amounts.shape)}}
+        return {("resource", self.name): {"amounts": state.roster.column(known, self.start)}}
 
     def check_in_arrays(self, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         """Return which moves to these nodes cost more than is left, (games, agents)."""
@@ -239,16 +238,20 @@ class _Tank(NamedTuple):
             left[deeds.at, deeds.agents] = np.where(is_refused, has, has - price)
             why = [f"it needs {price:g} {self.name}, and {amount:g} is left" for amount in has[is_refused].tolist()]
             turn.refuse(deeds.those(is_refused), why)
-        edges = ends != turn.node if turn.paths is None else turn.paths.edges
-        prices = edges * self.per_edge
-        if self.per_metre:
-            prices = prices + _lengths_in_arrays(turn, ends) * self.per_metre
+        prices = self._prices(turn, turn.node, ends)
         if turn.flights is not None:
             prices = np.where(turn.roster.flies, self._price_of_flight(turn), prices)
-        kept["prices"][turn.games] = np.where(_goes(turn, edges), prices, kept["prices"][turn.games])
         is_too_dear = is_empty | (prices > left * (1 + _SLACK))
         is_stopped: BoolArray = is_too_dear & turn.alive & counts
         return is_stopped
+
+    def _prices(self, turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
+        """Return what moves of a turn cost on the map as it is, (games, agents)."""
+        edges = ends != starts if turn.paths is None else turn.paths.edges
+        prices = np.asarray(edges * self.per_edge, np.float64)
+        if self.per_metre:
+            prices += _lengths_in_arrays(turn, starts, ends) * self.per_metre
+        return prices
 
     def _price_of_flight(self, turn: ArrayTurn) -> FloatArray:
         """Return what agents pay that fly in a turn, (agents,)."""
@@ -265,8 +268,7 @@ class _Tank(NamedTuple):
         """Do what `charge` does in many games."""
         kept = self._kept(turn.keep, turn.alive.shape[1])
         before, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
-        edges = turn.starts != turn.ends if turn.paths is None else turn.paths.edges
-        prices = np.where(_goes(turn, edges), kept["prices"][turn.games], 0.0)
+        prices = np.where(turn.took_part, self._prices(turn, turn.starts, turn.ends), 0.0)
         if turn.flights is not None:
             those = turn.flights.agents
             prices[:, those] = turn.flights.flew * self._price_of_flight(turn)[those]
@@ -295,10 +297,10 @@ class _Tank(NamedTuple):
                 turn.eliminate(at, np.full(len(at), agent))
 
     def _kept(self, keep: Callable[[Hashable, Callable[[int], Arrays]], Arrays], agents: int) -> Arrays:
-        """Return what the rule remembers of many games: what agents have, and what their moves cost."""
+        """Return what the rule remembers of many games: what agents have."""
         return keep(
             ("resource", self.name),
-            lambda games: {"amounts": np.full((games, agents), self.start), "prices": np.zeros((games, agents))},
+            lambda games: {"amounts": np.full((games, agents), self.start)},
         )
 
     def _rates(self, turn: ArrayTurn) -> FloatArray:
@@ -333,10 +335,10 @@ class _Tank(NamedTuple):
         return edges * self.per_edge + metres * self.per_metre
 
 
-def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
+def _lengths_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
     """Return how long moves are, (games, agents), each edge added to those before it."""
     if turn.paths is None:
-        return _edges_in_arrays(turn, turn.node, ends)
+        return _edges_in_arrays(turn, starts, ends)
     legs = turn.paths.legs
     if legs is not None:
         total = np.zeros(ends.shape)
@@ -348,12 +350,6 @@ def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
     for number in range(nodes.shape[-1] - 1):
         total += _edges_in_arrays(turn, nodes[..., number], nodes[..., number + 1])
     return total
-
-
-def _goes(turn: ArrayTurn, edges: IntArray) -> BoolArray:
-    """Return which agents cover something, given the edges that they go to the end of."""
-    legs = None if turn.paths is None else turn.paths.legs
-    return (edges > 0) | (False if legs is None else (legs.begin != legs.end).any(axis=-1))
 
 
 def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:

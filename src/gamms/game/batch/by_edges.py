@@ -1,15 +1,16 @@
 """Agents that go along several edges in a turn, or parts of one, by their speeds in edges, in many games at once."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.movement import AIMS, BY_HOPS, Movement, Moves, Paths
+from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import SLACK, ResolvedAction, edges_within
 from gamms.game.streets import Streets
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 
@@ -31,11 +32,13 @@ class ByEdges(Movement):
         speeds: of the agents in the order of the roster; None: along one edge.
 
     Attributes:
-        begun: (games, agents) the number of the neighbour to which an agent has covered part of the edge; 0: to none.
+        begun: (games, agents) the row of the node to which an agent has covered part of the edge; -1: to none.
         covered: (games, agents) how much of it.
     """
 
-    is_plain, may_lose_roads = False, False
+    is_plain = False
+    _used: int
+    _on_maps: tuple[IntArray, IntArray]
     remembers = ("begun", "covered")
 
     def __init__(self, streets: Streets, speeds: Sequence[float | None]) -> None:
@@ -43,54 +46,101 @@ class ByEdges(Movement):
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([0.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(self._speeds, return_inverse=True)
-        self._sources = np.repeat(np.arange(len(streets.counts)), streets.counts)
-        self._number = np.full(len(self._kinds) * _REACHES * len(streets.targets), -1, np.int64)
-        self._forget()
+        self._learn_streets()
         self.begin((0, len(speeds)))
+
+    def on(self, roads: RoadMap) -> Self:
+        """Return how the same agents go in games that have a map of their own."""
+        own = super().on(roads)
+        own._learn_streets()
+        return own
+
+    def _learn_streets(self) -> None:
+        streets = self.streets
+        self._sources = np.repeat(np.arange(len(streets.counts)), streets.counts)
+        self._keys = len(self._kinds) * _REACHES * len(streets.targets)
+        self._forget()
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents."""
-        self.begun, self.covered = np.zeros(shape, np.int64), np.zeros(shape)
+        self.begun, self.covered = np.full(shape, -1), np.zeros(shape)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents have covered nothing of an edge."""
-        self.begun[games, agents] = self.covered[games, agents] = 0
+        self.begun[games, agents], self.covered[games, agents] = -1, 0.0
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
         """Let an agent have covered part of an edge in some games."""
-        source, target = (self.streets.rows([node]) for node in (place.source, place.target))
-        self.begun[games, agent], self.covered[games, agent] = self.streets.action_to(source, target), place.share
+        self.begun[games, agent], self.covered[games, agent] = self.streets.rows([place.target]), place.share
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the numbers of the choices of agents that are on these nodes."""
-        is_paced = self._is_paced[which[1]]
-        if not is_paced.any():
+        is_other = self._is_paced[which[1]]
+        if self.roads is not None:
+            is_other = is_other | (self.roads.number[which[0]] > 0)
+        if not is_other.any():
             return node
-        found, paced = node.copy(), np.nonzero(np.broadcast_to(is_paced, node.shape))
-        games, agents = (np.broadcast_to(one, node.shape)[paced] for one in which)
-        found[paced] = self._choices_by_speed(node[paced], games, agents)
+        found, others = node.copy(), np.nonzero(np.broadcast_to(is_other, node.shape))
+        games, agents = (np.broadcast_to(one, node.shape)[others] for one in which)
+        found[others] = self._choices_by_speed(node[others], games, agents)
         return found
 
     def _choices_by_speed(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
-        begun, entries, kind = self.begun[games, agents], len(self.streets.targets), self._kind_of[agents] * _REACHES
-        keys = kind * entries + self.streets.offsets[node] + begun
-        on = np.flatnonzero(begun)
+        entries, kind = len(self.streets.targets), self._kind_of[agents] * _REACHES
+        ahead = self._ahead(node, games, agents)
+        on = np.flatnonzero(ahead >= 0)
+        keys = kind * entries + self.streets.offsets[node]
+        keys[on] += self.streets.action_to(node[on], ahead[on])
         speed = self._speeds[agents[on]]
         more = np.floor(edges_within(speed + self.covered[games[on], agents[on]])) - np.floor(edges_within(speed))
         keys[on] += more.astype(np.int64) * entries
+        if self.roads is not None:
+            return self._choices_on_maps(self.roads.number[games] * self._keys + keys, games)
         found: IntArray = self._number[keys]
         if (found < 0).any():
             if self._used > len(self.streets.targets) + _MOST_KNOWN:
                 self._forget()
-            self._learn(np.unique(keys[self._number[keys] < 0]))
+            new = np.unique(keys[self._number[keys] < 0])
+            self._number[new] = self._learn(new)
             found = self._number[keys]
         return found
 
+    def _choices_on_maps(self, keys: IntArray, games: IntArray) -> IntArray:
+        """Return the numbers of choices in games with several maps, by what they are and the number of the map."""
+        if self._used > len(self.streets.targets) + _MOST_KNOWN:
+            self._forget()
+        wanted, first, which = np.unique(keys, return_index=True, return_inverse=True)
+        new = np.flatnonzero(kernels.rows_of(self._on_maps[0], wanted) < 0)
+        if len(new):
+            numbers = self._learn(wanted[new] % self._keys, games[first[new]])
+            known = (np.concatenate(pair) for pair in zip(self._on_maps, (wanted[new], numbers), strict=True))
+            places, numbers = known
+            order = np.argsort(places, kind="stable")
+            self._on_maps = places[order], numbers[order]
+        found: IntArray = self._on_maps[1][kernels.rows_of(self._on_maps[0], wanted)][which]
+        return found
+
+    def _ahead(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
+        """Return the rows of the nodes to which agents on nodes have covered part of edges that are open; -1: none."""
+        found = self.begun[games, agents]
+        on = np.flatnonzero(found >= 0)
+        found[on[~self._are_next(node[on], found[on], games[on])]] = -1
+        return found
+
+    def _are_next(self, node: IntArray, targets: IntArray, games: IntArray) -> BoolArray:
+        """Return which edges are open, from nodes to others, in games."""
+        if self.roads is None:
+            return self.streets.action_to(node, targets) >= 0
+        ends, rows = self.roads.legal_of(node, games)
+        counts = np.diff(ends)
+        is_it = rows == np.repeat(targets, counts)
+        return np.bincount(np.repeat(np.arange(len(node)), counts)[is_it], minlength=len(node)) > 0
+
     def are_plain(self, agents: IntArray) -> bool:
         """Whether none of some agents has a speed."""
-        return not self._is_paced[agents].any()
+        return self.roads is None and not self._is_paced[agents].any()
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -102,23 +152,25 @@ class ByEdges(Movement):
         return found
 
     def _forget(self) -> None:
-        self._number[:] = -1
+        self._number = np.full(self._keys, -1, np.int64)
+        self._on_maps = np.zeros(0, np.int64), np.zeros(0, np.int64)  # keys with numbers of maps, and the choices
         self._first, self._count = self.streets.offsets[:-1], self.streets.counts
         self._flat, self._used = self.streets.targets, len(self.streets.targets)
 
-    def _learn(self, keys: IntArray) -> None:
-        """Find these choices."""
-        at, found = self._reached(keys)
+    def _learn(self, keys: IntArray, games: IntArray | None = None) -> IntArray:
+        """Find these choices, in games, or on the whole map, and return their numbers."""
+        at, found = self._reached(keys, games)
         counts = np.bincount(at, minlength=len(keys))
-        self._number[keys] = len(self._first) + np.arange(len(keys))
+        numbers = len(self._first) + np.arange(len(keys))
         self._first = np.concatenate((self._first, self._used + np.cumsum(counts) - counts))
         self._count = np.concatenate((self._count, counts))
         after = self._used + len(found)
         if after > len(self._flat):
             self._flat = np.concatenate((self._flat[: self._used], np.empty(2 * after - self._used, np.int64)))
         self._flat[self._used : after], self._used = found, after
+        return numbers
 
-    def _reached(self, keys: IntArray) -> tuple[IntArray, IntArray]:
+    def _reached(self, keys: IntArray, games: IntArray | None = None) -> tuple[IntArray, IntArray]:
         """Return what is in choices, by their places in `keys`, and the rows of nodes.
 
         These are nodes next to the agent, then those in reach of it, then those along the begun edge.
@@ -128,11 +180,11 @@ class ByEdges(Movement):
         kind, more = np.divmod(kind, _REACHES)
         here, ahead = self._sources[entry], streets.targets[entry]
         hops = np.floor(edges_within(self._kinds[kind])).astype(np.int64)
-        near, runs = kernels.chosen_runs(streets.offsets, here)
+        runs, near = self._near(here, games)
         parts = [
-            (np.repeat(np.arange(len(keys)), np.diff(runs)), streets.targets[near]),
-            self._within(here, hops),
-            self._within(ahead, np.where(ahead == here, -1, hops + more - 1)),
+            (np.repeat(np.arange(len(keys)), np.diff(runs)), near),
+            self._within(here, hops, games),
+            self._within(ahead, np.where(ahead == here, -1, hops + more - 1), games),
         ]
         at, found = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         _, first = np.unique(at * nodes + found, return_index=True)
@@ -154,7 +206,13 @@ class ByEdges(Movement):
                     return most
         return most
 
-    def _within(self, rows: IntArray, hops: IntArray) -> tuple[IntArray, IntArray]:
+    def _near(self, rows: IntArray, games: IntArray | None) -> tuple[IntArray, IntArray]:
+        """Return what is legal along one edge, in games, as offsets and rows of nodes."""
+        if games is None or self.roads is None:
+            return self.streets.legal_of(rows)
+        return self.roads.legal_of(rows, games)
+
+    def _within(self, rows: IntArray, hops: IntArray, games: IntArray | None) -> tuple[IntArray, IntArray]:
         """Return the nodes at most so many edges ahead of nodes: the places in `rows`, ascending, and rows of nodes."""
         nodes, at = len(self.streets.counts), np.flatnonzero(hops >= 0)
         known = fresh = at * nodes + rows[at]
@@ -162,8 +220,8 @@ class ByEdges(Movement):
         while len(fresh):
             ring += 1
             fresh = fresh[hops[fresh // nodes] >= ring]
-            entries, runs = kernels.chosen_runs(self.streets.offsets, fresh % nodes)
-            ends = np.repeat(fresh // nodes, np.diff(runs)) * nodes + self.streets.targets[entries]
+            runs, targets = self._near(fresh % nodes, None if games is None else games[fresh // nodes])
+            ends = np.repeat(fresh // nodes, np.diff(runs)) * nodes + targets
             fresh = np.setdiff1d(ends, known)
             known = np.union1d(known, fresh)
         return known // nodes, known % nodes
@@ -174,14 +232,19 @@ class ByEdges(Movement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
         """Return the actions that lead agents from nodes towards others; -1: no path."""
-        has_speed = self._is_paced[which[1]]
-        found, table = np.full(node.shape, -1), self.routes("length")
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
-        here, ends = node[has_speed], targets[has_speed]
+        has_speed, games = self._is_paced[which[1]], which[0]
+        found, table = np.full(node.shape, -1), self.ways("length")
+        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed, at=games[~has_speed])
+        here, ends, games = node[has_speed], targets[has_speed], games[has_speed]
         limit = np.zeros(len(here), np.int64)
-        if allowed is not None:
-            limit = 1 + table.allowed_edges(here, ends, allowed, int(self._speeds.max()) + 2)
-        found[has_speed] = np.where(np.isfinite(table.distances(here, ends)), AIMS * (1 + limit) + ends, -1)
+        if allowed is not None:  # of the first edges of the way
+            at, goes = here, np.ones(len(here), np.bool_)
+            for _ in range(int(self._speeds.max()) + 2):
+                at = table.following(at, ends, at=games)
+                goes &= allowed[at]
+                limit += goes
+            limit += 1
+        found[has_speed] = np.where(np.isfinite(table.distances(here, ends, at=games)), AIMS * (1 + limit) + ends, -1)
         return found
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
@@ -198,22 +261,22 @@ class ByEdges(Movement):
         limit = np.where(by_hops, _ENDLESS, actions[goes] // AIMS - 2)
         limit[limit < 0] = _ENDLESS
         way, those = _Way(node[goes], targets[goes], limit), (games[goes[0]], goes[1])
-        self._set_off(way, by_hops, self.begun[those], self.covered[those], self._speeds[goes[1]])
+        self._set_off(way, by_hops, those)
         return self._gone(node, targets, goes, way)
 
-    def _set_off(
-        self, way: "_Way", by_hops: BoolArray, begun: IntArray, covered: FloatArray, speed: FloatArray
-    ) -> None:
-        """Follow ways for a turn: by the number of edges, or by their lengths."""
-        tables = {True: self.routes(None), False: self.routes("length")}
-        ahead = np.where(begun > 0, self.streets.ends_of(way.here, begun), -1)
-        first, is_next = way.targets.copy(), by_hops & (self.streets.action_to(way.here, way.targets) >= 0)
+    def _set_off(self, way: "_Way", by_hops: BoolArray, those: tuple[IntArray, IntArray]) -> None:
+        """Follow ways of some agents for a turn: by the number of edges, or by their lengths."""
+        tables, games = {True: self.ways(None), False: self.ways("length")}, those[0]
+        ahead, covered, speed = self._ahead(way.here, *those), self.covered[those], self._speeds[those[1]]
+        first, is_next = way.targets.copy(), by_hops & self._are_next(way.here, way.targets, games)
         for is_short, table in tables.items():
             some = np.flatnonzero(~is_next & (by_hops == is_short))
-            first[some] = table.following(way.here[some], way.targets[some])
+            first[some] = table.following(way.here[some], way.targets[some], at=games[some])
         other = np.flatnonzero(by_hops & (ahead >= 0) & (ahead != first))
-        on = 1.0 - covered[other] + tables[True].distances(ahead[other], way.targets[other])
-        on_first = other[on <= tables[True].distances(way.here[other], way.targets[other])]
+        onward, direct = (
+            tables[True].distances(rows[other], way.targets[other], at=games[other]) for rows in (ahead, way.here)
+        )
+        on_first = other[1.0 - covered[other] + onward <= direct]
         first[on_first] = ahead[on_first]
         budget = speed + np.where(first == ahead, covered, 0.0)
         most = np.minimum(np.floor(edges_within(budget)), way.limit).astype(np.int64)
@@ -223,7 +286,7 @@ class ByEdges(Movement):
             ahead = node.copy() if edge else first
             for is_short, table in tables.items() if edge else ():
                 some = goes_on[by_hops[goes_on] == is_short]
-                ahead[some] = table.following(node[some], way.targets[some])
+                ahead[some] = table.following(node[some], way.targets[some], at=games[some])
             enters = goes_on[edge < most[goes_on]]
             node = node.copy()
             node[enters] = ahead[enters]
@@ -240,27 +303,25 @@ class ByEdges(Movement):
         most = way.nodes.shape[-1]
         nodes, lengths = np.repeat(targets[..., None], most, axis=-1), np.where(targets == node, 1, 2)
         nodes[..., 0], nodes[goes], lengths[goes] = node, way.nodes, way.edges + 1
-        begun, covered = np.zeros(node.shape, np.int64), np.zeros(node.shape)
+        begun, covered = np.full(node.shape, -1), np.zeros(node.shape)
         at_end = way.nodes[:, -1]
         on = np.flatnonzero((way.share > 0.0) & (way.ahead >= 0) & (way.ahead != at_end))
         those = goes[0][on], goes[1][on]
-        begun[those] = self.streets.action_to(at_end[on], way.ahead[on])
-        covered[those] = way.share[on]
+        begun[those], covered[those] = way.ahead[on], way.share[on]
         steps = np.arange(most)
         times = np.where(steps < lengths[..., None], steps / np.maximum(lengths - 1, 1)[..., None], np.inf)
-        is_moving = (lengths > 1) | (begun > 0)
+        is_moving = (lengths > 1) | (begun >= 0)
         stays = lengths == 1
         paths = Paths(nodes, times, lengths, stays, np.zeros_like(stays), np.ones_like(stays))
-        return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (0, 0.0))
+        return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (-1, 0.0))
 
     def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
         """Return the moves of agents that go as the turn engine has found, (agents,)."""
         moves, on = super().moves_of(actions), [(i, one.progress) for i, one in enumerate(actions) if one.progress]
-        begun, covered = np.zeros(moves.ends.shape, np.int64), np.zeros(moves.ends.shape)
+        begun, covered = np.full(moves.ends.shape, -1), np.zeros(moves.ends.shape)
         for i, place in on:
-            begun[i] = self.streets.action_to(moves.ends[i], self.streets.rows(place.target))
-            covered[i] = place.share
-        return moves._replace(goes=moves.goes | (begun > 0), progress=(begun, covered))
+            begun[i], covered[i] = self.streets.rows(place.target), place.share
+        return moves._replace(goes=moves.goes | (begun >= 0), progress=(begun, covered))
 
     def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
         """Return which edges agents have begun, and how much of them."""
@@ -269,9 +330,8 @@ class ByEdges(Movement):
     def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
         """Return what agents have covered of edges."""
         found, begun, ids = super().progress(node, games), self.begun[games], self.streets.ids
-        on = np.nonzero(begun)
-        targets = self.streets.ends_of(node[on], begun[on])
-        columns = (*on, ids(node[on]), ids(targets), self.covered[games][on])
+        on = np.nonzero(begun >= 0)
+        columns = (*on, ids(node[on]), ids(begun[on]), self.covered[games][on])
         for at, agent, source, target, share in zip(*(column.tolist() for column in columns), strict=True):
             found[at][agent] = Progress(source, target, share)
         return found

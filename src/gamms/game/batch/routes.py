@@ -190,23 +190,6 @@ class RouteTable:
             found[some] = self._streets.ends_of(starts, np.where(hops == self._none, 0, hops).astype(np.int64))
         return found
 
-    def allowed_edges(self, sources: IntArray, targets: IntArray, allowed: BoolArray, most: int) -> IntArray:
-        """Return how many edges of shortest paths, of the first `most`, lead to nodes that may be entered, (queries,).
-
-        Args:
-            sources: rows.
-            targets: rows.
-            allowed: (nodes,) which may be entered.
-            most: edges.
-        """
-        node, edges = sources, np.zeros(len(sources), np.int64)
-        goes = np.ones(len(sources), np.bool_)
-        for _ in range(most):
-            node = self.following(node, targets)
-            goes &= allowed[node]
-            edges += goes
-        return edges
-
     def _steps(self, starts: IntArray, ends: IntArray, allowed: BoolArray | None) -> IntArray:
         streets = self._streets
         hops = self._hops[self._values(starts, ends)]

@@ -40,19 +40,24 @@ class RoutesOfMaps:
         at: IntArray | None = None,
     ) -> FloatArray:
         """Return how far it is from nodes to others in games; see `RouteTable`."""
-        starts, ends, games = self._as_given(sources, targets, at)
-        which: BoolArray = np.ones(starts.shape, np.bool_)
         if asked is not None:
-            named = {"sources": starts, "targets": ends, "at": games, "asked": as_array(asked, "asked", "booleans")}
-            starts, ends, games, which = as_one_shape(named)
-        found = np.zeros(which.shape)
-        found[which] = self._answers(
-            (starts[which], ends[which], games[which]),
+            named = {
+                name: as_array(one, name, "integers") for name, one in (("sources", sources), ("targets", targets))
+            }
+            starts, ends, which, at = as_one_shape(
+                named | {"asked": as_array(asked, "asked", "booleans"), "at": self._as_places(at)}
+            )
+            found = np.zeros(which.shape)
+            found[which] = self.distances(starts[which], ends[which], at=at[which])
+            return found
+        given = self._as_given(sources, targets, at)
+        far: FloatArray = self._answers(
+            tuple(one.ravel() for one in given),
             np.float64,
             lambda ways: ways.values(ways.starts)[0],
             lambda table, sources, targets: table.distances(sources, targets),
         )
-        return found
+        return far.reshape(given[0].shape)
 
     def actions(
         self, sources: IntArray, targets: IntArray, allowed: BoolArray | None = None, *, at: IntArray | None = None
@@ -81,12 +86,14 @@ class RoutesOfMaps:
 
     def _as_given(self, sources: object, targets: object, at: object) -> list[IntArray]:
         """Return rows of nodes and the games, by their numbers in the batch, of one shape."""
-        if at is None:
-            refuse_several_maps("What view.routes() says without at=, the games by their places in the view,")
-        checked, games = self._roads.streets.checked, self._games
-        places = as_numbers_of(at, "at", len(self._roads.number) if games is None else len(games), "games")
+        checked, games, places = self._roads.streets.checked, self._games, self._as_places(at)
         pairs = {"sources": checked(sources, "sources"), "targets": checked(targets, "targets")}
         return as_one_shape(pairs | {"at": places if games is None else games[places]})
+
+    def _as_places(self, at: object) -> IntArray:
+        if at is None:
+            refuse_several_maps("What view.routes() says without at=, the games by their places in the view,")
+        return as_numbers_of(at, "at", len(self._roads.number if self._games is None else self._games), "games")
 
     def _answers(
         self,
