@@ -176,6 +176,7 @@ KINDS = [
     {"type": "AGENT_RANGE", "sensor_range": 5.0, "team": "red"},
     {"type": "AGENT", "exclude": ["a0"], "delay_turns": 2},
     {"type": "OCCLUDED_AGENT", "sensor_range": 5.0, "detection": 0.8},
+    {"type": "OCCLUDED_AGENT", "sensor_range": 4.0, "fov": 3.0, "false_alarm_rate": 0.5},
     {"type": "NEIGHBOR"},
     {"type": "RANGE", "sensor_range": 1.2},
     {"type": "ARC", "sensor_range": 2.5, "fov": 1.5},

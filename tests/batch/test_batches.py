@@ -532,6 +532,20 @@ def test_a_carrier_that_was_tagged_before_carries_its_flag_on_from_columns():
         assert (others.columns()[carriers] == games.columns()[carriers]).all()
 
 
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_agents_look_from_columns_where_they_looked(unit):
+    sight = {"eye": {"type": "AGENT_ARC", "sensor_range": 40.0, "fov": 2.0}}
+    scenario = scene(sensors=sight, settings={"speed_unit": unit}, red=4, blue=4)
+    with scenario.replace(**{"teams.red.sensors": ["eye"], "teams.red.speed": 7}).batch(8, seed=1) as games:
+        for _ in range(3):
+            games.step()
+        columns, seen = games.columns(), games.observe("red").seen()
+        games.step()
+        games.load(columns, 3)
+        assert [one.tolist() for one in games.observe("red").seen()[1:]] == [one.tolist() for one in seen[1:]]
+        assert 0 < len(seen.at) < 8 * 4 * 7
+
+
 def test_flights_of_a_team_on_the_ground_are_refused():
     with scene().batch(2) as games:
         with pytest.raises(BadValue, match="team 'red' was given flights, and none of its agents flies"):

@@ -1,5 +1,7 @@
 """What agents of a batch see is what the sensors show them in a game that is played alone."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch import sight
 from gamms.sensor import views
-from gamms.strategies import chase, flee
+from gamms.strategies import chase, flee, goto, mix
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
 
@@ -205,31 +207,63 @@ def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, see
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
-@pytest.mark.parametrize("decide", ["turn", "arrival"])
-@pytest.mark.parametrize(
-    ("kind", "keywords"),
-    [
-        ("OCCLUDED_AGENT", {}),
-        ("OCCLUDED_AGENT", {"at": 12, "detection": 0.7}),
-        ("OCCLUDED_AGENT", {"at": (13.0, 22.0), "position_noise_m": 4.0, "delay_turns": 1}),
-    ],
-)
-def test_agents_on_edges_act_on_what_they_see_as_alone(kind, keywords, decide):
+@contextmanager
+def on_edges(kind, keywords, decide, strategies):
+    """Open a game by metres on hilly ground with a tunnel and a wall, in which agents go by strategies."""
     settings = {"speed_unit": "metres", "decide": decide}
-    with scene(max_turns=5, settings=settings).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+    with scene(max_turns=9, settings=settings).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         patch.setattr(views, "_MOST_FACES", 0 if "at" in keywords else 9)
         ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
         for node, z in ((7, 20.0), (12, 3.0)):
             ctx.graph.graph.update_node({"id": node, "z": z, "underground": node == 7})
         for i, (name, agent) in enumerate(ctx.agent.agents.items()):
-            field = FIELD if "ARC" in kind else {}
-            eye = ctx.sensor.create_sensor(f"{name}/eye", kind, sensor_range=35.0, **keywords, **field)
-            agent.register_sensor("eye", eye)
-            agent.register_strategy((flee if agent.team == "red" else chase)(ctx))
-            agent.speed = (3.0, 7.0, 13.0)[i % 3]
-        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            agent.register_sensor("eye", ctx.sensor.create_sensor(f"{name}/eye", kind, sensor_range=35.0, **keywords))
+            agent.orientation = (0.0, 1.0) if i == 4 else None
+            agent.register_strategy(strategies[agent.team](ctx))
+            agent.speed = (1.7, 3.0, 13.0)[i % 3]
+        yield ctx
+
+
+by_metres = pytest.mark.parametrize(
+    ("kind", "keywords"),
+    [
+        ("OCCLUDED_AGENT", {}),
+        ("OCCLUDED_AGENT", {"at": 12, "detection": 0.7}),
+        ("OCCLUDED_AGENT", {"at": (13.0, 22.0), "position_noise_m": 4.0, "delay_turns": 1}),
+        ("OCCLUDED_AGENT", {"false_alarm_rate": 1.5, **FIELD}),
+        ("AGENT_ARC", FIELD),
+        ("AGENT_ARC", {"false_alarm_rate": 1.5, "detection": 0.6, "delay_turns": 1, **FIELD}),
+        ("AGENT_RANGE", {"false_alarm_rate": 2.0, "position_noise_m": 4.0}),
+        ("AGENT", {"false_alarm_rate": 1.0}),
+    ],
+)
+
+
+@by_metres
+def test_agents_on_edges_see_whom_their_sensors_show(kind, keywords):
+    to_and_fro = {team: lambda ctx: mix(0.5, goto(ctx, 0), goto(ctx, 24)) for team in ("red", "blue")}
+    keywords = {
+        name: value for name, value in keywords.items() if name != "delay_turns"
+    }  # then the last look of a turn counts
+    with on_edges(kind, keywords, "turn", to_and_fro) as ctx, ctx.game.batch(seeds=[2, 1]) as games:
+        for _ in range(9):
+            for viewer in ("red_0", "red_1", "red_2"):
+                expected = ctx.game.observation(viewer)["sensor"]["eye"][1]
+                assert agents_seen(games, 1, viewer, "eye") == expected
+            games.step()
+            ctx.game.step()
+
+
+@by_metres
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+def test_agents_on_edges_act_on_what_they_see_as_alone(kind, keywords, decide):
+    with (
+        on_edges(kind, keywords, decide, {"red": flee, "blue": chase}) as ctx,
+        ctx.game.batch(seeds=[1, 2]) as games,
+        ctx.game.fork(0).ctx as alone,
+    ):
+        assert games.slow is None
+        games.run()
+        for number, seed in enumerate(games.seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())

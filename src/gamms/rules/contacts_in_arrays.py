@@ -19,8 +19,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.contacts import Nearness
 from gamms.rules.meetings import TIME_SLACK
-from gamms.rules.meetings_in_arrays import Met, Sides, equal_keys, near_on_travels, of_sides, on_streets
-from gamms.rules.near_nodes import NearNodes
+from gamms.rules.meetings_in_arrays import Met, NearNodes, Sides, equal_keys, near_on_travels, of_sides, on_streets
 
 
 class ArrayContacts(NamedTuple):

@@ -19,6 +19,7 @@ from gamms.game.batch.flights import Flyers
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.game_forms import GameForms, key_of
 from gamms.game.batch.given import Given
+from gamms.game.batch.headings import Headings
 from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Movement, Moves
 from gamms.game.batch.moves_of_turn import TurnPart
@@ -27,7 +28,7 @@ from gamms.game.batch.rule_fork import NoRow, OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies
 from gamms.game.batch.sight import DELAYS, reports_late, turns_with_its_agent
-from gamms.game.batch.state import GameArrays, Headings, NotTakenUp
+from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres, movement_of
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayView
@@ -98,7 +99,7 @@ class ArrayEngine:
         nodes = [(block.previous[row], block.node[row]) for row in rows]
         before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
         turned_to = np.array(fixed, np.float64).reshape(-1, 2)
-        return Headings(streets, turned_to, np.array(before), self.state.start, self.state.flyers)
+        return Headings(self.state.movement, turned_to, np.array(before), self.state.start, self.state.flyers)
 
     def _made_forms(self, game: PlayedGame) -> GameForms:
         context = RuleContext(lambda: game.fork(0), self.state, self._own, self._take_roads, self._admit)

@@ -324,7 +324,7 @@ class Movement:
     def __init__(self, streets: Streets) -> None:
         self.streets = streets
         self.edge = self.street = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
-        self.share, self.now = np.zeros((0, 0)), np.zeros(0)
+        self.share, self.motion, self.now = np.zeros((0, 0)), np.zeros((0, 0), np.int64), np.zeros(0)
         self.back: IntArray = np.zeros(0, np.int64)
         self.is_ahead: BoolArray = np.zeros(0, np.bool_)
         self._tables: dict[str | None, RouteTable] = {}

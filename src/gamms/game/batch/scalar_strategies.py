@@ -16,7 +16,7 @@ from gamms.game.batch.flights import Flown, InAir
 from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
-from gamms.game.batch.sight import Seen, look_of, sees_from_edges
+from gamms.game.batch.sight import Seen, look_of
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
@@ -443,12 +443,13 @@ class ScalarStrategies:
             needs_game = has_reserved or decider_of(there, own) is not decider_of(agent, plans)
             needs_game |= by_metres or (bool(movement.remembers) and (agent.speed or 0.0) % 1.0 > 0.0)
             for name, sensor in getattr(agent, "sensors", {}).items():
+                look = look_of(sensor, agent)
                 if self._state.flyers is not None and aerial_look_of(sensor, agent) is not None:
                     self._cells_in_air.setdefault(name, {})[number] = [None]
-                elif _is_in_arrays(sensor, agent, by_metres=by_metres):
+                elif look is not None:
                     self._cells.setdefault(name, {})[number] = [None]
                     is_exact = self._is_exact.setdefault(name, np.zeros(len(self._state.roster.names), np.bool_))
-                    is_exact[number] = not (look := look_of(sensor, agent)) or not look.errs
+                    is_exact[number] = not look.errs
                 elif not (_sees_from_node(sensor) or sensor.type in FROM_AIR):
                     needs_game = True
                     if _counts_looks(sensor):
@@ -491,12 +492,6 @@ class ScalarStrategies:
         columns = (one.tolist() for one in (on, *places))
         for i, edge, offset, xy in zip(*columns, strict=True):
             nodes[i] = PassedNode(nodes[i], tuple(edge), offset, tuple(xy))
-
-
-def _is_in_arrays(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:
-    """Whether arrays say what a sensor that shows agents has in its `data`."""
-    look = look_of(sensor, agent)
-    return look is not None and (not by_metres or sees_from_edges(sensor, agent))
 
 
 def _sees_from_node(sensor: ISensor) -> bool:

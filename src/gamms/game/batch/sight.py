@@ -179,14 +179,6 @@ def why_not_seen(agent: IAgent, name: str) -> str | None:
     return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}" if isinstance(look, str) else None
 
 
-def sees_from_edges(sensor: ISensor, agent: IAgent) -> bool:
-    """Whether what a sensor shows has an array form where agents are on edges, too."""
-    look = look_of(sensor, agent)
-    if look is None:
-        return sensor.type not in ON_GROUND
-    return not (look.false_alarms or (look.cone and look.turns))
-
-
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     """Return the names of the sensors of agents of a roster that show agents."""
     carried = [getattr(agents[number], "sensors", {}) for number in numbers.tolist()]
@@ -535,16 +527,48 @@ def _covered(world: _World, lookout: Lookout, at: IntArray, looking: IntArray) -
     key = "covered", look.what
     if key not in shared:
         shared[key] = KnownViews(streets, NodeLook(look.radius, look.place, from_node=look.covers))
-    node = world.node[at, looking]
-    ends, rows = shared[key].of(node)
-    if not look.turns or look.cone is None:
-        return ends, rows
-    which, (x, y) = np.repeat(np.arange(len(at)), np.diff(ends)), streets.axes
-    here = node[which]
-    seen = (world.games[at[which]], looking[which], here)
-    kept = in_turned_cone(world.state, seen, (x[rows] - x[here], y[rows] - y[here]), look.cone)
+    spots, (x, y) = world.spots(at, looking), streets.axes
+    is_beside = spots.on_edge & (look.place is None)
+    on_node, on_edge = np.flatnonzero(~is_beside), np.flatnonzero(is_beside)
+    ends, rows = shared[key].of(spots.node[on_node])
+    which = np.repeat(on_node, np.diff(ends))
+    if len(on_edge):
+        lines, around = _around(spots.x[on_edge], spots.y[on_edge], (x, y), look.radius)
+        which, rows = np.append(which, on_edge[lines]), np.append(rows, around)
+        order = np.argsort(which, kind="stable")
+        which, rows = which[order], rows[order]
+    offsets = x[rows] - spots.x[which], y[rows] - spots.y[which]
+    kept: BoolArray = np.ones(len(rows), np.bool_)
+    if look.turns and look.cone is not None:
+        kept = in_turned_cone(
+            world.state, (world.games[at[which]], looking[which], spots.node[which]), offsets, look.cone
+        )
+    if look.height is not None and len(on_edge):
+        kept[kept] = ~_hidden_nodes(world, lookout, some_rows(spots, which[kept]), rows[kept])
     counts = np.bincount(which[kept], minlength=len(at))
     return np.concatenate((np.zeros(1, np.int64), np.cumsum(counts))), rows[kept]
+
+
+def _around(
+    x: FloatArray, y: FloatArray, axes: tuple[FloatArray, FloatArray], radius: float
+) -> tuple[IntArray, IntArray]:
+    """Return the nodes in range of places, (places,), as numbers of places and rows, both ascending."""
+    if _LEAST < radius < _MOST:
+        parts = [*kernels.near_each_other(kernels.Area(x, y), kernels.Area(*axes), radius)]
+        lines, rows = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
+        return lines, rows
+    found = [np.flatnonzero(_within(axes[0] - x0, axes[1] - y0, radius)) for x0, y0 in zip(x, y, strict=True)]
+    return np.repeat(np.arange(len(x)), [len(rows) for rows in found]), np.concatenate(found)
+
+
+def _hidden_nodes(world: _World, lookout: Lookout, spots: Spots, rows: IntArray) -> BoolArray:
+    """Return which nodes are hidden from agents on edges, (pairs,); those on nodes have looked past obstacles."""
+    found, hides, streets = np.zeros(len(rows), np.bool_), lookout.look.hides_pairs, world.state.streets
+    if hides is not None:
+        on, node = spots.on_edge, rows[spots.on_edge]
+        xy = np.column_stack((spots.x, spots.y))[on]
+        found[on] = hides(streets.ids(spots.node[on]), xy, on[on], streets.ids(node), streets.columns.xy[node])
+    return found
 
 
 def _displaced(world: _World, lookout: Lookout, pairs: Pairs, nodes: IntArray) -> IntArray:

@@ -14,6 +14,7 @@ from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import Flights, Flyers
+from gamms.game.batch.headings import Headings
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.batch.roads import OpenRoads, RoadMap, StreetsOfMaps
@@ -188,53 +189,6 @@ class LastMoves(NamedTuple):
     ends: IntArray
     took_part: BoolArray
     dropped: BoolArray
-
-
-class Headings:
-    """Which way agents look in all games: where that was set, else as they have moved last.
-
-    Args:
-        streets: of the map.
-        fixed: (agents, 2) `(cos, sin)` where the heading was set; NaN: it follows the moves.
-        flyers: the agents whose headings follow from how they are turned; None: none flies.
-        before: (agents,) rows of the nodes on which agents were before they began; -1: where they began.
-        start: (games, agents) rows, where they began.
-
-    Attributes:
-        previous: (games, agents) rows of the nodes on which they were before they moved last.
-    """
-
-    def __init__(
-        self, streets: Streets, fixed: FloatArray, before: IntArray, start: IntArray, flyers: Flyers | None
-    ) -> None:
-        self._axes, self._fixed, self._before, self._flyers = streets.axes, fixed, before, flyers
-        self.previous = np.where(before < 0, start, before)
-
-    def begin(self, games: IntArray, start: IntArray) -> None:
-        """Begin games again, on these nodes."""
-        self.previous[games] = np.where(self._before < 0, start, self._before)
-
-    def moved(self, games: IntArray, node: IntArray, which: BoolArray) -> None:
-        """Note that some agents, (games, agents), have moved or stayed, from nodes."""
-        self.previous[games] = np.where(which, node, self.previous[games])
-
-    def put(self, games: IntArray, agents: IntArray, node: IntArray) -> None:
-        """Note that agents are on nodes as if they had always been there."""
-        self.previous[games, agents] = node
-
-    def of(self, games: IntArray, agents: IntArray, node: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return cos and sin of the headings of agents that are on nodes, (looks,) each; both 0.0: none."""
-        (x, y), before = self._axes, self.previous[games, agents]
-        dx, dy = x[node] - x[before], y[node] - y[before]
-        far = np.hypot(dx, dy)
-        goes, fixed = far > 0.0, self._fixed[agents]
-        far = np.where(goes, far, 1.0)
-        follows = np.isnan(fixed[:, 0])
-        cos, sin = np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
-        if self._flyers is not None:
-            some = np.flatnonzero(np.isin(agents, self._flyers.agents))
-            cos[some], sin[some] = self._flyers.headings(games[some], agents[some])
-        return cos, sin
 
 
 class World(NamedTuple):
@@ -441,6 +395,8 @@ class GameArrays:
         if self.flyers is not None:
             found |= self.flyers.columns
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
+        if self.headings is not None:
+            found["previous"] = self.headings.previous
         if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
             found["stops"] = self.stops
         return found
@@ -459,7 +415,7 @@ class GameArrays:
             if not np.can_cast(np.asarray(values).dtype, mine[name].dtype, "same_kind"):
                 raise BadValue(f"The column {name!r} is of {mine[name].dtype}, not of {np.asarray(values).dtype}.")
         last = len(self.streets.columns.node_ids) - 1
-        for name in ("node", "start"):
+        for name in ("node", "start", *(("previous",) if self.headings is not None else ())):
             rows = np.asarray(columns[name])
             if rows.min(initial=0) < 0 or rows.max(initial=0) > last:
                 raise BadValue(f"The column {name!r} has rows of nodes, from 0 to {last}, not {shown(rows)}.")

@@ -49,11 +49,11 @@ class ByMetres(Movement):
     """
 
     is_plain, leaves_nodes, may_lose_roads = False, True, False
+    remembers = ("edge", "share", "motion")
     idle = STOP
 
     def __init__(self, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:
         super().__init__(streets)
-        self.remembers = ("edge", "share", "motion") if terms.decides_at_arrivals else ("edge", "share")
         self.terms = terms
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])

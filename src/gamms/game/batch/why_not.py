@@ -9,7 +9,7 @@ from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparin
 from gamms.game.batch.forms import flies, form_of
 from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
-from gamms.game.batch.sight import sees_from_edges, turns_with_its_agent, why_not_seen
+from gamms.game.batch.sight import turns_with_its_agent, why_not_seen
 from gamms.game.batch.travel import why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE
 from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS
@@ -61,12 +61,10 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
             yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
         yield from ((agent, why) for why in _why_not_flown(agent, one, has_plan=agent.team in plans))
-        for name, sensor in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}).items():
+        for name in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}):
             why = why_not_seen(agent, name)
             if why is not None:
                 yield agent, why
-            if by_metres and not sees_from_edges(sensor, agent):
-                yield agent, f"the sensor {name!r} of agent {agent.name!r}, from edges"
 
 
 def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
