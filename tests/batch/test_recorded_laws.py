@@ -23,6 +23,7 @@ EYES = {
     "near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
     "late": {"type": "AGENT_RANGE", "sensor_range": 35.0, "delay_turns": 2, "position_noise_m": 9.0},
     "odd": {"type": "AGENT", "false_alarm_rate": 0.4},
+    "above": {"type": "AERIAL_AGENT", "sensor_range": 30.0, "fov": 3.0},
 }
 teams = st.fixed_dictionaries(
     {
@@ -31,6 +32,16 @@ teams = st.fixed_dictionaries(
         "sensors": st.sampled_from([["near"], ["odd", "late"]]),
     },
     optional={"speed": st.sampled_from([1.0, 2.5])},
+)
+air = st.fixed_dictionaries(
+    {
+        "count": st.integers(1, 2),
+        "type": st.just("aerial"),
+        "speed": st.sampled_from([4.0, 30.0]),
+        "altitude": st.sampled_from([0.0, 9.0]),
+        "strategy": st.sampled_from([WALK, "gamms.strategies:stay"]),
+        "sensors": st.sampled_from([["near"], ["odd", "above"]]),
+    }
 )
 settled = st.fixed_dictionaries(
     {},
@@ -46,6 +57,7 @@ settled = st.fixed_dictionaries(
 @given(
     red=teams,
     blue=teams,
+    air=st.one_of(st.none(), air),
     rules=st.lists(st.sampled_from(RULES), max_size=4, unique_by=str),
     settled=settled,
     conflicts=st.sampled_from([{}, {"conflicts": {"capacity": 1}}]),
@@ -53,13 +65,16 @@ settled = st.fixed_dictionaries(
     outside=st.sampled_from([[], ["red"], ["red", "blue"]]),
 )
 def test_a_recording_of_a_game_of_a_batch_is_that_of_the_game_alone(
-    red, blue, rules, settled, conflicts, max_turns, outside, tmp_path_factory
+    red, blue, air, rules, settled, conflicts, max_turns, outside, tmp_path_factory
 ):
     folder, rng = tmp_path_factory.mktemp("games"), np.random.default_rng(1)
     radio = {"range_m": 30.0, "max_bytes_per_turn": 3}
+    if air is not None and "order" in settled:
+        settled = settled | {"order": [["blue"], ["red", "air"]]}
     given = {"settings": settled, "channels": {"radio": radio}, "max_turns": max_turns, "sensors": EYES}
     given |= conflicts
-    scenario = scene(rules, teams={"red": red, "blue": blue}, **given)
+    scenario = scene(rules, teams={"red": red, "blue": blue} | ({} if air is None else {"air": air}), **given)
+    outside = outside + (["air"] if air is not None and outside else [])
     with (
         scenario.batch(2, seed=5, record=True) as games,
         scenario.batch(2, seed=5, record=True, one_by_one=True) as others,
@@ -70,6 +85,7 @@ def test_a_recording_of_a_game_of_a_batch_is_that_of_the_game_alone(
                     "moves": games.observe(team).counts * 0 + rng.integers(2),
                     "messages": {"radio": (True, int(rng.integers(3)) * 999, rng.choice([team, None]))},
                 }
+                | ({"flights": rng.normal(size=(2, air["count"], 3)) * 20.0} if team == "air" else {})
                 for team in outside
             }
             for batch in (games, others):
