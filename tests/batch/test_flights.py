@@ -75,6 +75,38 @@ def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
 
 
+@gamms.array_rule
+def toll(turn):
+    """Take points for visits, and note when they were, by the starts of agents, too."""
+    for passing in (True, False):
+        visits = turn.visits(turn.streets.columns.node_ids % 2 == 0, passing=passing)
+        times = {"begin": visits.begin.tolist(), "end": visits.end.tolist()}
+        turn.emit("toll", visits.at, agents={"agent": visits.agents}, nodes={"node": visits.nodes}, values=times)
+    at, agents = np.nonzero(turn.alive & (turn.node == turn.start_of(np.arange(len(turn.roster.names)))))
+    turn.add_scores(at, agents, -1)
+    turn.emit("home", at, agents={"agent": agents})
+    turn.respawn(at[turn.turn[at] % 4 == 0], agents[turn.turn[at] % 4 == 0])
+
+
+@pytest.mark.parametrize("speed", [None, 1.5])
+def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(speed):
+    scenario = flying(
+        BACK, drone={"speed": 3.0}, **({} if speed is None else {"settings": {"order": [["air"], ["red", "blue"]]}})
+    )
+    with scenario.build(seed=2, strategies={"air": swerve}) as ctx:
+        for agent in ctx.agent.create_iter():
+            if agent.team != "air":
+                agent.speed = speed
+        ctx.game.add(toll)
+        alone = ctx.game.fork(0)
+        with ctx.game.batch(seeds=[3, 4]) as games:
+            games.run()
+            assert games.is_in_arrays
+            for number, seed in enumerate(games.seeds):
+                alone.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.run())
+
+
 EYES = {
     "wide": {"type": "AERIAL_AGENT", "sensor_range": 25.0},
     "ahead": {"type": "AERIAL_AGENT", "sensor_range": 60.0, "fov": 2.0, "quat": [1.0, 0.0, 0.7, 0.0]},

@@ -188,7 +188,7 @@ class TurnMoves:
         tracks: list[Track] = []
         for agent in agents:
             node, i = agent.current_node_id, index_of.get(agent.name)
-            if i is None or ends[i] != node or slots[i].agent is not agent or self._was_put(i):
+            if i is None or ends[i] != node or slots[i].agent is not agent or self.was_put(i):
                 tracks.append(Track((node,), (1.0,)))
             else:
                 tracks.append(track(i))
@@ -236,7 +236,7 @@ class TurnMoves:
         self.slots[i].counts["blocked"] += 1
         self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
 
-    def _was_put(self, i: int) -> bool:
+    def was_put(self, i: int) -> bool:
         """Return whether an agent whose node is that of its move is not there by the move: it flew, or was put."""
         slot, action = self.slots[i], self.actions.get(i)
         if slot.flies:

@@ -34,7 +34,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
-from gamms.typing import IContext
+from gamms.typing import AgentType, IContext
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
@@ -310,14 +310,13 @@ class _TurnOfOne(ArrayTurn):
     has_scalar_form = False
 
     def __init__(self, ctx: HostContext) -> None:
-        if ctx.agent.block.flyers:
-            raise BadValue("A rule in arrays knows agents on the ground alone: where agents fly, write it with ctx.")
         game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
         (movement, shared), agents = _world(ctx), roster.agents
         state = _game_of(ctx, roster, movement, shared)
         check = partial(checked_value, ctx=ctx)
         state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
-        is_one_edge = game.legal == "any" or all(one.speed is None for one in agents)
+        paced = [one.speed is not None and one.type is not AgentType.AERIAL for one in agents]
+        is_one_edge = game.legal == "any" or not any(paced)
         are_all_at_once = len(game.order or ()) < 2
         self._by_metres = game.speed_unit != "edges"
         if is_one_edge and are_all_at_once and not self._by_metres:
@@ -326,6 +325,7 @@ class _TurnOfOne(ArrayTurn):
         self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
         self._number = {name: number for number, name in enumerate(roster.names)}
         self.took_part = np.zeros(self.node.shape, np.bool_)
+        self._was_put = np.zeros(self.node.shape, np.bool_)  # who flew, or was put, to the node where its move ends
         moves: TurnMoves | None = game.internals.state.moves
         if moves is not None:
             has_paths = not (self._by_metres or (is_one_edge and (are_all_at_once or self._is_moving)))
@@ -341,6 +341,8 @@ class _TurnOfOne(ArrayTurn):
         self.starts[0, numbers] = rows([int(moves.starts[i]) for i in slots])
         self.ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
         self.took_part[0, numbers] = True
+        flying = [(i, number) for i, number in pairs if self.roster.flies[number]]
+        self._was_put[0, [number for i, number in flying if moves.was_put(i)]] = True
         if not has_paths:
             return
         tracks = [moves.track(i) for i in slots]
@@ -364,6 +366,11 @@ class _TurnOfOne(ArrayTurn):
         now = self._game.turn + self._is_moving
         out = {one["agent"] for one in self._game.events if one["kind"] == "eliminated" and one["turn"] == now}
         return super().is_playing | np.array([name in out for name in self.roster.names], np.bool_)
+
+    @property
+    def is_there_by_move(self) -> BoolArray:
+        """Which agents are where their moves have led them, rather than put there since: (1, agents)."""
+        return super().is_there_by_move & ~self._was_put
 
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
         """Return at which nodes agents were in the turn."""
@@ -420,7 +427,9 @@ class _TurnOfOne(ArrayTurn):
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (1, agents)."""
-        return self.streets.rows([[self._game.start_node(self.roster.names[number]) for number in agents.tolist()]])
+        starts = [self._game.start_node(self.roster.names[number]) for number in agents.tolist()]
+        nearest = self._ctx.graph.graph.nearest_node  # of those that fly the nodes below them
+        return self.streets.rows([[one if isinstance(one, int) else nearest(*one[:2]) for one in starts]])
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, put back or eliminated so far."""

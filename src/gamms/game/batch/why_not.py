@@ -11,7 +11,6 @@ from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import turns_with_its_agent, why_not_seen
 from gamms.game.batch.travel import why_not_moved
-from gamms.game.batch.turn import IN_ARRAYS_ALONE
 from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
@@ -28,7 +27,7 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     ]
     not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
-    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so), *_why_not_in_air(game, agents)]
+    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so), *_why_not_in_air(agents)]
     found += why_not_begun(game)
     found += [as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
@@ -96,12 +95,9 @@ def _is_paced(agent: IAgent) -> bool:
     return agent.speed is not None and not _flies(agent)
 
 
-def _why_not_in_air(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]:
+def _why_not_in_air(agents: Sequence[IAgent]) -> Iterator[str]:
     """Yield what has no array form where agents fly, in words."""
-    flying = [agent.name for agent in agents if _flies(agent)]
-    if flying and any(getattr(one.rule, IN_ARRAYS_ALONE, False) for one in game.rules):
-        yield f"agent {flying[0]!r}, which flies"
-    for agent in agents if flying else ():
+    for agent in agents if any(map(_flies, agents)) else ():
         yield from why_not_seen_in_space(agent)
 
 
