@@ -1,7 +1,7 @@
 """AERIAL and AERIAL_AGENT: what is seen along an axis from an agent that flies, or from a fixed place in the air."""
 
 import io
-from math import inf, pi, sqrt
+from math import dist, inf, pi, sqrt
 
 import pytest
 
@@ -101,6 +101,44 @@ def test_many_looks_at_one_moment_see_what_the_first_does(ctx, drone, metres):
     looks = eyes.sense_many([0] * 20)
     assert all(looks[i].tolist() == looks[0].tolist() for i in range(20))
     assert bool(len(looks[0])) == (metres > 0)
+
+
+def test_looks_between_moves_of_single_agents_among_many_see_what_a_scan_of_all_does():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(34, 34, 1.0))
+        xy = {node: ctx.graph.graph.get_node(node)[1:] for node in range(34 * 34)}
+        ctx.agent.create_team("ant", xy)
+        kites = [
+            ctx.agent.create_agent(f"kite_{i}", type="AERIAL", speed=1.0, start_node_id=0, position=(i, i, 1.0))
+            for i in range(4)
+        ]
+        kites[3].alive = ctx.agent.get_agent("ant_35").alive = False
+        kinds = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")
+        sensors = [ctx.sensor.create_sensor(kind, kind, sensor_range=2.5) for kind in kinds]
+        for sensor in sensors:
+            kites[0].register_sensor(sensor.sensor_id, sensor)
+
+        def look_again(times):
+            others = [one for one in ctx.agent.create_iter() if one.alive and one is not kites[0]]
+            places = {one.name: (one.type, one.position) for one in others if one in kites}
+            ants = {one.name: (one.type, (*xy[one.current_node_id], 0.0)) for one in others if one not in kites}
+            expected = {
+                name: seen
+                for name, seen in (ants | places).items()
+                if 0.0 < dist(kites[0].position, seen[1]) <= sensors[0].range
+            }
+            for _ in range(times):
+                for sensor in sensors:
+                    sensor.sense()
+                    assert list(sensor.data.items()) == list(expected.items())
+            return expected
+
+        for i in range(2):
+            kites[0].position = (2.0 * i, 3.0, 1.0)
+            look_again(1)
+            kites[1].position = (2.0 * i + 1.0, 3.0, 0.5)
+            ctx.agent.get_agent(f"ant_{1000 + i}").current_node_id = 3 * 34 + 2 * i
+            assert {"kite_1", f"ant_{1000 + i}"} <= look_again(10 * i + 1).keys()
 
 
 def test_an_agent_at_the_very_point_of_the_drone_is_not_seen_as_in_the_original(ctx, look, drone):

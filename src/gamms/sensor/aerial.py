@@ -16,7 +16,7 @@ from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.ground import map_view
-from gamms.sensor.nearby import memory_of
+from gamms.sensor.nearby import Coordinates, memory_of
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import ground_at, on_ground
@@ -247,13 +247,10 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
 
     def _seen(self, pose: Pose | None) -> dict[str, _Sighting]:
         look = self.notice.look(self.ctx, self._owner if self._at is None else None)
-        rows, names = self._found(pose, look), self.ctx.agent.positions.names
-        now = memory_of(self.ctx).nearby.coordinates()
+        (rows, now), names = self._found(pose, look), self.ctx.agent.positions.names
         seen = {
             names[row]: (_KINDS[is_flying], (x, y, z))
-            for row, is_flying, (x, y, z) in zip(
-                rows.tolist(), now.is_flying[rows].tolist(), now.xyz[rows].tolist(), strict=True
-            )
+            for row, is_flying, (x, y, z) in zip(rows.tolist(), now.is_flying.tolist(), now.xyz.tolist(), strict=True)
         }
         if not self.notice.has_errors:
             return seen
@@ -319,27 +316,29 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             outline = fov_geometry.shadow(*pose, self.range, self.fov)
         return SensorView(agents=agents, names=self._names(), outline=outline)
 
-    def _found(self, pose: Pose | None, look: Look) -> IntArray:
-        """Return the rows (agents,) of those that are seen."""
+    def _found(self, pose: Pose | None, look: Look) -> tuple[IntArray, Coordinates]:
+        """Return the rows (agents,) of those that are seen, and where they are."""
+        nearby, near = memory_of(self.ctx).nearby, np.zeros(0, np.int64)
         if pose is None:
-            return np.zeros(0, np.int64)
+            return near, nearby.in_space(near)
         positions, own = self.ctx.agent.positions, self._owner if self._at is None else None
-        nearby, (x, y, _) = memory_of(self.ctx).nearby, pose.position.tolist()
+        x, y, _ = pose.position.tolist()
         near, names = nearby.living_near(x, y, self.range), positions.names
-        xyz = nearby.coordinates().xyz
-        offsets = xyz[near] - pose.position
+        there = nearby.in_space(near)
+        offsets = there.xyz - pose.position
         reached = self._reaches(offsets, pose.axis)
-        rows = near[reached[offsets[reached].any(axis=1)]]
-        wanted = self.notice.wanted([row for row in rows.tolist() if names[row] != own], positions.teams)
-        rows = np.array(wanted, np.int64)
+        reached = reached[offsets[reached].any(axis=1)]
+        listed: list[int] = near[reached].tolist()
+        wanted = set(self.notice.wanted([row for row in listed if names[row] != own], positions.teams))
+        at = reached[[row in wanted for row in listed]]
         if self._is_occluded:
-            rows = rows[nearby.coordinates().is_outside[rows]]
-            rows = rows[self.ctx.graph.visible(pose.position, xyz[rows])]
+            at = at[there.is_outside[at]]
+            at = at[self.ctx.graph.visible(pose.position, there.xyz[at])]
         if self.notice.needs_chance:
-            distances = np.linalg.norm(xyz[rows] - pose.position, axis=1)
-            seen = [names[row] for row in rows.tolist()]
-            rows = rows[self.notice.is_noticed(look, seen, distances)]
-        return rows
+            distances = np.linalg.norm(there.xyz[at] - pose.position, axis=1)
+            seen = [names[row] for row in near[at].tolist()]
+            at = at[self.notice.is_noticed(look, seen, distances)]
+        return near[at], there.of(at)
 
 
 class OccludedAerialAgentSensor(AerialAgentSensor):

@@ -33,15 +33,20 @@ _MOST_RANGES = 64  # at which looks are counted
 _MOST_PLACES = 1 << 16  # looked from once that are remembered
 _FAR = 1e150  # of which squares are infinite
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
+_LOOKS_OF_SOME = 8  # questions of looks in space between two moves, from which on the places of all agents are found
 _LOOKS_WITHOUT_CELLS = 8  # of those in space at one moment: with fewer, looking at all is cheaper than making cells
 
 
 class Coordinates(NamedTuple):
-    """Where all agents are in space, in the order of their creation."""
+    """Where agents are in space, in the order of their creation."""
 
     xyz: FloatArray  # (agents, 3)  of the node or the place on an edge, on the ground, or of an agent that flies
     is_flying: BoolArray  # (agents,)
     is_outside: BoolArray  # (agents,)  not in a tunnel
+
+    def of(self, rows: IntArray) -> "Coordinates":
+        """Return where some of them are."""
+        return Coordinates(self.xyz[rows], self.is_flying[rows], self.is_outside[rows])
 
 
 class PlacesOfNodes(dict[int, tuple[float, float]]):
@@ -72,6 +77,8 @@ class NearbyAgents:
         self._living = np.zeros(0, np.int64)  # their rows
         self._cells: kernels.CellIndex | None = None  # of these
         self._looks_in_space = 0  # at these coordinates
+        self._moved: tuple[Positions | None, int] = (None, 0)  # when agents moved last
+        self._looks_since = 0  # of those in space
         self._travellers = Travellers(ctx)
         self._positions: Positions | None = None  # of which the looks are
         self._version = 0  # of them
@@ -125,12 +132,44 @@ class NearbyAgents:
         Raises:
             UnknownName (KeyError): an agent stands on a node that was removed.
         """
+        if self._is_moving(self._ctx.agent.positions):
+            return self._living_above(self._catch_up(), x, y, radius)
         xyz, living = self.coordinates().xyz, self._living
         self._looks_in_space += 1
         if self._looks_in_space > _LOOKS_WITHOUT_CELLS and self._cells is None:
             self._cells = kernels.build_cells(xyz[living, :2])
         rows = None if self._cells is None else kernels.candidate_rows(self._cells, x, y, radius)
         return living if rows is None else living[np.sort(rows)]
+
+    def in_space(self, rows: IntArray) -> Coordinates:
+        """Return where some agents are, (rows,)."""
+        positions = self._ctx.agent.positions
+        if not self._is_moving(positions):
+            return self.coordinates().of(rows)
+        listed: list[int] = rows.tolist()
+        xyz, is_on_surface = on_ground(self._ctx, positions.node_ids_of(listed), self.xy(listed))
+        flyers = positions.flyers
+        places = np.searchsorted(flyers, rows)
+        is_flying = np.append(flyers, -1)[places] == rows
+        xyz[is_flying] = positions.flyer_xyz[places[is_flying]]
+        return Coordinates(xyz, is_flying, is_on_surface | is_flying)
+
+    def _is_moving(self, positions: Positions) -> bool:
+        """Return whether it pays to look some agents up, because one of many may move after each look."""
+        if self._phase.moment is not None or positions.travellers or len(positions.names) <= _MOST_COMPARED:
+            return False
+        if self._moved != (positions, positions.version):
+            self._moved, self._looks_since = (positions, positions.version), 0
+        self._looks_since += 1
+        return self._looks_since <= _LOOKS_OF_SOME and not self._are_places_known(positions)
+
+    def _living_above(self, positions: Positions, x: float, y: float, radius: float) -> IntArray:
+        reach = kernels.widened(radius)
+        ids = self._ctx.graph.graph.nodes_near(x, y, reach).ids.tolist()
+        flyers, inactive = positions.flyers, positions.inactive
+        is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
+        flying = [row for row in flyers[is_near].tolist() if row not in inactive]
+        return np.array(sorted({*positions.rows_on(ids), *flying}), np.int64)
 
     def xy(self, rows: list[int]) -> FloatArray:
         """Return where some agents are on the map (rows, 2)."""
