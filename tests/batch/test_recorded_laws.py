@@ -12,6 +12,8 @@ WALK = "gamms.strategies:random_walk"
 RULES = [
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}},
     {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "then": "eliminate"}},
+    {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 6, "mutual": True}},
+    {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "euclid": 9}},
     {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}},
     {"rule": "hold", "with": {"nodes": [12, 7], "turns": 2, "ends": False, "score": 1}},
     {"rule": "discover", "with": {"nodes": {3: "flag", 18: [1, 2]}, "hops": 1}},
@@ -23,13 +25,14 @@ EYES = {
     "near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
     "late": {"type": "AGENT_RANGE", "sensor_range": 35.0, "delay_turns": 2, "position_noise_m": 9.0},
     "odd": {"type": "AGENT", "false_alarm_rate": 0.4},
+    "ahead": {"type": "OCCLUDED_AGENT", "sensor_range": 35.0, "fov": 2.5},
     "above": {"type": "AERIAL_AGENT", "sensor_range": 30.0, "fov": 3.0},
 }
 teams = st.fixed_dictionaries(
     {
         "count": st.integers(1, 4),
         "strategy": st.sampled_from([WALK, "gamms.strategies:flee", "gamms.strategies:chase"]),
-        "sensors": st.sampled_from([["near"], ["odd", "late"]]),
+        "sensors": st.sampled_from([["near"], ["odd", "late"], ["ahead"]]),
     },
     optional={"speed": st.sampled_from([1.0, 2.5])},
 )

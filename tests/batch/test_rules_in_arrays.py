@@ -144,7 +144,7 @@ def test_agents_by_metres_are_tagged_when_they_first_are_near_as_alone(given, de
     monkeypatch.setattr("gamms.rules.meetings_in_arrays._PAIRS_AT_ONCE", 3)
     tag, settings = rule("tag", taggers="red", tagged="blue", **given), {"speed_unit": "metres", "decide": decide}
     scenario = scene([tag, tag], side=4, max_turns=6, settings=settings | {"order": [["blue"], ["red"]]})
-    same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 17.0}), SEEDS[:2])
+    same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 17.0}), SEEDS[:1])
 
 
 @pytest.mark.parametrize("given", [{"euclid": 15, "mutual": True}, {"euclid": 0, "then": "eliminate"}])
