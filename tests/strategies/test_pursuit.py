@@ -1,11 +1,15 @@
 """Cutting off, sharing out and escaping."""
 
+import random
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gamms
 from gamms.graph import Graph
 from gamms.rules import last_team, tag
+from gamms.sensor import SensorType
 from gamms.strategies import assign, chase, flee, follow_belief, goto, intercept, patrol, random_walk, safest_exit, stay
 
 LAWS = settings(max_examples=25, deadline=None, derandomize=True)
@@ -205,3 +209,29 @@ def test_a_team_that_sees_the_same_works_out_once_where_enemies_can_be(open_worl
         monkeypatch.setattr(Graph, "distances", counted)
         world.play(2)
     assert searches == [1.0]  # in the second turn the enemies are where they were
+
+
+def test_the_meeting_node_is_the_best_of_all_near_or_far():
+    rng, looks = random.Random(4), {"near": 0, "far": 0}
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 1.0))
+        for name, team, speed in (("anna", "red", None), ("bert", "blue", None), ("carl", "blue", 3.0)):
+            ctx.agent.create_agent(name, start_node_id=0, team=team).speed = speed
+        goals, graph, paces = [5, 390], ctx.graph.graph, {"bert": 1.0, "carl": 3.0}
+        strategy = intercept(ctx, goals)
+        assert ctx.game.speed_unit == "edges"  # there is a game, in which speeds count
+        for _ in range(14):
+            names = rng.choice((["bert"], ["bert", "carl"]))
+            here, seen = rng.randrange(400), {name: rng.randrange(400) for name in names}
+            options = []
+            for name, at in seen.items():
+                goal = min(goals, key=lambda end: (graph.distance(at, end, None), end))
+                for node in graph.shortest_path(at, goal, None):
+                    own, arrival = graph.distance(here, node, None), graph.distance(at, node, None) / paces[name]
+                    options.append((max(0.0, own - arrival), own, node))
+            late, own, best = min(options)
+            looks["near" if late == 0.0 and own < 8.0 else "far"] += 1
+            state = {"curr_pos": here, "team": "red", "name": "anna", "sensor": {"eyes": (SensorType.AGENT, seen)}}
+            strategy(state)
+            assert state["action"] == (here if best == here else graph.shortest_path(here, best)[1])
+    assert min(looks.values()) > 2

@@ -51,6 +51,7 @@ from gamms.typing.routes import made_in_moment, made_last
 _MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
 
 _FEW = 8  # enemies: of more, the nearest is searched for
+_NEAR_TURNS = 8.0  # so far an agent looks first for where it meets an enemy
 
 Paces = dict[Pace, dict[str, int]]  # agents in sight with their nodes, by how they go
 
@@ -376,10 +377,29 @@ def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tu
     nodes, of, arrivals = made_last(
         ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
     )
-    own = turns_from(ctx, state.get("name"), [state["curr_pos"]], nodes)[0][of]
-    late = np.maximum(0.0, own - arrivals)
-    best = np.lexsort((of, own, late))[0]
+    me, here = state.get("name"), state["curr_pos"]
+    # Of the nodes that it reaches in time it goes to the nearest, so that most agents need to look near alone.
+    near = _turns_to_near(ctx, me, here, nodes)[of]
+    late = np.maximum(0.0, near - arrivals)
+    best = np.lexsort((of, near, late))[0]
+    if late[best] > 0.0 or kernels.widened(near[best]) >= _NEAR_TURNS:
+        own = turns_from(ctx, me, [here], nodes)[0][of]
+        late = np.maximum(0.0, own - arrivals)
+        best = np.lexsort((of, own, late))[0]
     return int(nodes[of[best]]) if late[best] < inf else None
+
+
+def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray) -> FloatArray:
+    """Return what `turns_from` returns for those of some nodes, ascending, that are near; infinite for the others."""
+    weight, speed = pace_of(ctx, name)
+    found = np.full(len(nodes), inf)
+    if len(nodes) > 1 and 0.0 < speed < inf:
+        near = ctx.graph.graph.distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
+        ids, far = np.fromiter(near, np.int64, len(near)), np.fromiter(near.values(), np.float64, len(near))
+        at = np.minimum(np.searchsorted(nodes, ids), len(nodes) - 1)
+        is_asked = nodes[at] == ids
+        found[at[is_asked]] = far[is_asked] / max(speed, LITTLE)
+    return found
 
 
 def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[IntArray, IntArray, FloatArray]:
