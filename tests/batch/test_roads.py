@@ -6,6 +6,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadValue, UnknownName
+from gamms.game.batch import roads
 from gamms.game.batch.roads import NeedsOneMap
 
 SEEDS = [1, 2, 3, 3]
@@ -51,6 +52,14 @@ def test_games_in_which_other_roads_are_closed_stay_in_arrays(speed, settings, s
     team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"], **speed}
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
     check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings))
+
+
+def test_what_is_worked_out_for_maps_may_be_forgotten(monkeypatch):
+    monkeypatch.setattr(roads, "_MOST_BYTES", 0)
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+    team = {"count": 2, "strategy": "gamms.strategies:intercept", "sensors": ["near"]}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}
+    check(scene([tag], teams={"red": team, "blue": team}, sensors=near))
 
 
 def asking(ask):

@@ -4,6 +4,7 @@ Rules close and open roads in their games alone. What is legal is looked up for 
 whole map, such as ways, is worked out for each map that is asked for, and shared by the games that have it.
 """
 
+from collections import OrderedDict
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NoReturn
@@ -17,6 +18,8 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, with_edges
 
+_MOST_BYTES = 1 << 28  # of what is worked out for maps, but for tables of ways, which are shared among batches
+_EDGE_BYTES = 200  # of that for an edge of one map; 74 measured on a grid, 200 on streets with names
 _OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that are the same where roads are closed
 ClosedEdges = Mapping[int, Mapping[str, Any]]
 
@@ -50,6 +53,12 @@ class RoadMap:
         self._whole, self.number, self.gone, self.opened, self.closed = whole, number, gone, opened, closed
         self.shared: dict[Hashable, Any] = {}
         self.world: Any = None  # of the games that have it; see `GameArrays.world`
+
+    def forget(self) -> None:
+        """Forget what was worked out; it is worked out again when it is asked for."""
+        self.shared.clear()
+        self.world = None
+        vars(self).pop("streets", None)
 
     @property
     def key(self) -> Hashable:
@@ -129,6 +138,7 @@ class OpenRoads:
         self.number = np.zeros(games, np.int64)
         self._maps: list[RoadMap | None] = [None] * games
         self._known: WeakValueDictionary[Hashable, RoadMap] = WeakValueDictionary()
+        self._used: OrderedDict[int, RoadMap] = OrderedDict()
         self._last = 0  # the number of the last map that was made
         self._nodes = len(streets.columns.node_ids)
         self._numbers: dict[tuple[int, ...], int] = {}  # what is legal, the own node first -> the choice
@@ -139,6 +149,13 @@ class OpenRoads:
         self._choice_of = np.zeros(0, np.int64)  # of these
         self._order: IntArray | None = None
         self.shared: dict[Hashable, Any] = {}
+
+    def use(self, roads: RoadMap) -> None:
+        """Note that a map is asked for what is worked out for it; those that were not for longest forget it."""
+        self._used[roads.number] = roads
+        self._used.move_to_end(roads.number)
+        while len(self._used) > max(1, _MOST_BYTES // (_EDGE_BYTES * (1 + len(self.streets.columns.edge_ids)))):
+            self._used.popitem(last=False)[1].forget()
 
     def of(self, game: int) -> RoadMap | None:
         """Return the map of a game; None: it is that of the start."""

@@ -118,6 +118,8 @@ class RoutesOfMaps:
         """Return the tables of a map."""
         known: dict[Any, Any] = self._roads.shared if roads is None else roads.shared
         key = "routes", self._weight
+        if roads is not None:
+            self._roads.use(roads)
         if key not in known:
             known[key] = shared_routes(self._roads.streets if roads is None else roads.streets, self._weight)
         table: RouteTable = known[key]

@@ -369,6 +369,7 @@ class GameArrays:
         roads = self.roads.of(int(games[0])) if len(games) else None
         if roads is None:
             return World(self.streets, self.movement, self.shared)
+        self.roads.use(roads)
         if roads.world is None:
             roads.world = World(roads.streets, self.movement.on(roads), roads.shared)
         found: World = roads.world
