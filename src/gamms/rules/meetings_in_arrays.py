@@ -232,11 +232,15 @@ class NearNodes:
     def ahead(self, starts: IntArray, ends: IntArray) -> FloatArray:
         """Return how far it is from nodes to others, (pairs,); infinite where that is too far."""
         self._learn(starts)
-        found = np.full(len(starts), np.inf)
-        pairs, entries = kernels.expand_ranges(self._offset[starts], self._offset[starts] + self._count[starts])
-        is_there = self._ends[entries] == ends[pairs]
-        found[pairs[is_there]] = self._far[entries[is_there]]
-        return found
+        if not len(starts):
+            return np.zeros(0)
+        first = self._offset[starts]
+        end = last = first + self._count[starts] - 1  # a node is near itself, so that there is one
+        while (first < last).any():  # the nodes around each ascend
+            middle = (first + last) // 2
+            is_behind = self._ends[middle] < ends
+            first, last = np.where(is_behind, np.minimum(middle + 1, end), first), np.where(is_behind, last, middle)
+        return np.where(self._ends[first] == ends, self._far[first], np.inf)
 
 
 def near_on_travels(
