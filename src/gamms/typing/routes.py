@@ -428,7 +428,8 @@ class RouteQueries:
 def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
     """Return what `make` gives, or what it gave when this slot was asked last, if for this graph and an equal key.
 
-    For shipped strategies, of what many agents ask for in a turn. It must depend on nothing but the graph and the key.
+    For shipped strategies and sensors, of what many agents ask for in a turn. It must depend on nothing but the graph
+    and the key.
 
     Args:
         queries: of the graph, with which it is kept.
