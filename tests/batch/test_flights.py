@@ -88,11 +88,9 @@ def toll(turn):
     turn.respawn(at[turn.turn[at] % 4 == 0], agents[turn.turn[at] % 4 == 0])
 
 
-@pytest.mark.parametrize("speed", [None, 1.5])
-def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(speed):
-    scenario = flying(
-        BACK, drone={"speed": 3.0}, **({} if speed is None else {"settings": {"order": [["air"], ["red", "blue"]]}})
-    )
+@pytest.mark.parametrize(("speed", "settings"), [(None, {}), (1.5, {"order": [["air"], ["red", "blue"]]})])
+def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(speed, settings):
+    scenario = flying(BACK, drone={"speed": 3.0}, settings=settings)
     with scenario.build(seed=2, strategies={"air": swerve}) as ctx:
         for agent in ctx.agent.create_iter():
             if agent.team != "air":
