@@ -299,6 +299,38 @@ def test_contacts_within_metres_and_in_a_straight_line_are_exact():
     assert met == [(4, unit, pytest.approx(0.75)) for unit in ("metres", "euclid")]
 
 
+@pytest.mark.parametrize("is_bent", [False, True])
+@pytest.mark.parametrize("unit", ["metres", "euclid"])
+def test_contacts_and_prices_are_the_same_where_a_rule_has_closed_the_road_since(unit, is_bent):
+    ctx, met = road(0, 90), []
+    if is_bent:
+        for id, source in ((0, 0), (1, 1)):
+            bent = {"length": 90.0, "linestring": [(90 * source, 0), (45, 0), (90 - 90 * source, 0)]}
+            ctx.graph.graph.update_edge({"id": id, "source": source, "target": 1 - source, **bent})
+    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
+    agent(ctx, "bert", 1, 0, speed=10.0, team="b")
+    ctx.game.add(
+        lambda ctx: ctx.graph.close_roads(inside=[(-1, -9), (99, -9), (99, 9)]) if ctx.game.turn == 4 else None
+    )
+    ctx.game.add(lambda ctx: met.extend((one.time, one.a_xy) for one in contacts(ctx, "a", "b", **{unit: 15.0})))
+    ctx.game.add(gamms.rules.resource("fuel", start=100, per_metre=1.0))
+    ctx.game.run(4)
+    assert met == [(pytest.approx(0.75), (pytest.approx(37.5), 0.0))]
+    assert ctx.graph.closed_roads
+    assert ctx.game.observation("anna")["facts"]["fuel"] == pytest.approx(60.0)
+
+
+def test_an_edge_that_a_rule_has_removed_since_is_where_no_agents_meet():
+    ctx, met = road(0, 90), []
+    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
+    agent(ctx, "bert", 1, 0, speed=10.0, team="b")
+    ctx.game.add(lambda ctx: [ctx.graph.graph.remove_edge(id) for id in list(ctx.graph.graph.get_edges())] and None)
+    ctx.game.add(lambda ctx: met.extend(contacts(ctx, "a", "b", euclid=100.0)))
+    ctx.game.add(gamms.rules.resource("fuel", start=100, per_metre=1.0))
+    ctx.game.step()
+    assert (met, ctx.game.observation("anna")["facts"]["fuel"]) == ([], pytest.approx(90.0))
+
+
 def test_contacts_with_one_that_goes_round_a_bend_are_exact():
     ctx, met = road(0, 40), []
     bent = {"length": 60.0, "linestring": [(0, 0), (0, 10), (40, 10), (40, 0)]}

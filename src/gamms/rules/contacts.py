@@ -202,7 +202,7 @@ def _met_on_travels(
     ctx: Context, sides: tuple[list[_Tracked], list[_Tracked]], nearness: Nearness, aerial: _Aerial
 ) -> list[Contact]:
     """Return the contacts of a turn in a game by metres: exact in time and place, but for those by hops."""
-    graph, limit = ctx.graph.graph, nearness.limit
+    graph, limit, edges = ctx.graph.graph, nearness.limit, meetings.EdgesGoneAlong(ctx)
     journeys = {name: meetings.Journey(name, track, _position(aerial, name)) for side in sides for name, track in side}
     ours, theirs = ([journeys[name] for name, _ in side] for side in sides)
     if nearness.unit is None:
@@ -210,17 +210,17 @@ def _met_on_travels(
     elif nearness.unit == "hops":
         met = list(_near(_MEASURES["hops"](graph, limit), *sides, aerial))
     elif nearness.unit == "euclid":
-        met = list(meetings.within_euclid(graph, ours, theirs, limit))
+        met = list(meetings.within_euclid(edges, ours, theirs, limit))
     else:
         reached = cache(lambda node: graph.distances(source=node, cutoff=limit))
-        met = list(meetings.within_metres(graph, reached, ours, theirs, limit))
+        met = list(meetings.within_metres(edges, reached, ours, theirs, limit))
     if nearness.crossing:
         met += meetings.on_edges(ours, theirs)
     found: list[Contact] = []
     last: dict[tuple[str, str], float] = {}
     for time, distance, _, a, b, *nodes in _ranked(ctx, met):
         if time - last.get((a, b), -inf) > meetings.TIME_SLACK:  # else it was found on the node or the next edge, too
-            places = (journeys[name].xy_at(graph, time) for name in (a, b))
+            places = (journeys[name].xy_at(edges, time) for name in (a, b))
             found.append(Contact(a, b, distance, time, *nodes, *places))
         last[a, b] = time
     return found

@@ -1,7 +1,7 @@
 """When and where agents that travel by metres are near each other, exactly: on nodes, on edges, and between both."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, pairwise
 from math import inf, sqrt
 from typing import NamedTuple
@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.context import Context
 from gamms.errors import UnknownName
-from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray
 from gamms.typing.game import Leg, Track
+from gamms.typing.graph_values import OSMEdge
 from gamms.typing.on_edges import line_along, point_along
 
 TIME_SLACK = 1e-9  # of a turn: agents that are at one place so far apart in time meet there
@@ -21,6 +22,42 @@ TIME_SLACK = 1e-9  # of a turn: agents that are at one place so far apart in tim
 Visit = tuple[int, float, float]  # node id; from when until when
 Meeting = tuple[float, float, bool, str, str, int, int]  # time, distance, on an edge?, a, b, where a was, where b was
 Reached = Callable[[int], Mapping[int, float]]  # the nodes that are near enough ahead of a node, with their distances
+
+
+class EdgesGoneAlong(dict[int, OSMEdge]):
+    """id -> edge, of those that agents go along in a turn, which rules may have closed since.
+
+    Raises:
+        UnknownName (KeyError): when an edge is asked for that was removed.
+    """
+
+    def __init__(self, ctx: Context) -> None:
+        super().__init__()
+        self._ctx, self.graph = ctx, ctx.graph.graph
+
+    def __missing__(self, id: int) -> OSMEdge:
+        """Look an edge up."""
+        try:
+            found = self.graph.get_edge(id)
+        except UnknownName:
+            _, closed = self._ctx.graph.storage.roads()
+            if id not in closed:
+                raise
+            edge = closed[id]
+            line = edge.get("linestring")
+            line = self.graph.positions([edge["source"], edge["target"]]) if line is None else line
+            found = OSMEdge(id, edge["source"], edge["target"], edge["length"], line)
+        self[id] = found
+        return found
+
+    def without_removed(self, legs: Iterable[Leg]) -> Iterator[Leg]:
+        """Yield the legs whose edges were not removed: nothing tells where these were."""
+        for leg in legs:
+            try:
+                self[leg.edge]
+            except UnknownName:
+                continue
+            yield leg
 
 
 class Journey:
@@ -45,15 +82,15 @@ class Journey:
         passed = [node for node, when in zip(self.track.path, self.track.times, strict=True) if when <= time]
         return passed[-1] if passed else self.track.path[0]
 
-    def xy_at(self, graph: Graph, time: float) -> tuple[float, float] | None:
+    def xy_at(self, edges: "EdgesGoneAlong", time: float) -> tuple[float, float] | None:
         """Return where on the map it is; None where its edge or node is gone."""
         try:
             if self.at is not None:
                 return self.at[:2]
             for leg in self.legs:
                 if leg.since <= time <= leg.until:
-                    return point_along(graph.get_edge(leg.edge).points, leg.share_at(time))[:2]
-            node = graph.get_node(self.node_at(time))
+                    return point_along(edges[leg.edge].points, leg.share_at(time))[:2]
+            node = edges.graph.get_node(self.node_at(time))
         except UnknownName:
             return None
         return node.x, node.y
@@ -119,9 +156,11 @@ class _Line(NamedTuple):
     end: Position
 
 
-def within_euclid(graph: Graph, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float) -> Iterator[Meeting]:
+def within_euclid(
+    edges: EdgesGoneAlong, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float
+) -> Iterator[Meeting]:
     """Yield the pairs that are so near in a straight line, each when it first is."""
-    lines = {one.name: list(_lines(graph, one)) for one in (*ours, *theirs)}
+    lines = {one.name: list(_lines(edges, one)) for one in (*ours, *theirs)}
     ours, theirs = ([one for one in side if lines[one.name]] for side in (ours, theirs))
     if not ours or not theirs:
         return
@@ -155,20 +194,20 @@ def _boxes(journeys: Sequence[Sequence[_Line]]) -> tuple[FloatArray, FloatArray]
     return np.minimum.reduceat(points, begins), np.maximum.reduceat(points, begins)
 
 
-def _lines(graph: Graph, one: Journey) -> Iterator[_Line]:
+def _lines(edges: EdgesGoneAlong, one: Journey) -> Iterator[_Line]:
     if one.at is not None:
         yield _Line(one.track.times[0], 1.0, one.at, one.at)
         return
     for node, since, until in one.visits:
-        _, x, y = graph.get_node(node)
+        _, x, y = edges.graph.get_node(node)
         yield _Line(since, until, (x, y, 0.0), (x, y, 0.0))
-    for leg in one.legs:
-        yield from _lines_of(graph, leg)
+    for leg in edges.without_removed(one.legs):
+        yield from _lines_of(edges[leg.edge], leg)
 
 
-def _lines_of(graph: Graph, leg: Leg) -> Iterator[_Line]:
+def _lines_of(edge: OSMEdge, leg: Leg) -> Iterator[_Line]:
     """Yield the straight parts of a leg along the polyline of its edge."""
-    line = line_along(graph.get_edge(leg.edge).points, leg.begin, leg.end)
+    line = line_along(edge.points, leg.begin, leg.end)
     pace = (leg.until - leg.since) / (leg.end - leg.begin) if leg.end != leg.begin else 0.0
     times = [leg.since, *(leg.since + (share - leg.begin) * pace for share, _, _ in line[1:-1]), leg.until]
     points = [(x, y, 0.0) for _, x, y in line]
@@ -229,10 +268,10 @@ class _Stretch(NamedTuple):
 
 
 def within_metres(
-    graph: Graph, reached: Reached, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float
+    edges: EdgesGoneAlong, reached: Reached, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float
 ) -> Iterator[Meeting]:
     """Yield the pairs that are so near by the shorter of the paths there and back, each when it first is."""
-    stretches = {one.name: list(_stretches(graph, one)) for one in (*ours, *theirs)}
+    stretches = {one.name: list(_stretches(edges, one)) for one in (*ours, *theirs)}
     ways = _in_reach(reached, stretches, ours, theirs), _in_reach(reached, stretches, theirs, ours)
     near = ways[0] | {(one, other) for other, one in ways[1]}
     names = ({one.name: one for one in side} for side in (ours, theirs))
@@ -267,12 +306,12 @@ def _in_reach(
     return found
 
 
-def _stretches(graph: Graph, one: Journey) -> Iterator[_Stretch]:
+def _stretches(edges: EdgesGoneAlong, one: Journey) -> Iterator[_Stretch]:
     for node, since, until in one.visits:
         here = {node: (0.0, 0.0)}
         yield _Stretch(since, until, None, (0.0, 0.0), 0.0, here, here)
-    for leg in one.legs:
-        length = graph.get_edge(leg.edge).length
+    for leg in edges.without_removed(one.legs):
+        length = edges[leg.edge].length
         behind, ahead = (leg.begin * length, leg.end * length), ((1.0 - leg.begin) * length, (1.0 - leg.end) * length)
         exits, entries = {leg.target: ahead}, {leg.source: behind}
         if leg.back is not None:

@@ -18,9 +18,10 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.rules.meetings import EdgesGoneAlong
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
-from gamms.typing.game import TEAMS, Move
+from gamms.typing.game import TEAMS, Leg, Move
 from gamms.visual.drawers.standings import COOLDOWNS, RESOURCES, render_amounts, render_cooldowns
 
 _EMPTY = ("stay", "eliminate")
@@ -112,6 +113,13 @@ class _Lengths:
 
     def __init__(self) -> None:
         self._of: tuple[GraphColumns | None, dict[tuple[int, int], float]] = (None, {})
+
+    def of(self, ctx: Context, leg: Leg) -> float:
+        """Return how long an edge is that an agent has gone along, closed since or not; removed: from end to end."""
+        try:
+            return float(EdgesGoneAlong(ctx)[leg.edge].length)
+        except UnknownName:
+            return dist(*ctx.graph.graph.positions([leg.source, leg.target]).tolist())
 
     def along(self, ctx: Context, path: tuple[int, ...]) -> float:
         """Return how long a path is, in map units."""
@@ -328,8 +336,7 @@ class _Tank(NamedTuple):
     def _price(self, ctx: Context, move: Move, lengths: _Lengths) -> float:
         edges = sum(start != end for start, end in pairwise(move.path))
         if move.legs:
-            of = ctx.graph.graph.get_edge
-            metres = sum([abs(leg.end - leg.begin) * float(of(leg.edge).length) for leg in move.legs])
+            metres = sum([abs(leg.end - leg.begin) * lengths.of(ctx, leg) for leg in move.legs])
         else:
             metres = lengths.along(ctx, move.path) if edges and self.per_metre else 0.0
         return edges * self.per_edge + metres * self.per_metre
