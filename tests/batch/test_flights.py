@@ -227,3 +227,27 @@ def test_columns_have_where_agents_fly():
         games.step()
         others.step()
         assert np.array_equal(others.observe("air")["xy"], games.observe("air")["xy"])
+
+
+def listen(state):
+    """Go where the number of the agents that the tower sees says, which one's own place decides."""
+    (_, seen), legal = state["sensor"]["tower"], state["legal"]
+    state["action"] = legal[(len(seen) + round(sum(x + y for _, (x, y, _) in seen.values()))) % len(legal)]
+
+
+def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fly():
+    tower = {"tower": {"type": "AERIAL_AGENT", "sensor_range": 25.0, "at": [12.0, 14.0, 9.0]}}
+    teams = {"red": {"count": 3, "sensors": ["tower"]}, "blue": {"count": 3, "strategy": WALK}}
+    scenario = scene([], teams=teams, sensors=tower, max_turns=6)
+    with (
+        scenario.batch(3, seed=1, strategies={"red": listen}) as games,
+        scenario.batch(3, seed=1, strategies={"red": listen}, one_by_one=True) as alone,
+    ):
+        while not games.is_over.all():
+            for seen, expected in zip(games.observe("red").seen(), alone.observe("red").seen(), strict=True):
+                assert np.array_equal(seen, expected)
+            games.step()
+            alone.step()
+        assert games.is_in_arrays
+        assert [plain(games.result(i)) for i in range(3)] == [plain(alone.result(i)) for i in range(3)]
+        assert games.result(2) == scenario.play(seed=3, strategies={"red": listen})

@@ -44,6 +44,11 @@ def aerial_look_of(sensor: ISensor, agent: IAgent) -> AerialLook | None:
     return look if isinstance(look, AerialLook) else None
 
 
+def looks_from_the_air(agent: IAgent) -> bool:
+    """Return whether an agent carries a sensor that shows agents from the air; one on the ground may, at a place."""
+    return any(sensor.type in IN_AIR for sensor in getattr(agent, "sensors", {}).values())
+
+
 def why_not_seen_in_space(agent: IAgent) -> Iterator[str]:
     """Yield in words which sensors of an agent show agents from the air and have no array form."""
     for name, sensor in getattr(agent, "sensors", {}).items():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.game.batch.aerial_sight import looks_from_the_air
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
 from gamms.game.batch.begun import Beginning
@@ -55,7 +56,8 @@ class ArrayEngine:
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
         self._game, movement = game, movement_of(game, roster)
         first = movement.streets.rows(start)
-        flyers = Flyers(game, roster, movement.streets, first) if roster.flies.any() else None
+        has_space = roster.flies.any() or any(map(looks_from_the_air, roster.agents))
+        flyers = Flyers(game, roster, movement.streets, first) if has_space else None
         self.state = self._made_state(roster, movement, seeds, first)
         self.state.flyers = flyers
         settings = game.settings()

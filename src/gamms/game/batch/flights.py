@@ -113,11 +113,11 @@ class Flyers:
         self.ground_z: FloatArray = np.zeros(len(streets.columns.node_ids)) if ground is None else ground.z
         agents: list[Any] = [roster.agents[number] for number in self.agents.tolist()]
         self.speeds = np.array([one.speed or 0.0 for one in agents])
-        self._started = np.array([game.internals.start_of(one) for one in agents], np.float64)
+        self._started = np.array([game.internals.start_of(one) for one in agents], np.float64).reshape(-1, 3)
         self._started_on = start[0, self.agents]
-        self._is_begun, self._now = game.turn > 0, np.array([one.position for one in agents], np.float64)
-        self._before = np.array([one.prev_position for one in agents], np.float64)
-        self._turned = np.array([one.quat for one in agents], np.float64)
+        self._is_begun, self._now = game.turn > 0, np.array([one.position for one in agents], np.float64).reshape(-1, 3)
+        self._before = np.array([one.prev_position for one in agents], np.float64).reshape(-1, 3)
+        self._turned = np.array([one.quat for one in agents], np.float64).reshape(-1, 4)
         shape = len(start), len(agents)
         self.start, self.xyz, self.before = np.zeros((3, *shape, 3))
         self.quat = np.zeros((*shape, 4))
