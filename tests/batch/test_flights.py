@@ -251,3 +251,16 @@ def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fl
         assert games.is_in_arrays
         assert [plain(games.result(i)) for i in range(3)] == [plain(alone.result(i)) for i in range(3)]
         assert games.result(2) == scenario.play(seed=3, strategies={"red": listen})
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{"type": "OCCLUDED_AERIAL_AGENT"}, {"detection": 0.5}, {"delay_turns": 1}],
+)
+def test_a_sensor_in_the_air_without_a_form_is_one_of_games_one_by_one_where_none_fly(more):
+    tower = {"tower": {"type": "AERIAL_AGENT", "sensor_range": 60.0, "at": [12.0, 14.0, 9.0], **more}}
+    teams = {"red": {"count": 1, "strategy": WALK, "sensors": ["tower"]}, "blue": {"count": 3, "strategy": WALK}}
+    with scene([], teams=teams, sensors=tower).batch(1, seed=1) as games:
+        games.step()
+        assert "the sensor 'tower' of agent 'red_0'" in games.slow
+        assert len(games.observe("red").seen().at)

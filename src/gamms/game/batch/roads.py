@@ -212,13 +212,14 @@ class OpenRoads:
                     raise BadValue("it opens roads that were closed at the start: open those that were closed later.")
                 del closed[id]
             return self._made(gone, opened + rows, closed)
-        there = {row: place for place, row in enumerate(opened)}
+        there, closing = {row: place for place, row in enumerate(opened)}, set(rows)
+        are_closed = set(gone).difference(opened)
         for id, row in zip(ids, rows, strict=True):
-            if row < 0 or (row in set(gone) and row not in there):
+            if row < 0 or row in are_closed:
                 raise UnknownName("edge", id)
         in_order = sorted(rows, key=lambda row: (row in there, there.get(row, row)))
         closed |= {int(columns.edge_ids[row]): _edge_of(columns, row) for row in in_order}
-        left = [row for row in opened if row not in set(rows)]
+        left = [row for row in opened if row not in closing]
         return self._made(sorted({*gone, *rows}), left, closed)
 
     def _rows_of(self, edge_ids: IntArray) -> IntArray:

@@ -27,7 +27,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     ]
     not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
-    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so), *_why_not_in_air(agents)]
+    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so)]
+    found += [why for agent in agents for why in why_not_seen_in_space(agent)]
     found += why_not_begun(game)
     found += [as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
@@ -93,12 +94,6 @@ def _flies(agent: IAgent) -> bool:
 
 def _is_paced(agent: IAgent) -> bool:
     return agent.speed is not None and not _flies(agent)
-
-
-def _why_not_in_air(agents: Sequence[IAgent]) -> Iterator[str]:
-    """Yield what has no array form where agents fly, in words."""
-    for agent in agents if any(map(_flies, agents)) else ():
-        yield from why_not_seen_in_space(agent)
 
 
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
