@@ -5,7 +5,7 @@ from contextlib import suppress
 import pytest
 
 from gamms import limits
-from gamms.errors import BadFile, BadValue, TooLarge
+from gamms.errors import BadFile, BadType, BadValue, TooLarge
 
 GIB = 1 << 30
 
@@ -27,6 +27,10 @@ def test_more_is_allowed_within_the_block_only():
         assert limits.max_memory() == 8 * GIB
         limits.refuse_above(5 * GIB, "A grid")
     assert limits.max_memory() == 2 * GIB
+    with limits.allowing("8G"):
+        assert limits.max_memory() == 8 * GIB
+    with pytest.raises(BadType, match=r"a text such as 8G, not 8\.0"), limits.allowing(8.0):
+        pass
     with pytest.raises(BadValue, match="positive"), limits.allowing(0):
         pass
 

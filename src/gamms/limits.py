@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from marshal import dumps
 from typing import Any
 
-from gamms.errors import BadFile, BadValue, TooLarge
+from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.text import shown
 
 __all__ = ["allowing", "max_memory", "parse_memory", "refuse_above"]  # what programs use; the rest is for our readers
@@ -35,12 +35,19 @@ def max_memory() -> int:
 
 
 @contextmanager
-def allowing(max_bytes: int) -> Iterator[None]:
+def allowing(max_bytes: int | str) -> Iterator[None]:
     """Allow files up to `max_bytes` of memory within the block (`--max-memory` on the command line).
 
+    Args:
+        max_bytes: A number, or a text that `parse_memory` reads, such as "8G".
+
     Raises:
-        BadValue: `max_bytes` is not positive.
+        BadType: `max_bytes` is neither.
+        BadValue: `max_bytes` is not positive, or the text names no number of bytes.
     """
+    max_bytes = parse_memory(max_bytes) if isinstance(max_bytes, str) else max_bytes
+    if not isinstance(max_bytes, int):
+        raise BadType(f"max_memory must be a number of bytes, or a text such as 8G, not {shown(max_bytes)}.")
     if max_bytes <= 0:
         raise BadValue(f"max_memory must be a positive number of bytes, not {max_bytes}.")
     token = _max_memory.set(max_bytes)
@@ -80,7 +87,7 @@ def refuse_above(estimated: float, what: str) -> None:
         )
 
 
-_WAY = "Make it smaller, or allow more: --max-memory 8G on the command line, gamms.limits.allowing(bytes) in Python."
+_WAY = 'Make it smaller, or allow more: --max-memory 8G on the command line, gamms.limits.allowing("8G") in Python.'
 
 
 class Allowance:

@@ -3,6 +3,8 @@
 import copy
 import pickle
 import signal
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from math import inf
 
@@ -32,6 +34,24 @@ leave.check = lambda _: None
 @pytest.mark.parametrize("rules", [[TAG], [TAG, {"rule": "last_team"}], []])
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_by_one):
     same_as_one_by_one(scene(rules), [3, 4, 5, 6, 3])
+
+
+def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():
+    hunt = scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 15.0}}])
+
+    def play(seed):
+        with hunt.batch(12, seed=seed) as games:
+            games.run()
+            return [plain(games.result(number)) for number in range(12)]
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)  # seconds
+    try:
+        with ThreadPoolExecutor(3) as threads:
+            found = list(threads.map(play, range(4)))
+    finally:
+        sys.setswitchinterval(interval)
+    assert found == [play(seed) for seed in range(4)]
 
 
 @pytest.mark.parametrize("name", ["grid_tag", "helsinki_pursuit"])

@@ -240,7 +240,7 @@ def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show,
                 if len(content) > most_bytes:
                     raise TooLarge(
                         f"The answer of {_host(url)} has more than {most_bytes} bytes. Choose a smaller area, or allow "
-                        "more memory with gamms.limits.allowing(bytes)."
+                        "more memory with gamms.limits.allowing('8G')."
                     )
                 if time.monotonic() > deadline:
                     raise _timeout_error(url, patience_s)
