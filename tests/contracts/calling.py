@@ -77,7 +77,7 @@ _IN_ARRAYS: dict[str, tuple[str, ...]] = {  # the verbs of what plays in arrays,
     "filter": ("update", "weigh", "weigh_states", "predict", "probability"), "games filter": ("update", "reset"),
     "team": ("set", "move", "sense", "__getitem__"),
     "ctx.graph.routes": (
-        "k_shortest_paths", "isochrones", "nearest", "distances_from_nearest", "tables", "nearest_edge"
+        "k_shortest_paths", "isochrones", "nearest", "distances", "distances_from_nearest", "tables", "nearest_edge"
     ),
 }
 _USUAL: dict[str, Any] = {  # what makes a call go far with one argument odd

@@ -71,18 +71,21 @@ def test_a_cutoff_gives_the_same_bits_as_the_whole_cut_off(edges, weight, some, 
 
 @given(places=PLACES, edges=EDGES, weight=WEIGHTS, sources=st.lists(ROW, max_size=4))
 @LAWS
-def test_distances_from_the_nearest_are_the_least_ones_to_the_bit(places, edges, weight, sources):
+def test_many_distances_and_those_from_the_nearest_are_single_ones_to_the_bit(places, edges, weight, sources):
     graph = Graph()
     graph.add_nodes(range(NODES), *np.transpose(places))
     for id, (source, target, detour, toll) in enumerate(edges):
         length = math.dist(places[source], places[target]) * detour
         graph.add_edge({"id": id, "source": source, "target": target, "length": length, "toll": toll or 0})
     weight = weight if edges else None
-    known = [min((graph.distance(one, to, weight) for one in sources), default=math.inf) for to in range(NODES)]
+    pairs = [[graph.distance(one, to, weight) for to in range(NODES)] for one in sources]
+    known = [min((row[to] for row in pairs), default=math.inf) for to in range(NODES)]
     for share, few in ((SEARCHED, 0), (TABLES, 0), (SEARCHED, 8)):
         fresh = graph._fork(graph._store.fork(), graph._phase)
         with mock.patch.multiple(routes, _SHARE=share, _FEW=few):
             assert fresh.routes.distances_from_nearest(sources, range(NODES), weight) == known
+            fresh = graph._fork(graph._store.fork(), graph._phase)
+            assert fresh.routes.distances(sources, range(NODES), weight).tolist() == pairs
 
 
 def test_what_was_asked_last_is_made_again_for_another_key_or_graph():

@@ -143,19 +143,27 @@ class CachedRoutes(Routes):
         found = super().nearest_end(row, ends[places], weight, within)
         return None if found is None else places[found]
 
+    def distances_between(self, rows: IntArray, end: int, weight: str | None) -> FloatArray:
+        """Return the distances (rows,) from some rows to row `end`; few are searched for near it first."""
+        check_weight(weight)
+        near = self._near_end(rows, end, weight, is_nearest=False)
+        return super().distances_between(rows, end, weight) if near is None else np.array(near)
+
     def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
         """Return the distance to row `end` from the nearest of some rows; of many, the first that a search reaches."""
         check_weight(weight)
         if len(rows) <= _FEW:
             return super().distance_from_nearest(rows, end, weight)
-        near = None
-        if not self._has_table((weight, self.ids().item(end))):
-            near = self.search(weight).distances(
-                [end], len(self.ids()) // _SHARE, others=set(rows.tolist()), is_nearest=True
-            )
-        if near is None:
-            return float(np.asarray(self.distances_to(end, weight))[rows].min())
-        return min(near.get(row, inf) for row in rows.tolist())
+        near = self._near_end(rows, end, weight, is_nearest=True)
+        return min(super().distances_between(rows, end, weight).tolist() if near is None else near)
+
+    def _near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> list[float] | None:
+        """Return the distances from some rows to row `end`, or from those nearest to it; None: a table is cheaper."""
+        others, most = set(rows.tolist()), len(self.ids()) // _SHARE
+        if self._has_table((weight, self.ids().item(end))) or (len(others) > most and not is_nearest):
+            return None
+        near = self.search(weight).distances([end], most, others=others, is_nearest=is_nearest)
+        return None if near is None else [near.get(row, inf) for row in rows.tolist()]
 
     def _reached_first(self, row: int, ends: IntArray, weight: str | None) -> list[int]:
         """Return the places in `ends` of those that are reached first from a row, up to rounding."""

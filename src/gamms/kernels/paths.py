@@ -5,7 +5,7 @@ Matchings of least cost are found by shortest augmenting paths.
 """
 
 from collections.abc import Iterable
-from functools import cache, lru_cache
+from functools import cache
 from heapq import heapify, heappop, heappush
 from itertools import groupby
 from math import inf
@@ -308,8 +308,7 @@ def scipy_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArr
     return found
 
 
-@lru_cache(maxsize=64)  # agents of a team ask for the same
-def least_matching(costs: tuple[tuple[float, ...], ...]) -> tuple[int, ...]:
+def least_matching(costs: FloatArray) -> list[int]:
     """Return for each row a column of its own, so that the sum of the costs is least.
 
     The Hungarian method by shortest augmenting paths (Jonker, Volgenant: A shortest augmenting path algorithm for
@@ -320,9 +319,7 @@ def least_matching(costs: tuple[tuple[float, ...], ...]) -> tuple[int, ...]:
         costs: (rows, columns), with as many columns as rows at least; infinite where both must not be matched, which
             is done all the same where nothing else is left.
     """
-    if not costs:
-        return ()
-    table = np.array(costs)
+    table = costs.copy()
     table[np.isinf(table)] = 2.0 * table[np.isfinite(table)].sum() + 1.0
     rows, columns = table.shape
     row_of, prices, gains = np.full(columns, -1), np.zeros(columns), np.zeros(rows)
@@ -344,7 +341,7 @@ def least_matching(costs: tuple[tuple[float, ...], ...]) -> tuple[int, ...]:
             row_of[column] = start if previous < 0 else row_of[previous]
             column = previous
     found = {int(row): column for column, row in enumerate(row_of.tolist()) if row >= 0}
-    return tuple(found[row] for row in range(rows))
+    return [found[row] for row in range(rows)]
 
 
 def lacks_scipy(arcs: int) -> bool:

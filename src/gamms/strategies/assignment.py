@@ -97,8 +97,7 @@ def _matched_in_arrays(view: ArrayView, board: "_Board", enemies: BoolArray, ene
             continue
         mates, others = np.unique(mate[begin:end]), np.unique(enemy[begin:end])
         table, rounds = far[begin:end].reshape(len(mates), len(others)), -(-len(mates) // len(others))
-        costs = tuple(tuple(row) * rounds for row in table.tolist())
-        chosen = np.array(kernels.least_matching(costs)) % len(others)
+        chosen = np.array(kernels.least_matching(np.tile(table, rounds))) % len(others)
         found[game, mates] = np.where(table[np.arange(len(mates)), chosen] < inf, others[chosen], -1)
     return found
 
@@ -182,13 +181,13 @@ def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int]
 
 def _matching(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
     """Return the enemy of each agent by the matching of least total distance, if it can be reached."""
-    graph, rounds = ctx.graph.graph, -(-len(mates) // len(enemies))
+    routes, rounds = ctx.graph.routes, -(-len(mates) // len(enemies))
 
     def make() -> dict[str, str]:
-        costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
+        costs = np.tile(routes.distances(list(mates.values()), list(enemies.values())), rounds)
         names = list(enemies) * rounds
         pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
         return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
 
     # NOTE: all agents of a team ask for the same one in a turn (500 agents: 0.2 s instead of 100).
-    return made_last(ctx.graph.routes, ("assign", team), (mates, enemies), make)
+    return made_last(routes, ("assign", team), (mates, enemies), make)

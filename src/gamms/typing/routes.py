@@ -87,6 +87,10 @@ class Routes(ABC):
                 best, found = far, at
         return found
 
+    def distances_between(self, rows: IntArray, end: int, weight: str | None) -> FloatArray:
+        """Return the distances (rows,) from some rows to row `end`; override for speed."""
+        return np.asarray(self.distances_to(end, weight))[rows]
+
     def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
         """Return the distance to row `end` from the nearest of some rows; override for speed."""
         best = inf
@@ -336,6 +340,26 @@ class RouteQueries:
         row, ends = routes.row(source), routes.rows(targets, "targets")
         found = routes.nearest_end(row, ends, weight, most)
         return None if found is None else ids.item(ends.item(found))
+
+    def distances(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
+        """Return what `distance` says of each pair, (sources, targets).
+
+        Args:
+            sources: node ids.
+            targets: node ids.
+            weight: see above.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+        """
+        routes = self._routes
+        routes.ids()
+        rows, ends = routes.rows(sources, "sources"), routes.rows(targets, "targets")
+        different, place = np.unique(ends, return_inverse=True)
+        found = np.empty((len(different), len(rows)))
+        for line, end in zip(found, different.tolist(), strict=True):
+            line[:] = routes.distances_between(rows, end, weight)
+        return found[place].T
 
     def distances_from_nearest(
         self, sources: Iterable[int], targets: Iterable[int], weight: str | None = "length"
