@@ -32,7 +32,7 @@ from gamms.strategies import (
     sweep,
     unblock,
 )
-from gamms.testing import check_rule, check_strategy
+from gamms.testing import check_array_forms, check_rule, check_strategy
 
 AGENTS = {
     f"{team}{i}": (team, node)
@@ -563,3 +563,57 @@ def test_constants_and_caches_are_no_hidden_state():
         ctx.game.data["turn"] = ctx.game.turn
 
     check_rule(rule, make_ctx)
+
+
+def hurried(in_arrays):
+    """A context whose agents go to their last legal node, and a form that says where they go in arrays."""
+
+    def hurry(state):
+        state["action"] = state["legal"][-1] if state["draw"].random() < 0.8 else state["legal"][0]
+
+    gamms.array_strategy(of=hurry)(in_arrays)
+    return make_ctx(strategy=hurry)
+
+
+def as_declared(view):
+    return np.where(view.draw.random() < 0.8, view.counts - 1, 0)
+
+
+def otherwise(view):
+    return np.where(view.draw.random() < 0.7, view.counts - 1, 0)
+
+
+def test_array_forms_that_do_what_they_are_declared_for_pass():
+    check_array_forms(lambda: hurried(as_declared), turns=8)
+
+
+def test_array_forms_that_do_something_else_are_told_by_seed_turn_and_agent():
+    with pytest.raises(AssertionError, match=r"seed 0 in arrays.* after turn 3, agent 'blue1' is at \d, and was at \d"):
+        check_array_forms(lambda: hurried(otherwise), turns=8)
+
+
+def test_array_forms_of_rules_that_do_something_else_are_told():
+    def toll(ctx):
+        if ctx.game.turn == 3:
+            ctx.game.scores["red"] += 1
+
+    gamms.array_rule(of=toll)(lambda turn: turn.add_score("red", np.flatnonzero(turn.turn == 4), 1))
+
+    def make():
+        ctx = make_ctx()
+        ctx.game.add(toll)
+        return ctx
+
+    check_array_forms(make, turns=2)
+    with pytest.raises(AssertionError, match=r"scores is \{\}, and was \{'red': 1\}"):
+        check_array_forms(make, turns=3)
+
+
+def test_games_that_are_not_played_in_arrays_are_not_compared():
+    def make():
+        ctx = make_ctx()
+        ctx.game.order = [["red"]]
+        return ctx
+
+    with pytest.raises(AssertionError, match="not played in arrays, because of an order of play"):
+        check_array_forms(make)

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from gamms.arguments import signature_of
 from gamms.context import Context
-from gamms.game import IllegalMutation
+from gamms.game import IllegalMutation, Result
 from gamms.game.hidden_state import HiddenState
 from gamms.plain import why_not_plain
 from gamms.readonly import ReadOnly
@@ -99,6 +99,36 @@ def check_strategy(
                 _same_actions("in a new game of the same seed", first, again)
 
 
+def check_array_forms(make_ctx: Callable[[], Context], *, games: int = 8, turns: int = 30) -> None:
+    """Play games in arrays, as `ctx.game.batch` does, and by themselves, and compare them.
+
+    It finds array forms that do something else than the strategies, rules and checks that they are declared for, or
+    that mix up games.
+
+    Args:
+        make_ctx: makes a context with a seed, a map, and agents and rules with array forms.
+        games: how many, of the seeds 0, 1, 2, …
+        turns: how long each game is played.
+
+    Raises:
+        AssertionError: games went differently, the message says in which turn; or they are not played in arrays.
+    """
+    play = _Play(make_ctx, None, turns)
+    with play.opened() as ctx:
+        with ctx.game.batch(games) as batch:
+            if not batch.is_in_arrays:
+                raise AssertionError(f"These games are not played in arrays, because of {batch.slow}.")
+            for _ in range(turns):
+                batch.step()
+            seen = [_plain(batch.result(number)) for number in range(games)]
+        for seed, game in enumerate(seen):
+            ctx.game.reset(seed=seed)
+            for _ in range(turns):
+                ctx.game.step()
+            what = f"the game of seed {seed} in arrays, compared with the one that is played by itself,"
+            _same_game(what, game, _plain(ctx.game.result()), "Compare what both forms do in this turn.")
+
+
 @contextmanager
 def _naming(hidden: HiddenState, way_out: str) -> Iterator[None]:
     """Name the variable that has changed: beside another error, or as the only one."""
@@ -156,7 +186,11 @@ class _Play:
 
 def _played(ctx: Context, turns: int) -> _Game:
     """Play on and return the result, but for what it took."""
-    found = ctx.game.run(turns).to_dict()
+    return _plain(ctx.game.run(turns))
+
+
+def _plain(result: Result) -> _Game:
+    found = result.to_dict()
     del found["timings"]
     return found
 
