@@ -192,6 +192,8 @@ IN_AIR = [
     {"type": "OCCLUDED_AERIAL_AGENT", "sensor_range": 3.0, "detection": 0.7},
     {"type": "AERIAL_AGENT", "sensor_range": 9.0, "fov": 2.0, "position_noise_m": 0.3, "delay_turns": 1},
     {"type": "OCCLUDED_AERIAL", "sensor_range": 3.0},
+    {"type": "OCCLUDED_AERIAL_AGENT", "sensor_range": 5.0, "fov": 3.0, "false_alarm_rate": 0.8},
+    {"type": "AERIAL_AGENT", "sensor_range": 4.0, "at": (3.0, 0.5, 1.5), "false_alarm_rate": 0.5, "delay_turns": 2},
 ]
 flights = st.fixed_dictionaries(
     {

@@ -235,17 +235,22 @@ def listen(state):
     state["action"] = legal[(len(seen) + round(sum(x + y for _, (x, y, _) in seen.values()))) % len(legal)]
 
 
-def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fly():
-    tower = {"tower": {"type": "AERIAL_AGENT", "sensor_range": 25.0, "at": [12.0, 14.0, 9.0]}}
+TOWER = {"type": "AERIAL_AGENT", "sensor_range": 25.0, "at": [12.0, 14.0, 9.0]}
+ERRORS = {"detection": 0.7, "position_noise_m": 3.0, "false_alarm_rate": 0.8, "delay_turns": 1}
+
+
+@pytest.mark.parametrize("more", [{}, ERRORS, {"delay_turns": 2}])
+def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fly(more):
     teams = {"red": {"count": 3, "sensors": ["tower"]}, "blue": {"count": 3, "strategy": WALK}}
-    scenario = scene([], teams=teams, sensors=tower, max_turns=6)
+    scenario = scene([], teams=teams, sensors={"tower": TOWER | more}, max_turns=6)
     with (
         scenario.batch(3, seed=1, strategies={"red": listen}) as games,
         scenario.batch(3, seed=1, strategies={"red": listen}, one_by_one=True) as alone,
     ):
         while not games.is_over.all():
-            for seen, expected in zip(games.observe("red").seen(), alone.observe("red").seen(), strict=True):
-                assert np.array_equal(seen, expected)
+            for names in ((), ("tower",)):
+                seen, expected = (played.observe("red").seen(*names) for played in (games, alone))
+                assert all(map(np.array_equal, seen, expected)), names
             games.step()
             alone.step()
         assert games.is_in_arrays
@@ -253,14 +258,23 @@ def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fl
         assert games.result(2) == scenario.play(seed=3, strategies={"red": listen})
 
 
-@pytest.mark.parametrize(
-    "more",
-    [{"type": "OCCLUDED_AERIAL_AGENT"}, {"detection": 0.5}, {"delay_turns": 1}],
-)
-def test_a_sensor_in_the_air_without_a_form_is_one_of_games_one_by_one_where_none_fly(more):
-    tower = {"tower": {"type": "AERIAL_AGENT", "sensor_range": 60.0, "at": [12.0, 14.0, 9.0], **more}}
-    teams = {"red": {"count": 1, "strategy": WALK, "sensors": ["tower"]}, "blue": {"count": 3, "strategy": WALK}}
-    with scene([], teams=teams, sensors=tower).batch(1, seed=1) as games:
-        games.step()
-        assert "the sensor 'tower' of agent 'red_0'" in games.slow
-        assert len(games.observe("red").seen().at)
+WALLS = np.array([[(4, y, 9), (36, y, 9), (4, y, 0), (36, y, 0)] for y in (5.0, 25.0)])
+
+
+@pytest.mark.parametrize("eye", [{"fov": 4.0}, ERRORS])
+def test_obstacles_and_errors_are_the_same_in_the_air_as_in_games_alone(eye):
+    eyes = {"eye": {"type": "OCCLUDED_AERIAL_AGENT", "sensor_range": 30.0, **eye}}
+    with flying(BACK, drone={"sensors": ["eye"], "altitude": 2.0}, sensors=eyes, max_turns=6).build(seed=1) as ctx:
+        ctx.graph.add_obstacles(WALLS)
+        for agent in ctx.agent.create_iter():
+            agent.strategy = follow if agent.team == "air" else agent.strategy
+        alone = ctx.game.fork(0)
+        ctx.game.step()  # so that there is something to report late
+        goes_on = ctx.game.fork(0)
+        for game, begun in ((alone, False), (goes_on, True)):
+            with game.batch(seeds=[5, 6]) as games:
+                games.run()
+                assert games.is_in_arrays
+                for number, seed in enumerate(games.seeds):
+                    game.reset(seed=seed)
+                    assert plain(games.result(number)) == plain(game.run()), begun

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch import sight
+from gamms.game.batch import reports
+from gamms.game.batch.sight import Seen
 from gamms.sensor import views
 from gamms.strategies import chase, flee, goto, mix
 
@@ -151,7 +152,7 @@ def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(mon
                 games.step()
             expected = games.observe("red").seen()
             for what, number in (("_AT_ONCE", 21), ("_AT_ONCE", 7), ("_FEW", 1)):
-                monkeypatch.setattr(sight, what, number)
+                monkeypatch.setattr(reports, what, number)
                 games.reset()
                 for _ in range(3):
                     games.step()
@@ -163,7 +164,7 @@ def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(mon
 def test_a_mask_that_takes_too_much_memory_is_refused():
     none = np.zeros(0, np.int64)
     with pytest.raises(TooLarge, match="Use the pairs"):
-        _ = sight.Seen((3000, 300, 302), none, none, none, none).mask
+        _ = Seen((3000, 300, 302), none, none, none, none).mask
 
 
 kinds = st.sampled_from(["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"])
@@ -190,7 +191,7 @@ sensors = st.fixed_dictionaries(
 )
 def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, seeds, few):
     with scene(max_turns=5).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sight, "_FEW", few)
+        patch.setattr(reports, "_FEW", few)
         ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
         for i, (name, agent) in enumerate(ctx.agent.agents.items()):
             for number in {i % len(carried), i * i % len(carried)}:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable, Sequence, Sized
 from dataclasses import dataclass, field
 from itertools import accumulate
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -58,8 +59,8 @@ class AgentLook(NamedTuple):
     """How a sensor shows agents, in a form that is computed for many games at once; equal if two show the same.
 
     Attributes:
-        radius: map units; may be infinite.
-        place: (x, y) to look from, or None: from the node of the agent that carries it.
+        radius: map units, of one that looks from the air in space; may be infinite.
+        place: (x, y) to look from, in the air (x, y, z), or None: from where the agent is that carries it.
         cone: heading (cos, sin) and full opening angle; None: all around.
         teams: the teams whose agents alone it shows; None: all.
         others: the teams whose agents it does not show.
@@ -77,25 +78,32 @@ class AgentLook(NamedTuple):
         false_alarms: how many agents are to be expected in a look that are reported falsely.
         covers: returns the ids of the nodes that are in view from a node, or from `place`, all around if it turns.
         delay: how many turns old the look is that is reported.
+        quat: how one that looks from the air is turned, `(w, x, y, z)`, relative to the agent that carries it, at a
+            fixed place by itself; None: it looks along the ground.
+        fov: the full opening angle of its cone, radians.
+        in_line: returns between which points, (pairs, 3) both, no obstacle is; None: obstacles hide nothing in the air.
     """
 
     radius: float
-    place: tuple[float, float] | None
-    cone: tuple[tuple[float, float], float] | None
-    teams: tuple[Hashable, ...] | None
-    others: tuple[Hashable, ...]
-    chances: tuple[tuple[float, float], ...] | None
-    draws: tuple[str, str] | None
-    height: float | None
-    hides: "Callable[[int, IntArray], BoolArray] | None"
-    hides_pairs: "Callable[[IntArray, FloatArray, BoolArray, IntArray, FloatArray], BoolArray] | None"
-    chance: "Callable[[FloatArray], FloatArray] | None"
-    noise: float
-    nearest: "Callable[[FloatArray, FloatArray], IntArray] | None"
-    turns: bool
-    false_alarms: float
-    covers: "Callable[[int], IntArray] | None"
-    delay: int
+    place: tuple[float, ...] | None = None
+    cone: tuple[tuple[float, float], float] | None = None
+    teams: tuple[Hashable, ...] | None = None
+    others: tuple[Hashable, ...] = ()
+    chances: tuple[tuple[float, float], ...] | None = None
+    draws: tuple[str, str] | None = None
+    height: float | None = None
+    hides: "Callable[[int, IntArray], BoolArray] | None" = None
+    hides_pairs: "Callable[[IntArray, FloatArray, BoolArray, IntArray, FloatArray], BoolArray] | None" = None
+    chance: "Callable[[FloatArray], FloatArray] | None" = None
+    noise: float = 0.0
+    nearest: "Callable[[FloatArray, FloatArray], IntArray] | None" = None
+    turns: bool = False
+    false_alarms: float = 0.0
+    covers: "Callable[[int], IntArray] | None" = None
+    delay: int = 0
+    quat: tuple[float, float, float, float] | None = None
+    fov: float = inf
+    in_line: "Callable[[FloatArray, FloatArray], BoolArray] | None" = None
 
     @property
     def errs(self) -> bool:
@@ -105,28 +113,7 @@ class AgentLook(NamedTuple):
     @property
     def what(self) -> "AgentLook":
         """The same without what is others for each sensor though they look alike."""
-        return self._replace(hides=None, hides_pairs=None, draws=None, nearest=None, covers=None)
-
-
-class AerialLook(NamedTuple):
-    """How a sensor shows agents from the air, in a form that is computed for many games at once.
-
-    Attributes:
-        radius: map units, in space; may be infinite.
-        fov: the full opening angle of its cone, radians.
-        quat: how it is turned, `(w, x, y, z)`: relative to the agent that carries it, at a fixed place by itself.
-        place: (x, y, z) to look from; None: from the agent that carries it, which it does not show.
-        teams: the teams whose agents alone it shows; None: all.
-        others: the teams whose agents it does not show.
-    """
-
-    radius: float
-    fov: float
-    quat: tuple[float, float, float, float]
-    place: tuple[float, float, float] | None
-    teams: tuple[Hashable, ...] | None
-    others: tuple[Hashable, ...]
-    turns: bool = True  # what it shows does not follow from a node
+        return self._replace(hides=None, hides_pairs=None, draws=None, nearest=None, covers=None, in_line=None)
 
     def shows(self, team: Hashable) -> bool:
         """Whether it shows agents of a team where they are in view."""

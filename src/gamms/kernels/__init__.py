@@ -64,6 +64,7 @@ from gamms.kernels.fields_of_view import (
     multiply_quaternions,
     points_in_cone,
     quaternion_to_direction,
+    squares,
     unit_quaternion,
     yaw,
 )

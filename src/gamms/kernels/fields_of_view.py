@@ -1,6 +1,6 @@
 """Fields of view: rotations in space as unit quaternions (w, x, y, z), headings, and what lies inside a cone."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
@@ -62,19 +62,27 @@ def about_z(heading: tuple[float, float]) -> Quaternion:
     return (cos(half), 0.0, 0.0, sin(half))
 
 
+def squares(dx: FloatArray, dy: FloatArray, dz: FloatArray) -> FloatArray:
+    """Return the squares of the lengths of offsets in space, (points,): on every machine the same bits."""
+    with np.errstate(over="ignore"):  # infinitely far away is far away
+        found: FloatArray = dx * dx + dy * dy + dz * dz
+    return found
+
+
 def in_view(
-    offsets: FloatArray, axis: tuple[float, float, float], fov: float
+    offsets: Sequence[FloatArray], axis: Sequence[float | FloatArray], fov: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether each offset lies within `fov / 2` radians of the axis, the rim included.
 
     Args:
-        offsets: (points, 3) from the observer; an offset of zero counts as straight ahead.
-        axis: the direction of view, of any positive length.
+        offsets: east, north and up from the observer, (points,) each; an offset of zero counts as straight ahead.
+        axis: the direction of view, of any positive length, or those of each offset: x, y and z.
         fov: full opening angle in radians.
     """
-    across = np.linalg.norm(np.cross(offsets, axis), axis=1)
+    (x, y, z), (a, b, c) = offsets, axis
+    across = np.sqrt(squares(y * c - z * b, z * a - x * c, x * b - y * a))
     seen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
-        np.arctan2(across, offsets @ np.array(axis)) <= fov / 2.0 + _RIM
+        np.arctan2(across, x * a + y * b + z * c) <= fov / 2.0 + _RIM
     )
     return seen
 

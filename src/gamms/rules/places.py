@@ -371,6 +371,7 @@ def _why_not_looked(agents: Iterable[IAgent]) -> str | None:
             look = "is of a class of its own" if of_agents is None else of_agents(agent.name)
             look = look if of_nodes is None else of_nodes()
             why = look if isinstance(look, str) else "turns with its agent" if look.turns else None
+            why = why or ("looks from the air" if getattr(look, "quat", None) is not None else None)
             if why is not None:
                 return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
     return None

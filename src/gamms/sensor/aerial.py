@@ -1,6 +1,7 @@
 """AERIAL, AERIAL_AGENT and what obstacles leave of them: looking from the air along an axis."""
 
 from collections.abc import Sequence
+from functools import partial
 from math import inf, pi, sqrt
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -11,15 +12,15 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import AerialLook, Sensed, SensorView, ragged
+from gamms.ir.sensed import AgentLook, Sensed, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
-from gamms.sensor.detection import DetectingSensor, teams_in
+from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.ground import map_view
 from gamms.sensor.nearby import Coordinates, memory_of
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import ground_at, on_ground
+from gamms.sensor.views import are_unhidden, ground_at, on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -136,11 +137,11 @@ class FlyingSensor(Sensor):
 
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return which offsets (points, 3) lie in range and in the cone, by index."""
-        with np.errstate(over="ignore"):  # infinitely far away is far away
-            near = np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) <= self.range * self.range)
+        # Squares are compared, which are the same on every machine and in batches.
+        near = np.flatnonzero(kernels.squares(*offsets.T) <= self.range * self.range)
         if self.fov >= 2.0 * pi:
             return near
-        return near[kernels.in_view(offsets[near], axis, self.fov)]
+        return near[kernels.in_view([*offsets[near].T], axis, self.fov)]
 
 
 class AerialSensor(FlyingSensor):
@@ -257,23 +258,22 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         report = self._report(look, None, seen)
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in report.items()}
 
-    def in_arrays(self, owner: str) -> AerialLook | str:  # noqa: ARG002 - as other sensors have it
+    def in_arrays(self, owner: str) -> AgentLook | str:
         """Return how it shows agents, to be computed for many games at once; else in words why it cannot.
 
         What follows from that must be what `sense` shows.
         """
-        if not self._is_ours:
-            return "is of a class of its own"
-        if self._is_occluded or self.notice.needs_look:
-            return "looks past obstacles, draws, errs or reports late in the air"
-        teams, others = self.notice.team, self.notice.exclude
-        return AerialLook(
-            self.range,
-            self.fov,
-            self._quat,
-            self._at,
-            None if teams is None else tuple(teams_in(teams)),
-            () if others is None else tuple(teams_in(others)),
+        found = self._notice_in_arrays(self.range, owner, self._at)
+        if isinstance(found, str):
+            return found
+        if self._at is None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
+            return "needs an agent that flies"
+        return found._replace(
+            place=self._at,
+            quat=self._quat,
+            fov=self.fov,
+            height=0.0 if self._is_occluded else None,
+            in_line=partial(are_unhidden, self.ctx) if self._is_occluded else None,
         )
 
     def _reportable_rows(self) -> list[int]:
@@ -304,7 +304,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         if self._is_occluded:
             rows = rows[is_outside[rows]]
             rows = rows[self.ctx.graph.visible(pose.position, ground[rows])]
-        return ids[rows], np.linalg.norm(offsets[rows], axis=1)
+        return ids[rows], _lengths(offsets[rows])
 
     @of_data
     def last_view(self) -> SensorView:
@@ -335,7 +335,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             at = at[there.is_outside[at]]
             at = at[self.ctx.graph.visible(pose.position, there.xyz[at])]
         if self.notice.needs_chance:
-            distances = np.linalg.norm(there.xyz[at] - pose.position, axis=1)
+            distances = _lengths(there.xyz[at] - pose.position)
             seen = [names[row] for row in near[at].tolist()]
             at = at[self.notice.is_noticed(look, seen, distances)]
         return near[at], there.of(at)
@@ -346,3 +346,8 @@ class OccludedAerialAgentSensor(AerialAgentSensor):
 
     _type = SensorType.OCCLUDED_AERIAL_AGENT
     _is_occluded = True
+
+
+def _lengths(offsets: FloatArray) -> FloatArray:
+    found: FloatArray = np.sqrt(kernels.squares(*offsets.T))
+    return found

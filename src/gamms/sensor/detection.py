@@ -16,10 +16,10 @@ from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_decidi
 from gamms.errors import BadValue, nearest
 from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import Coverage, Sensed, ragged
+from gamms.ir.sensed import AgentLook, Coverage, Sensed, ragged
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, Reportable, delayed, forget_delayed
-from gamms.typing import IContext
+from gamms.typing import IAgent, IContext, ISensor
 from gamms.typing.routes import made_last
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
@@ -145,6 +145,27 @@ class DetectionModel(Guarded):
         twin._is_trial = True
         return twin
 
+    def in_arrays(self, radius: float, owner: str) -> AgentLook:
+        """Return which agents are reported, and how exactly, to be computed for many games at once.
+
+        Args:
+            radius: of the sensor.
+            owner: the agent that what is drawn follows from; "": no agent.
+        """
+        detection = self.detection
+        chances = None if detection is None or callable(detection) else as_chances(detection, "detection")
+        return AgentLook(
+            radius,
+            teams=None if self.team is None else tuple(teams_in(self.team)),
+            others=() if self.exclude is None else tuple(teams_in(self.exclude)),
+            chances=None if chances is None else tuple((far, chance) for far, chance in chances.tolist()),
+            draws=(self._sensor_id, owner) if self.needs_look else None,
+            chance=detection if callable(detection) else None,
+            noise=self.position_noise_m or 0.0,
+            false_alarms=self.false_alarm_rate or 0.0,
+            delay=self.delay_turns or 0,
+        )
+
     @contextmanager
     def rolled_back(self) -> Iterator[None]:
         """Undo what looks of a running strategy change, so that they do not decide what the sensor notices later."""
@@ -218,6 +239,17 @@ class DetectingSensor(Sensor):
         if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
             self._notice = DetectionModel(self.sensor_id, self._phase)
         return self._notice
+
+    def _notice_in_arrays(self, radius: float, owner: str, at: object) -> AgentLook | str:
+        """Return how it notices agents, `at` a fixed place or None, for `in_arrays`; else in words why it cannot."""
+        if not self._is_ours:
+            return "is of a class of its own"
+        notice = DetectionModel(self.sensor_id) if self._notice is None else self._notice
+        if notice.needs_look and at is not None:
+            carriers = [agent for agent in self.ctx.agent.agents.values() if self in _sensors_of(agent)]
+            if len(carriers) > 1:
+                return "draws at a fixed place for several agents"
+        return notice.in_arrays(radius, owner if at is None else "")
 
     def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:
         """Return on which nodes it would show agents on the ground now; a class of the user's own is not asked."""
@@ -331,6 +363,10 @@ class DetectingSensor(Sensor):
 def teams_in(given: object) -> Collection[Any]:
     """Return the teams that a keyword names: one, or several in a list, tuple or set."""
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
+
+
+def _sensors_of(agent: IAgent) -> Collection[ISensor]:
+    return getattr(agent, "sensors", {}).values()
 
 
 def _chance_of(detection: Detection, name: str) -> Chance | None:

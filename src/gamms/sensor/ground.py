@@ -1,6 +1,6 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from math import inf, pi
 from typing import Any, cast
@@ -11,13 +11,12 @@ from gamms import kernels
 from gamms.arguments import as_float, as_ids, as_int, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
-from gamms.ir.chances import as_chances
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged, sensed_arrays
 from gamms.sensor import fov_geometry
-from gamms.sensor.detection import DetectingSensor, teams_in
+from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.nearby import memory_of
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
@@ -33,9 +32,9 @@ from gamms.sensor.views import (
     is_unhidden,
     nodes_ahead,
 )
-from gamms.typing import IAgent, IContext
+from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
-from gamms.typing.sensor_engine import ISensor, SensorType
+from gamms.typing.sensor_engine import SensorType
 
 ALL_AROUND: Heading = (0.0, 0.0)
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
@@ -385,37 +384,18 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
         What follows from that must be what `sense` shows.
         """
-        notice, detection = self._notice, None if self._notice is None else self._notice.detection
-        reasons = {
-            "is of a class of its own": not self._is_ours,
-            "draws at a fixed place for several agents": notice is not None
-            and notice.needs_look
-            and self._at is not None
-            and sum(self in _sensors_of(agent) for agent in self.ctx.agent.agents.values()) > 1,
-        }
-        for reason, is_there in reasons.items():
-            if is_there:
-                return reason
-        chances = None if detection is None or callable(detection) else as_chances(detection, "detection")
-        draws = notice is not None and notice.needs_look
-        return AgentLook(
-            self.range,
-            None if self._at is None else coordinates(self.ctx, self._at),
-            None if self.fov == FULL_CIRCLE else (self.orientation, self.fov),
-            None if notice is None or notice.team is None else tuple(teams_in(notice.team)),
-            () if notice is None or notice.exclude is None else tuple(teams_in(notice.exclude)),
-            None if chances is None else tuple((far, chance) for far, chance in chances.tolist()),
-            (self.sensor_id, owner if self._at is None else "") if draws else None,
-            self._observer_height if self._is_occluded else None,
-            self._hidden_from if self._is_occluded else None,
-            self._hidden_between if self._is_occluded else None,
-            detection if callable(detection) else None,
-            0.0 if notice is None else notice.position_noise_m or 0.0,
-            self.ctx.graph.graph.nearest_node,
-            self.fov != FULL_CIRCLE and self._at is None,
-            0.0 if notice is None else notice.false_alarm_rate or 0.0,
-            self._covered_from,
-            0 if notice is None else notice.delay_turns or 0,
+        found = self._notice_in_arrays(self.range, owner, self._at)
+        if isinstance(found, str):
+            return found
+        return found._replace(
+            place=None if self._at is None else coordinates(self.ctx, self._at),
+            cone=None if self.fov == FULL_CIRCLE else (self.orientation, self.fov),
+            height=self._observer_height if self._is_occluded else None,
+            hides=self._hidden_from if self._is_occluded else None,
+            hides_pairs=self._hidden_between if self._is_occluded else None,
+            nearest=self.ctx.graph.graph.nearest_node,
+            turns=self.fov != FULL_CIRCLE and self._at is None,
+            covers=self._covered_from,
         )
 
     def _covered_from(self, node_id: int) -> IntArray:
@@ -534,10 +514,6 @@ def _paired(positions: Positions, looks_at: IntArray, rows: IntArray, *, looks: 
         looks_at, rows = looks_at[is_other], rows[is_other]
     offsets = np.searchsorted(looks_at, np.arange(looks + 1))
     return Sensed(offsets, rows, names=names, places=positions.node_ids[rows])
-
-
-def _sensors_of(agent: IAgent) -> Collection[ISensor]:
-    return getattr(agent, "sensors", {}).values()
 
 
 def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

@@ -37,8 +37,10 @@ ON_GROUND = frozenset((SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGEN
 """The built-in types that show other agents by the nodes that they are on."""
 
 IN_AIR = frozenset((SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT))
-FROM_AIR = frozenset((SensorType.AERIAL, SensorType.OCCLUDED_AERIAL))
 """Those that show other agents by their places in space."""
+
+FROM_AIR = frozenset((SensorType.AERIAL, SensorType.OCCLUDED_AERIAL))
+"""Those that show the ground from the air."""
 
 
 class ISensor(ABC):

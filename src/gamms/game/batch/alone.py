@@ -254,6 +254,10 @@ class _ViewOfOne(ArrayView):
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
         game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
+        game.noted = {
+            number: [name for name, sensor in getattr(here[number], "sensors", {}).items() if sensor.type in IN_AIR]
+            for number in agents.tolist()
+        }
         return ArrayView(game, self.games, agents)
 
     def plain_outbox(self) -> list[dict[str, Any]]:

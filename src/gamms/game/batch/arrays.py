@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.batch.aerial_sight import looks_from_the_air
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
 from gamms.game.batch.begun import Beginning
@@ -24,11 +23,12 @@ from gamms.game.batch.headings import Headings
 from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Movement, Moves
 from gamms.game.batch.moves_of_turn import TurnPart
+from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.roads import ClosedEdges, OpenRoads
 from gamms.game.batch.rule_fork import NoRow, OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies
-from gamms.game.batch.sight import DELAYS, reports_late, turns_with_its_agent
+from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres, movement_of
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn

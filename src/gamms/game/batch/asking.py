@@ -14,7 +14,7 @@ from gamms.game.batch.flights import Flights, as_flights
 from gamms.game.batch.game_forms import GameForms, Group
 from gamms.game.batch.given import Given
 from gamms.game.batch.movement import Illegal, Moves, Route
-from gamms.game.batch.sight import DELAYS
+from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView

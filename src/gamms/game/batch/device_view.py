@@ -13,9 +13,10 @@ from gamms.game.batch.columns import Table, some_rows
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Places
+from gamms.game.batch.reports import Lookout
 from gamms.game.batch.roads import refuse_several_maps
 from gamms.game.batch.routes import RouteTable, of_asked
-from gamms.game.batch.sight import Lookout, Seen, lookouts
+from gamms.game.batch.sight import Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
@@ -382,7 +383,7 @@ def is_portable(one: Lookout) -> bool:
     """Whether what sensors show can be worked out on a device, with the same result to the bit."""
     look = one.look
     plain = look.place is None and look.cone is None and look.hides is None and look.chances is None
-    plain = plain and look.chance is None and not (look.noise or look.false_alarms or look.delay)
+    plain = plain and look.chance is None and look.quat is None and not (look.noise or look.false_alarms or look.delay)
     return plain and (look.radius == np.inf or 1e-150 < look.radius < 1e150)
 
 

@@ -6,7 +6,7 @@ All numbers are worked out by the same operations as in `typing.actions`, so tha
 
 from collections.abc import Callable, Hashable, Sequence
 from math import hypot
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 
@@ -104,13 +104,16 @@ class Flyers:
         quat: (games, flyers, 4) how they are turned.
         speeds: (flyers,) how far they go in a turn at most.
         ground_z: (nodes,) how high nodes are.
+        is_outside: (nodes,) which are not in a tunnel.
     """
 
     def __init__(self, game: PlayedGame, roster: Roster, streets: Streets, start: IntArray) -> None:
         self.agents, self._streets = np.flatnonzero(roster.flies & roster.is_first), streets
         self._nearest: Callable[[FloatArray, FloatArray], IntArray] = game.ctx.graph.graph.nearest_node
         ground = game.ctx.graph.graph.ground(streets.columns.node_ids)
-        self.ground_z: FloatArray = np.zeros(len(streets.columns.node_ids)) if ground is None else ground.z
+        nodes = len(streets.columns.node_ids)
+        self.ground_z: FloatArray = np.zeros(nodes) if ground is None else ground.z
+        self.is_outside: BoolArray = np.ones(nodes, np.bool_) if ground is None else ground.tunnels == 0
         agents: list[Any] = [roster.agents[number] for number in self.agents.tolist()]
         self.speeds = np.array([one.speed or 0.0 for one in agents])
         self._started = np.array([game.internals.start_of(one) for one in agents], np.float64).reshape(-1, 3)
@@ -151,6 +154,11 @@ class Flyers:
         turned = self.quat[games, np.searchsorted(self.agents, agents)].tolist()
         cos, sin = np.array([kernels.yaw(quat) for quat in turned]).reshape(-1, 2).T
         return cos, sin
+
+    def turned(self, games: IntArray, agents: IntArray) -> kernels.Quaternion:
+        """Return how some of them are turned, by their numbers in the roster: four arrays, (looks,) each."""
+        w, x, y, z = self.quat[games, np.searchsorted(self.agents, agents)].T
+        return cast("kernels.Quaternion", (w, x, y, z))
 
     # -- what they decide -----------------------------------------------------------------------------------------
 

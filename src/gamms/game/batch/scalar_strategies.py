@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.deciding import phase_of
-from gamms.game.batch.aerial_sight import Sighting, aerial_look_of, seen_in_space, sightings
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
@@ -16,7 +15,7 @@ from gamms.game.batch.flights import Flown, InAir
 from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
-from gamms.game.batch.sight import Seen, look_of
+from gamms.game.batch.sight import Seen, SeenInSpace, look_of, lookouts, seen_from_air
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
@@ -36,7 +35,7 @@ from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
-from gamms.typing import IAgent
+from gamms.typing import AgentType, IAgent
 from gamms.typing.game import EdgePlace
 from gamms.typing.on_edges import PassedNode
 from gamms.typing.sensor_engine import FROM_AIR, ISensor, SensorType
@@ -444,7 +443,7 @@ class ScalarStrategies:
             needs_game |= by_metres or (bool(movement.remembers) and (agent.speed or 0.0) % 1.0 > 0.0)
             for name, sensor in getattr(agent, "sensors", {}).items():
                 look = look_of(sensor, agent)
-                if self._state.flyers is not None and aerial_look_of(sensor, agent) is not None:
+                if look is not None and look.quat is not None:
                     self._cells_in_air.setdefault(name, {})[number] = [None]
                 elif look is not None:
                     self._cells.setdefault(name, {})[number] = [None]
@@ -460,29 +459,37 @@ class ScalarStrategies:
         """Return where it is put what a sensor of an agent shows; None: arrays do not say that."""
         return self._cells.get(name, {}).get(number) or self._cells_in_air.get(name, {}).get(number)
 
-    def _shown_in_air(self, view: ArrayView, name: str, cells: Collection[int]) -> list[dict[str, Sighting]]:
+    def _shown_in_air(self, view: ArrayView, name: str, cells: Collection[int]) -> list[dict[str, Any]]:
         """Return what a sensor shows to agents from the air, likewise."""
-        flyers, carries = self._state.flyers, np.isin(view.agents, list(cells))
-        assert flyers is not None  # noqa: S101 - there are such sensors
-        above = seen_in_space(self._state, flyers, view.games, view.agents, view.mask & carries, [name])
-        return sightings(above, view.roster, self._context.fork.rank, view.node.shape)
+        whom = np.array([number for number in view.agents.tolist() if number in cells], np.int64)
+        looks = lookouts(view.roster, whom, [name]) if len(whom) else []
+        asked = view.mask[:, np.searchsorted(view.agents, whom)]
+        found = seen_from_air(self._state, view.games, asked, looks)
+        kinds, flies = (AgentType.BASIC, AgentType.AERIAL), view.roster.flies[found.others].tolist()
+        shown = [(kinds[is_flying], tuple(xyz)) for is_flying, xyz in zip(flies, found.xyz.tolist(), strict=True)]
+        return self._by_agent(view, whom, found, shown)
 
-    def _shown(self, view: ArrayView, name: str, cells: Mapping[int, object]) -> list[dict[str, int]]:
+    def _shown(self, view: ArrayView, name: str, cells: Collection[int]) -> list[dict[str, Any]]:
         """Return what a sensor shows to agents, as `data` has it, game by game; nothing to those without one."""
         whom = np.array([number for number in view.agents.tolist() if number in cells], np.int64)
-        width = len(view.agents)
         if not len(whom):
-            return [{}] * (len(view.games) * width)
+            return [{}] * (len(view.games) * len(view.agents))
         found = view.of(whom).seen(name)
-        rank = self._context.fork.rank
-        looking = found.at * width + np.searchsorted(view.agents, whom)[found.viewers]
-        order = np.lexsort((rank[found.others], looking))
-        names = [view.roster.names[number] for number in found.others[order].tolist()]
-        nodes = view.streets.ids(found.nodes[order]).tolist()
+        nodes = view.streets.ids(found.nodes).tolist()
         if self._state.movement.leaves_nodes:
-            self._locate(nodes, view.games, found.of(order), self._is_exact[name][whom])
-        ends = np.cumsum(np.bincount(looking, minlength=len(view.games) * width)).tolist()
-        return [dict(zip(names[a:b], nodes[a:b], strict=True)) for a, b in pairwise([0, *ends])]
+            self._locate(nodes, view.games, found, self._is_exact[name][whom])
+        return self._by_agent(view, whom, found, nodes)
+
+    def _by_agent(
+        self, view: ArrayView, whom: IntArray, found: Seen | SeenInSpace, shown: Sequence[Any]
+    ) -> list[dict[str, Any]]:
+        """Return what is shown of the others that some agents see by the names of these, game by game and by agent."""
+        looking = found.at * len(view.agents) + np.searchsorted(view.agents, whom)[found.viewers]
+        order = np.lexsort((self._context.fork.rank[found.others], looking)).tolist()
+        names, others = view.roster.names, found.others.tolist()
+        listed = [(names[others[i]], shown[i]) for i in order]
+        ends = np.cumsum(np.bincount(looking, minlength=view.node.size)).tolist()
+        return [dict(listed[a:b]) for a, b in pairwise([0, *ends])]
 
     def _locate(self, nodes: list[int], games: IntArray, found: Seen, is_exact: BoolArray) -> None:
         """Have nodes that are shown say where on edges agents are, if those who look, (viewers,), see that exactly."""

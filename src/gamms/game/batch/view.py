@@ -9,15 +9,15 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.actions import as_actions, refuse_no_actions
-from gamms.game.batch.aerial_sight import seen_in_space
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.columns import lock
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Places
+from gamms.game.batch.reports import in_turned_cone
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, seen
+from gamms.game.batch.sight import Seen, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
@@ -344,9 +344,6 @@ class ArrayView(Mapping[str, Any]):
         if key not in state.shared:
             state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted)
         found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
-        if state.flyers is not None:
-            above = seen_in_space(state, state.flyers, self.games, self.agents, self._whole, names)
-            found = found.joined([(*above[:3], state.flyers.below(above.xyz))]) if len(above.at) else found
         if state.sighted:
             sights = [
                 (*who, *sight)
@@ -354,7 +351,7 @@ class ArrayView(Mapping[str, Any]):
                 for name, sight in of_agent.items()
                 if name in names or not names
             ]
-            found = found.with_sights(sights, self.games, self.agents, self._whole)
+            found = found.with_sights(sights, self.games, self.agents, self._whole, with_own=bool(names))
         if are_all:
             state.now[key] = found
         return found

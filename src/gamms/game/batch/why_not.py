@@ -3,7 +3,6 @@
 from collections.abc import Hashable, Iterator, Sequence
 from typing import Any
 
-from gamms.game.batch.aerial_sight import why_not_seen_in_space
 from gamms.game.batch.begun import remembers, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
 from gamms.game.batch.forms import flies, form_of
@@ -28,7 +27,6 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
     found = [why_not_moved(game), *(why for is_so, why in reasons if is_so)]
-    found += [why for agent in agents for why in why_not_seen_in_space(agent)]
     found += why_not_begun(game)
     found += [as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
