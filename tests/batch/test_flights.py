@@ -61,6 +61,21 @@ def test_agents_that_fly_at_random_are_played_in_arrays(rules, same_as_one_by_on
     same_as_one_by_one(flying(*rules), range(4))
 
 
+@pytest.mark.parametrize("many", [1, 128])
+@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}])
+def test_agents_in_the_air_are_tagged_in_a_straight_line_as_in_games_alone(
+    settings, many, monkeypatch, same_as_one_by_one
+):
+    for module in ("contacts_in_arrays", "meetings_in_arrays"):
+        monkeypatch.setattr(f"gamms.rules.{module}._MANY", many)
+    near = {"euclid": 9, "air": True}
+    tags = [
+        {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "mutual": True, **near}},
+        {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "passing": False, **near}},
+    ]
+    same_as_one_by_one(flying(*tags, drone={"altitude": 8.0, "speed": 6.0}, settings=settings), range(2))
+
+
 @pytest.mark.parametrize("strategy", [climb, swerve])
 def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
     scenario = flying(FUEL, TAG, BACK, conflicts={"capacity": 1})

@@ -21,12 +21,13 @@ RULES = [
     {"rule": "respawn", "with": {"after": 2}},
     {"rule": "payoff", "with": {"table": {"tag": {"agent": 0.3}}}},
 ]
+FROM_AIR = {"rule": "tag", "with": {"taggers": "air", "tagged": "red", "euclid": 12, "air": True}}
 EYES = {
     "near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.7},
     "late": {"type": "AGENT_RANGE", "sensor_range": 35.0, "delay_turns": 2, "position_noise_m": 9.0},
     "odd": {"type": "AGENT", "false_alarm_rate": 0.4},
     "ahead": {"type": "OCCLUDED_AGENT", "sensor_range": 35.0, "fov": 2.5},
-    "above": {"type": "AERIAL_AGENT", "sensor_range": 30.0, "fov": 3.0},
+    "above": {"type": "OCCLUDED_AERIAL_AGENT", "sensor_range": 30.0, "fov": 3.0, "delay_turns": 1, "detection": 0.7},
 }
 teams = st.fixed_dictionaries(
     {
@@ -76,6 +77,7 @@ def test_a_recording_of_a_game_of_a_batch_is_that_of_the_game_alone(
         settled = settled | {"order": [["blue"], ["red", "air"]]}
     given = {"settings": settled, "channels": {"radio": radio}, "max_turns": max_turns, "sensors": EYES}
     given |= conflicts
+    rules = rules if air is None else [*rules, FROM_AIR]
     scenario = scene(rules, teams={"red": red, "blue": blue} | ({} if air is None else {"air": air}), **given)
     outside = outside + (["air"] if air is not None and outside else [])
     with (

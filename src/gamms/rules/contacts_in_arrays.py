@@ -3,7 +3,7 @@
 Where agents go one edge a turn at most, the moments of a turn are 0 and 1; `_met_on_paths` is for all others.
 """
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +13,22 @@ from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Paths
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.contacts import Nearness
 from gamms.rules.meetings import TIME_SLACK
-from gamms.rules.meetings_in_arrays import Met, NearNodes, Sides, equal_keys, near_on_travels, of_sides, on_streets
+from gamms.rules.meetings_in_arrays import (
+    Met,
+    NearNodes,
+    Sides,
+    dot,
+    equal_keys,
+    in_air_of,
+    near_on_travels,
+    of_sides,
+    on_streets,
+)
 
 
 class ArrayContacts(NamedTuple):
@@ -271,11 +280,15 @@ def _near_pairs(
     turn: ArrayTurn, nodes: IntArray, counts: BoolArray, sides: Sides, nearness: Nearness
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """Return the games of pairs of agents that count and are on nodes near each other, both agents, and how far."""
-    (ours, theirs), unit, limit = sides, nearness.unit, nearness.limit
-    if unit == "euclid" and len(theirs) > _MANY and limit < _FAR:
-        return _near_by_cells(turn.streets, (nodes, counts), ours, theirs, limit)
+    ours, theirs = sides
+    near: _Straight | NearNodes
+    if nearness.unit == "euclid":
+        near, nodes = _straight(turn, nodes, sides, nearness.limit)
+        if len(theirs) > _MANY and nearness.limit < _FAR:
+            return _near_by_cells(near, (nodes, counts), ours, theirs)
+    else:
+        near = _near_nodes(turn, nearness)
     size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs)))
-    near = _Straight(turn.streets, limit) if unit == "euclid" else _near_nodes(turn, nearness)
     parts = []
     for first in range(0, len(turn.games), size):
         games = slice(first, first + size)
@@ -297,37 +310,53 @@ def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
 
 
 def _near_by_cells(
-    streets: Streets, where: tuple[IntArray, BoolArray], ours: IntArray, theirs: IntArray, limit: float
+    near: "_Straight", where: tuple[IntArray, BoolArray], ours: IntArray, theirs: IntArray
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """Return what `_near_pairs` does in straight lines."""
-    (x, y), (nodes, counts) = streets.axes, where
+    (x, y), (nodes, counts) = near.axes[:2], where
     (at, i), (there, j) = (np.nonzero(counts[:, side]) for side in (ours, theirs))
     a, b = ours[i], theirs[j]
     here, beside = nodes[at, a], nodes[there, b]
     areas = kernels.Area(x[here], y[here], at), kernels.Area(x[beside], y[beside], there)
     none = np.zeros(0, np.int64)
-    found = [(none, none), *kernels.near_each_other(areas[0], areas[1], limit)]
+    found = [(none, none), *kernels.near_each_other(areas[0], areas[1], near.limit)]
     rows, others = (np.concatenate([part[side] for part in found]) for side in (0, 1))
-    far = _Straight(streets, limit).distances(here[rows], beside[others])
-    return at[rows], a[rows], b[others], far
+    is_near = near.may_be_near(here[rows], beside[others])
+    rows, others = rows[is_near], others[is_near]
+    return at[rows], a[rows], b[others], near.distances(here[rows], beside[others])
+
+
+def _straight(turn: ArrayTurn, nodes: IntArray, sides: Sides, limit: float) -> tuple["_Straight", IntArray]:
+    """Return what measures straight lines, and where agents are there that are on nodes, (games, agents)."""
+    axes, in_air = [*turn.streets.axes], in_air_of(turn, sides)
+    if in_air is None:
+        return _Straight(axes, limit), nodes
+    agents, xyz = in_air
+    nodes, num_nodes = nodes.copy(), len(axes[0])
+    nodes[:, agents] = num_nodes + np.arange(xyz[..., 0].size).reshape(xyz.shape[:2])
+    axes.append(np.zeros(num_nodes))
+    return _Straight([np.append(axis, xyz[..., i]) for i, axis in enumerate(axes)], limit), nodes
 
 
 class _Straight:
-    """How far nodes are from each other in a straight line."""
+    """How far places are from each other in a straight line, those of nodes by their rows.
 
-    def __init__(self, streets: Streets, limit: float) -> None:
-        self._x, self._y = streets.axes
-        self._limit = limit
+    Attributes:
+        axes: (places,) each: x and y, and z where agents fly.
+        limit: what is near.
+    """
+
+    def __init__(self, axes: Sequence[FloatArray], limit: float) -> None:
+        self.axes, self.limit = axes, limit
 
     def may_be_near(self, starts: IntArray, ends: IntArray) -> BoolArray:
-        """Return which pairs of nodes are near each other; of shapes that are broadcast."""
-        return self._squares(starts, ends) <= self._limit * self._limit
+        """Return which pairs of places are near each other; of shapes that are broadcast."""
+        return self._squares(starts, ends) <= self.limit * self.limit
 
     def distances(self, starts: IntArray, ends: IntArray) -> FloatArray:
-        """Return how far nodes are apart."""
+        """Return how far places are apart."""
         return np.sqrt(self._squares(starts, ends))
 
     def _squares(self, starts: IntArray, ends: IntArray) -> FloatArray:
-        dx, dy = self._x[starts] - self._x[ends], self._y[starts] - self._y[ends]
-        squares: FloatArray = dx * dx + dy * dy
-        return squares
+        offsets = [axis[starts] - axis[ends] for axis in self.axes]
+        return dot(offsets, offsets)

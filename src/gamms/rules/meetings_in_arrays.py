@@ -67,6 +67,13 @@ def _on_edges(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
     return _Pieces(at, agents, legs.edge[which], turn.node[at, agents], begin, end, since, until)
 
 
+def in_air_of(turn: ArrayTurn, sides: Sides) -> tuple[IntArray, FloatArray] | None:
+    """Return which agents fly, and where they are, (games, these, 3); None: none is of a side."""
+    if not turn.roster.flies[np.concatenate(sides)].any():
+        return None
+    return turn.in_air()
+
+
 def _pieces(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
     visits = turn.visits(turn.alive, passing=passing)
     none = np.zeros(len(visits.at))
@@ -250,7 +257,9 @@ def near_on_travels(
     assert paths.legs is not None  # noqa: S101 - games by metres have them
     pieces = _pieces(turn, paths.legs, passing=passing)
     ways: _Straight | _ByPaths
-    ways = _Straight(turn, pieces, limit) if near is None else _ByPaths(turn, pieces, limit, near)
+    ways = (
+        _Straight(turn, pieces, limit, in_air_of(turn, sides)) if near is None else _ByPaths(turn, pieces, limit, near)
+    )
     size = len(turn.roster.names)
     for at, a, b in ways.may_be_near(paths, *sides):
         of_pair = at * size + a, at * size + b
@@ -277,14 +286,16 @@ def near_on_travels(
 
 
 class _Straight:
-    """The straight parts of ways of agents, by lines on the map.
+    """The straight parts of ways of agents, by lines on the map; those of agents that fly are where these are.
 
     Attributes:
         keys: (parts,) numbers of agents, game by game.
         since, until: (parts,) of the turn.
     """
 
-    def __init__(self, turn: ArrayTurn, pieces: _Pieces, limit: float) -> None:
+    def __init__(
+        self, turn: ArrayTurn, pieces: _Pieces, limit: float, in_air: tuple[IntArray, FloatArray] | None
+    ) -> None:
         self._limit, self._shape, size = limit, turn.node.shape, len(turn.roster.names)
         on, off = np.flatnonzero(pieces.edge >= 0), np.flatnonzero(pieces.edge < 0)
         nodes, legs = some_rows(pieces, off), some_rows(pieces, on)
@@ -295,18 +306,26 @@ class _Straight:
         time = legs.since[which] + (share - legs.begin[which]) * pace[which]
         time[is_first], time[is_last] = legs.since, legs.until
         first, last = np.flatnonzero(~is_last), np.flatnonzero(~is_first)
-        map_x, map_y = turn.streets.axes
-        here = map_x[nodes.node], map_y[nodes.node]
+        here, begin, end = [axis[nodes.node] for axis in turn.streets.axes], [x[first], y[first]], [x[last], y[last]]
+        if in_air is not None:
+            agents, xyz = in_air
+            some = np.flatnonzero(np.isin(nodes.agents, agents))
+            places = xyz[nodes.at[some], np.searchsorted(agents, nodes.agents[some])]
+            here.append(np.zeros(len(off)))
+            for axis, values in zip(here, places.T, strict=True):
+                axis[some] = values
+            begin, end = ([*axes, np.zeros(len(first))] for axes in (begin, end))
         self.keys = np.concatenate((nodes.at, legs.at[which[first]])) * size
         self.keys += np.concatenate((nodes.agents, legs.agents[which[first]]))
         self.since, self.until = np.append(nodes.since, time[first]), np.append(nodes.until, time[last])
-        self._begin = np.append(here[0], x[first]), np.append(here[1], y[first])
-        self._end = np.append(here[0], x[last]), np.append(here[1], y[last])
+        self._begin, self._end = (
+            [np.append(*parts) for parts in zip(here, axes, strict=True)] for axes in (begin, end)
+        )
 
     def may_be_near(self, _: Paths, ours: IntArray, theirs: IntArray) -> Iterator[Pairs]:
-        """Yield pairs of agents, among which are all that are near each other: by the boxes around their ways."""
+        """Yield pairs of agents, among which are all that are near each other: by boxes around their ways on maps."""
         low, high = np.full((2, *self._shape), np.inf), np.full((2, *self._shape), -np.inf)
-        for axis, ends in enumerate(zip(self._begin, self._end, strict=True)):
+        for axis, ends in enumerate(zip(self._begin[:2], self._end[:2], strict=True)):
             np.minimum.at(low[axis].reshape(-1), self.keys, np.minimum(*ends))
             np.maximum.at(high[axis].reshape(-1), self.keys, np.maximum(*ends))
         is_there = low[0] < np.inf
@@ -342,13 +361,13 @@ class _Straight:
         """Return which pairs of parts are so near between two times, when they first are, and how near."""
         limit = self._limit * self._limit
         gap = [a - b for a, b in zip(self._at(i, since), self._at(j, since), strict=True)]
-        far = gap[0] * gap[0] + gap[1] * gap[1]
+        far = dot(gap, gap)
         at_once = np.flatnonzero(far <= limit)
         left = np.flatnonzero(far > limit)
         i, j, begin, last, gap = i[left], j[left], since[left], until[left], [axis[left] for axis in gap]
         then = [a - b for a, b in zip(self._at(i, last), self._at(j, last), strict=True)]
-        dx, dy = (later - now for later, now in zip(then, gap, strict=True))
-        square, mixed = dx * dx + dy * dy, gap[0] * dx + gap[1] * dy
+        change = [later - now for later, now in zip(then, gap, strict=True)]
+        square, mixed = dot(change, change), dot(gap, change)
         inside = mixed * mixed - square * (far[left] - limit)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (-mixed - np.sqrt(inside)) / square
@@ -367,6 +386,14 @@ class _Straight:
             np.where(until <= since, begin[rows], begin[rows] + share * (end[rows] - begin[rows]))
             for begin, end in axes
         ]
+
+
+def dot(a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
+    """Return dot products of vectors by their axes, added up from x on."""
+    found = a[0] * b[0]
+    for one, other in zip(a[1:], b[1:], strict=True):
+        found = found + one * other
+    return found
 
 
 class _ByPaths:

@@ -14,12 +14,11 @@ from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.rules.contacts import Contact, Nearness, Side, as_nearness, as_side, found, one_to_one
+from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
 from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, may_meet, one_to_one_in_arrays
 from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
-from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.rules import render_tags
 
@@ -124,7 +123,6 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         teams=[side for side in (taggers, tagged) if not callable(side)],
         array_form=in_arrays if has_form else None,
         array_trigger=partial(may_meet, taggers, tagged, nearness) if nearness.unit in {None, "euclid"} else None,
-        why_not_in_arrays=partial(_why_not_met, nearness),
     )
 
 
@@ -133,14 +131,6 @@ def _tags_of(ctx: Context, contact: Contact, owners: Mapping[int, object] | None
     a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
     tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
     return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
-
-
-def _why_not_met(nearness: Nearness, agents: Iterable[IAgent]) -> str | None:
-    """Return in words why contacts with some agents have no array form; None: they have."""
-    if not nearness.air or nearness.unit != "euclid":
-        return None
-    flying = (agent.name for agent in agents if agent.type is AgentType.AERIAL)
-    return next((f"tag(euclid=…, air=True) with agent {name!r}, which flies" for name in flying), None)
 
 
 def _as_then(then: object) -> Then:

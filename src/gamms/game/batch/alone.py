@@ -429,6 +429,12 @@ class _TurnOfOne(ArrayTurn):
         for number, reason in zip(deeds.agents.tolist(), why, strict=True):
             self._game.refuse(self.roster.names[number], reason, deeds.kind)
 
+    def in_air(self) -> tuple[IntArray, FloatArray]:
+        """Return the numbers of the agents that fly, ascending, and where they are, (1, these, 3)."""
+        agents = np.flatnonzero(self.roster.flies)
+        places: list[Any] = [self.roster.agents[number] for number in agents.tolist()]
+        return agents, np.array([[one.position for one in places]], np.float64).reshape(1, -1, 3)
+
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (1, agents)."""
         starts = [self._game.start_node(self.roster.names[number]) for number in agents.tolist()]

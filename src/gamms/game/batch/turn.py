@@ -230,6 +230,13 @@ class ArrayTurn(MovesOfTurn):
         if len(at):
             change(self.games[self._places(at)], tuple(edges), is_open)
 
+    def in_air(self) -> tuple[IntArray, FloatArray]:
+        """Return the numbers of the agents that fly, ascending, and where they are, (games, these, 3)."""
+        flyers = self._state.flyers
+        if flyers is None:
+            return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
+        return flyers.agents, flyers.xyz[self.games]
+
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""
         return np.where(
