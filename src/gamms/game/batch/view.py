@@ -458,8 +458,10 @@ class ArrayView(Mapping[str, Any]):
 
     @property
     def blocked(self) -> BoolArray:
-        """Which agents conflicts have stopped in the last turn, (games, agents)."""
-        return self._state.blocked[np.ix_(self.games, self.agents)]
+        """Which agents conflicts have stopped in the last turn, (games, agents), and were not asked since."""
+        rows = np.ix_(self.games, self.agents)
+        found: BoolArray = self._state.blocked[rows] & (self._state.looks[rows] == 0)
+        return found
 
     def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`.
