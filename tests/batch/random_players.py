@@ -20,8 +20,10 @@ from gamms.strategies import (
     patrol,
     random_walk,
     random_waypoints,
+    safest_exit,
     stay,
     sweep,
+    unblock,
 )
 from gamms.typing.sensor_engine import SensorType
 
@@ -369,5 +371,7 @@ PACED = {
     "sweep by sight": lambda ctx: sweep(ctx, by_sight=True, repeat=True),
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 23, 1.9),
+    "exit": lambda ctx: safest_exit(ctx, [8, 35]),
+    "unblock": lambda ctx: unblock(chase(ctx), after=1),
     "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
 }

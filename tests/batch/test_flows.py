@@ -59,15 +59,21 @@ def test_nodes_in_reach_are_those_that_the_graph_gives(edges, limit, weight, mos
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
-@given(edges=EDGES, most=st.sampled_from([28, 84, 1 << 20]), at_once=st.sampled_from([1, 20]))
-def test_numbers_of_edges_are_the_distances_without_a_weight(edges, most, at_once):
+@given(
+    edges=EDGES,
+    most=st.sampled_from([28, 84, 1 << 20]),
+    at_once=st.sampled_from([1, 20]),
+    weight=st.sampled_from([None, "length"]),
+)
+def test_distances_are_those_of_the_graph_added_up_from_the_sources(edges, most, at_once, weight):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         patch.setattr(flows, "_MOST_BYTES", most)
         patch.setattr(flows, "_BY_SEARCH", at_once)
         found, ids = small_map(ctx, edges), ctx.graph.columns().node_ids.tolist()
         for nodes in (np.array([3, 1]), np.array([[3, 6, 0]]), np.arange(7)):
-            expected = [[ctx.graph.distance(ids[one], to, weight=None) for to in ids] for one in nodes.ravel()]
-            assert (found.edges(nodes[..., None], np.arange(7)).reshape(-1, 7) == expected).all()
+            expected = ctx.graph.distance_matrix([ids[one] for one in nodes.ravel()], ids, weight=weight)
+            assert (found.far(nodes[..., None], np.arange(7), weight).reshape(-1, 7) == expected).all()
+            assert weight is not None or (found.edges(nodes[..., None], np.arange(7)).reshape(-1, 7) == expected).all()
 
 
 def test_walks_go_along_edges_and_do_not_depend_on_others():

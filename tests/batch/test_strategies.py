@@ -78,19 +78,21 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["first"], "blue": MADE["random_waypoints"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
-    with scenario.batch(1, strategies={"red": MADE["unblock"]}) as games:
-        assert games.slow.startswith("unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges")
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["unblock"], "blue": MADE["safest_exit"]})
 
 
 @pytest.mark.parametrize(
     ("decide", "sight"), [("turn", {}), ("arrival", {}), ("turn", {"position_noise_m": 8.0})], ids=str
 )
-def test_agents_by_metres_chase_others_along_edges_in_arrays_as_alone(decide, sight, same_as_one_by_one):
+def test_agents_by_metres_act_on_others_along_edges_in_arrays_as_alone(decide, sight, same_as_one_by_one):
     settings = {"speed_unit": "metres", "decide": decide}  # where reports err, to the nodes that they name
-    scenario = hunted(sight=sight, settings=settings).replace(
+    scenario = hunted(sight=sight, settings=settings, conflicts={"capacity": 1}).replace(
         **{"teams.red.speed": 12.7, "teams.blue.speed": 9.3, "max_turns": 12}
     )
-    same_as_one_by_one(scenario, [1], {"red": MADE["chase"], "blue": MADE["flee"]})
+    same_as_one_by_one(scenario.replace(conflicts=None), [1], {"red": MADE["chase"], "blue": MADE["flee"]})
+    same_as_one_by_one(scenario, [1], {"red": MADE["guard"], "blue": MADE["safest_exit"]})
+    same_as_one_by_one(scenario, [2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
+    same_as_one_by_one(scenario, [3], {"red": lambda ctx: unblock(chase(ctx), after=1), "blue": MADE["unblock"]})
 
 
 def test_what_is_left_of_a_speed_is_covered_of_the_next_edge_in_arrays_as_alone(same_as_one_by_one):

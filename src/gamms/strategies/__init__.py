@@ -26,8 +26,8 @@ yourself where a strategy asks for it. Without `legal`, an agent goes along one 
 
 `travel.py` has those that need no enemies, `encounters.py` those that act on enemies, `assignment.py` the one by which
 a team shares them out, `sweeping.py` the one by which it visits all nodes; read `knowledge.py` first, which has what
-they know and how they go a step. May import: `belief`, `context` and below. To add a strategy, write a function and
-name it below.
+they know and how they go a step; `paces.py` says how long ways take. May import: `belief`, `context` and below. To add
+a strategy, write a function and name it below.
 """
 
 from gamms.strategies.assignment import assign

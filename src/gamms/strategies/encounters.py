@@ -17,14 +17,11 @@ from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
-    LITTLE,
-    Pace,
     as_known_node,
     as_otherwise,
     asked,
-    by_pace,
     enemies_in_sight,
-    in_turns,
+    filled,
     known_nodes,
     legal_on_map,
     mates_in_sight,
@@ -36,12 +33,10 @@ from gamms.strategies.knowledge import (
     no_actions,
     node_of,
     offer_form,
-    pace_of,
     runs_of,
     step_towards,
-    turns_from,
-    turns_to,
 )
+from gamms.strategies.paces import LITTLE, ArrayPaces, Pace, by_pace, in_turns, pace_of, turns_from, turns_to
 from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
@@ -190,19 +185,21 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
             step = step_towards(ctx, state, target, "guard", is_near)
             state["action"] = here if step is None else step
 
-    offer_form(strategy, _guard_in_arrays, post, reach, looks=True, fits="edges")
+    offer_form(strategy, _guard_in_arrays, post, reach, parts=[stay], looks=True)
     return strategy
 
 
-def _guard_in_arrays(post: int, reach: float, view: ArrayView) -> IntArray:
+def _guard_in_arrays(post: int, reach: float, waits: ArrayStrategy, view: ArrayView) -> IntArray:
     routes, place = view.routes(), view.streets.rows(post)
     is_near = routes.distances(np.arange(view.streets.num_nodes), place) <= reach
     seen = view.enemies()
     targets = nearest_seen(view, seen.of(is_near[seen.nodes]), is_near[view.node])
-    after = np.nonzero(targets >= 0)
-    actions = view.towards(np.broadcast_to(place, view.node.shape))
+    after, is_after = np.nonzero(targets >= 0), targets >= 0
+    actions = moves_to(view.only(~is_after), filled(view, int(place)), waits)
     actions[after] = view.towards(targets[after], after, is_near)
-    return np.maximum(actions, 0)
+    lost = np.nonzero(is_after & (actions < 0))
+    actions[lost] = view.towards(view.node[lost], lost)
+    return actions
 
 
 @shown_as_called
@@ -241,7 +238,7 @@ def intercept(
             meeting = _meeting_node(ctx, state, enemies, ends or ()) if enemies else None
             move_to(ctx, state, meeting, fallback, "intercept")
 
-    offer_form(strategy, _intercept_in_arrays, ends, parts=[fallback], looks=True, fits="edges")
+    offer_form(strategy, _intercept_in_arrays, ends, parts=[fallback], looks=True)
     return strategy
 
 
@@ -298,34 +295,32 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
             legal = legal_on_map(ctx, state)
             state["action"] = max([node for node in legal if node not in reached] or legal, key=lead)
 
-    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True, fits="edge")
+    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True)
     return strategy
 
 
 def _exit_in_arrays(exits: tuple[int, ...], fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    ends, routes, seen, actions = view.streets.rows(exits), view.routes(None), view.enemies(), no_actions(view)
+    ends, paces, seen, actions = view.streets.rows(exits), ArrayPaces(view), view.enemies(), no_actions(view)
     first = np.full((*view.node.shape, len(ends)), inf)  # turns until the first enemy in sight is there
-    arrivals = routes.distances(seen.nodes[:, None], ends)
-    np.minimum.at(first, (seen.at, seen.viewers), arrivals)
-    going = np.nonzero(view.mask & np.isfinite(routes.distances(view.node[..., None], ends)).any(axis=-1))
+    np.minimum.at(first, (seen.at, seen.viewers), paces.turns_to(seen.others[:, None], seen.nodes[:, None], ends))
+    far = paces.turns_to(view.agents[:, None], view.node[..., None], ends)
+    is_there = np.isin(view.node, ends)
+    going = np.nonzero(view.mask & ~is_there & np.isfinite(far).any(axis=-1))
     legal, is_legal = view.legal_rows(going)
     number = no_actions(view)
     number[going] = np.arange(len(legal))
     seen = seen.of(number[seen.at, seen.viewers] >= 0)
-    viewer, is_reached = number[seen.at, seen.viewers], np.zeros(legal.shape, np.bool_)
-    for column in range(legal.shape[1]):  # a turn is enough to come to what is legal
-        is_near = view.streets.action_to(seen.nodes, legal[viewer, column]) >= 0
-        np.logical_or.at(is_reached[:, column], viewer, is_near)
-    is_open = is_legal & ~is_reached
+    is_open = is_legal & ~paces.reach(seen, number[seen.at, seen.viewers], legal)
     options = np.where(is_open.any(axis=1, keepdims=True), is_open, is_legal)
-    far = routes.distances(legal[..., None], ends)
+    far = paces.turns_to(view.agents[going[1], None, None], legal[..., None], ends)
     with np.errstate(invalid="ignore"):
         lead = np.where(options[..., None] & np.isfinite(far), first[going][:, None] - far, -inf)
     is_best = options[..., None] & (lead == lead.max(axis=(1, 2), keepdims=True, initial=-inf))
     rest = np.where(is_best, far, inf)
     is_best &= rest == rest.min(axis=(1, 2), keepdims=True, initial=inf)
     actions[going] = _lowest(view, legal, is_best.any(axis=-1))
-    actions[np.isin(view.node, ends)] = 0
+    there = np.nonzero(is_there)
+    actions[there] = view.towards(view.node[there], there)
     return asked(view, actions, fallback, actions < 0)
 
 
@@ -448,20 +443,20 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
 
 def _meeting_nodes(view: ArrayView, seen: Seen, goals: IntArray) -> IntArray:
     """Return what `_meeting_node` returns for all agents of a view, as rows (games, agents); -1: none."""
-    routes, flows, speeds, targets = view.routes(None), view.flows(), _speeds(view), no_actions(view)
-    ends, here, its = view.streets.rows(goals), view.node[seen.at, seen.viewers], speeds[seen.others]
-    arrivals = _turns(routes.distances(seen.nodes[:, None], ends), its[:, None])
+    paces, targets = ArrayPaces(view), no_actions(view)
+    ends, here, me = view.streets.rows(goals), view.node[seen.at, seen.viewers], view.agents[seen.viewers]
+    arrivals = paces.turns_to(seen.others[:, None], seen.nodes[:, None], ends)
     goal = ends[arrivals.argmin(axis=1)] if len(seen.at) else ends[:0]  # of several, that with the lowest id
     total = arrivals.min(axis=1, initial=inf)
     options, pairs, node = [], np.arange(len(seen.at)), seen.nodes.copy()
     while len(pairs):
-        far = _turns(routes.distances(node[pairs], goal[pairs]), its[pairs])
+        far = paces.turns_to(seen.others[pairs], node[pairs], goal[pairs])
         is_going = np.isfinite(total[pairs])
         arrival = np.where(is_going, total[pairs], 0.0) - np.where(is_going, far, 0.0)
-        own = flows.edges(here[pairs], node[pairs]) / np.maximum(speeds[view.agents[seen.viewers[pairs]]], LITTLE)
+        own = paces.turns_from(me[pairs], here[pairs], node[pairs])
         options.append((pairs, np.maximum(0.0, own - arrival), own, node[pairs]))
         pairs = pairs[is_going & (node[pairs] != goal[pairs])]
-        node[pairs] = routes.following(node[pairs], goal[pairs])
+        node[pairs] = paces.following(seen.others[pairs], node[pairs], goal[pairs])
     if options:
         pairs, late, own, node = (np.concatenate(columns) for columns in zip(*options, strict=True))
         order = np.lexsort((view.streets.ids(node), own, late))
@@ -473,7 +468,7 @@ def _meeting_nodes(view: ArrayView, seen: Seen, goals: IntArray) -> IntArray:
 def _first_to_come(view: ArrayView, seen: Seen) -> IntArray:
     """Return of the pairs of each agent the one with the enemy that comes there first; of several, the first name."""
     here = view.node[seen.at, seen.viewers]
-    far = _turns(view.routes(None).distances(here, seen.nodes), _speeds(view)[seen.others])
+    far = ArrayPaces(view).turns_to(seen.others, here, seen.nodes)
     starts, viewer = runs_of(seen)
     best = np.flatnonzero(far == np.minimum.reduceat(far, starts)[viewer])
     return best[np.unique(viewer[best], return_index=True)[1]]
@@ -481,9 +476,9 @@ def _first_to_come(view: ArrayView, seen: Seen) -> IntArray:
 
 def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
     """Return what `_confining_node` returns for agents, each with the enemy that it goes after: numbers of nodes."""
-    speeds, me = _speeds(view), view.agents[chased.viewers]
+    me = view.agents[chased.viewers, None]
     legal, is_legal = view.legal_rows((chased.at, chased.viewers))
-    far = _turns(view.routes(None).distances(legal, chased.nodes[:, None]), speeds[me][:, None])
+    far = ArrayPaces(view).turns_to(me, legal, chased.nodes[:, None])
     far[~is_legal] = inf
     is_nearest = is_legal & (far == far.min(axis=1, keepdims=True))
     tied = np.flatnonzero(is_nearest.sum(axis=1) > 1)
@@ -499,9 +494,9 @@ def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
 
 def _sizes_of_cells(view: ArrayView, chased: Seen, nodes: IntArray) -> IntArray:
     """Return how many nodes enemies reach before agents that go to these nodes, and their mates in sight, (pairs,)."""
-    all_nodes, flows, speeds = np.arange(view.streets.num_nodes), view.flows(), np.maximum(_speeds(view), LITTLE)
-    own = 1.0 + flows.edges(nodes[:, None], all_nodes) / speeds[view.agents[chased.viewers], None]
-    theirs = flows.edges(chased.nodes[:, None], all_nodes) / speeds[chased.others, None]
+    all_nodes, paces = np.arange(view.streets.num_nodes), ArrayPaces(view)
+    own = 1.0 + paces.turns_from(view.agents[chased.viewers, None], nodes[:, None], all_nodes)
+    theirs = paces.turns_from(chased.others[:, None], chased.nodes[:, None], all_nodes)
     mates = view.mates()
     number = mates.at * len(view.agents) + mates.viewers  # ascending
     begins, ends = (
@@ -510,21 +505,10 @@ def _sizes_of_cells(view: ArrayView, chased: Seen, nodes: IntArray) -> IntArray:
     for rank in range(int((ends - begins).max(initial=0))):
         has_more = np.flatnonzero(begins + rank < ends)
         mate = (begins + rank)[has_more]
-        near = flows.edges(mates.nodes[mate][:, None], all_nodes) / speeds[mates.others[mate], None]
+        near = paces.turns_from(mates.others[mate, None], mates.nodes[mate, None], all_nodes)
         own[has_more] = np.minimum(own[has_more], near)
     sizes: IntArray = (theirs < own).sum(axis=1)
     return sizes
-
-
-def _speeds(view: ArrayView) -> FloatArray:
-    """Return how many edges all agents go in a turn."""
-    return np.array([1.0 if agent.speed is None else agent.speed for agent in view.roster.agents])
-
-
-def _turns(edges: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Return what `turns_to` returns for some edges and speeds."""
-    moves = speeds > 0.0
-    return np.where(moves, edges / np.where(moves, speeds, 1.0), np.where(edges > 0.0, inf, 0.0))
 
 
 def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:

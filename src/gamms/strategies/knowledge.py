@@ -15,7 +15,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_function_of, as_int, as_items
-from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.device_view import DeviceView, columns_of, with_others
 from gamms.game.batch.libraries import Tensor
@@ -24,16 +23,14 @@ from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
     BOARDS,
     COVERS,
-    FITS,
     IS_BLIND,
     IS_LEGAL,
     MAY_SKIP,
     PORTABLE,
-    SPEEDS,
     ArrayStrategy,
     ArrayView,
 )
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -43,14 +40,11 @@ if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
 F = TypeVar("F")
-Pace = tuple[str | None, float]  # a weight of edges, and how much of it in a turn
 
 # The kinds that those on the ground may carry; data: {name: node}
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
-
-LITTLE = 1e-9  # a speed: agents that do not move get to their own node in no time, and nowhere else in this game
 
 _WAYS_OUT = {
     "blocked": "set it to why the agent's last action was not done, or None",
@@ -225,53 +219,6 @@ def shared_memory(state: State, key: str) -> dict[Any, Any]:
     return found
 
 
-# -- times ----------------------------------------------------------------------------------------------------
-
-
-def pace_of(ctx: Context, name: str | None) -> Pace:
-    """Return by which weight of edges an agent goes, and how much of it in a turn."""
-    return _pace(ctx, None if name is None else getattr(ctx.agent.get_agent(name), "speed", None))
-
-
-def _pace(ctx: Context, speed: float | None) -> Pace:
-    if speed is None or ctx.current_game is None:
-        return None, 1.0
-    if ctx.game.speed_unit == "edges":
-        return None, speed
-    return "length", speed * (ctx.game.turn_seconds if ctx.game.speed_unit == "metres_per_second" else 1.0)
-
-
-def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]:
-    """Return agents in sight with their nodes, as given, by how they go."""
-    paces, found = dict[float | None, Pace](), dict[Pace, dict[str, int]]()
-    for name, node in seen.items():
-        speed = getattr(ctx.agent.get_agent(name), "speed", None)
-        if speed not in paces:
-            paces[speed] = _pace(ctx, speed)
-        found.setdefault(paces[speed], {})[name] = node
-    return found
-
-
-def in_turns(far: float, speed: float) -> float:
-    """Return how many turns a way takes."""
-    return far / speed if speed else (inf if far else 0.0)
-
-
-def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
-    """Return how many turns an agent takes from one node to another; infinite where there is no path."""
-    weight, speed = pace_of(ctx, name)
-    return in_turns(ctx.graph.graph.distance(source, target, weight), speed)
-
-
-def turns_from(
-    ctx: Context, name: str | None, sources: Sequence[int], targets: Sequence[int] | IntArray | None = None
-) -> FloatArray:
-    """Return how many turns an agent takes to nodes (sources, targets); None: to all, as in `ctx.graph.columns()`."""
-    weight, speed = pace_of(ctx, name)
-    ends = ctx.graph.columns().node_ids if targets is None else targets
-    return ctx.graph.graph.distance_matrix(sources, ends, weight) / max(speed, LITTLE)
-
-
 # -- steps ----------------------------------------------------------------------------------------------------
 
 
@@ -390,7 +337,6 @@ def offer_form(
     parts: Iterable[object] = (),
     looks: bool | str = False,
     may_skip: bool | None = None,
-    fits: str = "metres",
     is_portable: bool = False,
     board: str | None = None,
 ) -> None:
@@ -403,7 +349,6 @@ def offer_form(
         parts: the strategies that it calls.
         looks: whether it asks what sensors show, besides its parts; `COVERS`: and which nodes they have in view.
         may_skip: whether it may set no action; None: where one of its parts may.
-        fits: up to which speeds of agents: those of "edge" (none), "edges" or "metres".
         is_portable: whether the form is that for other array libraries, too; its actions are legal.
         board: the key under which it writes into the memory of the team. No other part may do so: it would read what
             was written in the same turn.
@@ -418,7 +363,6 @@ def offer_form(
     setattr(made, COVERS, looks == COVERS or any(getattr(one, COVERS, False) for one in forms))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
-    setattr(made, FITS, min((fits, *(getattr(one, FITS, SPEEDS[-1]) for one in forms)), key=SPEEDS.index))
     others = [getattr(one, PORTABLE, None) for one in forms]
     if is_portable and None not in others:
         setattr(made, PORTABLE, partial(form, *values, *others))

@@ -387,7 +387,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], fits="edge", is_portable=True)
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], is_portable=True)
     return unblock
 
 
@@ -406,12 +406,12 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
             left = xp.where(yields.mask, turns, left)
     actions = asked(view, no_actions(view), partial(_drawn_aside, known["ahead"]), left > 0)
     actions = asked(view, actions, goes_on, left <= 0)
-    wanted = xp.where(actions < 0, 0, actions)
     if isinstance(view, DeviceView):
-        follows = view.streets.ends_of(view.node, wanted)
+        follows = xp.where(actions < 0, -1, view.streets.ends_of(view.node, xp.where(actions < 0, 0, actions)))
     else:
-        follows = view.movement.nodes(view.choices, wanted)
-    ahead = xp.where(view.mask & (left > 0), view.node, xp.where(actions < 0, -1, follows))
+        follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
+        follows[going] = view.movement.first_nodes(view.node[going], actions[going], view.numbers(going))
+    ahead = xp.where(view.mask & (left > 0), view.node, follows)
     remember(view, "unblock", blocked=blocked, calm=calm, often=often, left=left, ahead=ahead)
     return actions
 

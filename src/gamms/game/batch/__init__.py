@@ -14,7 +14,7 @@ comes from outside. `forms.py` declares array forms; `scalar_rules.py` calls rul
 `game_forms.py` has all of these, `roads.py` the roads that rules have closed in games, and `joined_view.py` shows
 games that have left the arrays beside the others; `alone.py` plays array strategies and rules in games that are
 played alone. With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games
-there; strategies get views of `device_view.py`, and `actions.py` checks what any of them give.
+there; strategies get views of `device_view.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy

@@ -10,9 +10,9 @@ import numpy as np
 
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
 from gamms.game.batch.columns import some_rows
-from gamms.game.batch.movement import Illegal, Legs, Moves
+from gamms.game.batch.movement import Illegal, Legs, Moves, Steps
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.travel import ByMetres, Steps, Trip, motion_along
+from gamms.game.batch.travel import ByMetres, Trip, motion_along
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.travel import LEAST, MOST
 from gamms.ir.graph import FloatArray, IntArray

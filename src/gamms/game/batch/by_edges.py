@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.movement import AIMS, BY_HOPS, Movement, Moves, Paths
+from gamms.game.batch.movement import AIMS, BY_HOPS, ENDLESS, LIMITED, Movement, Moves, Paths
 from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import SLACK, ResolvedAction, edges_within
 from gamms.game.streets import Streets
@@ -17,7 +17,6 @@ from gamms.ir.progress import Progress
 _MOST_KNOWN = 1 << 25  # legal nodes that are kept
 _AT_ONCE = 1 << 12  # choices of which the largest is looked for
 _REACHES = 3  # by how much more than the speed alone what is covered of an edge may lead: 0, 1, or 2 by rounding
-_ENDLESS = AIMS  # edges: more than any way has
 
 
 class ByEdges(Movement):
@@ -243,8 +242,20 @@ class ByEdges(Movement):
                 at = table.following(at, ends, at=games)
                 goes &= allowed[at]
                 limit += goes
-            limit += 1
-        found[has_speed] = np.where(np.isfinite(table.distances(here, ends, at=games)), AIMS * (1 + limit) + ends, -1)
+        first = 1 if allowed is None else LIMITED
+        has_path = np.isfinite(table.distances(here, ends, at=games))
+        found[has_speed] = np.where(has_path, AIMS * (first + limit) + ends, -1)
+        return found
+
+    def first_nodes(self, node: IntArray, actions: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the nodes that agents name first who decide such actions; -1: none."""
+        choices, aims = self.choices(node, which), actions >= AIMS
+        found, targets = self.nodes(choices, np.where(aims, 0, actions)), actions % AIMS
+        some = np.flatnonzero(aims & (self.action_to(choices, targets) < 0))
+        found[aims] = targets[aims]
+        found[some] = self.ways("length").following(node[some], targets[some], at=which[0][some])
+        waits = some[actions[some] // AIMS == LIMITED]
+        found[waits] = node[waits]
         return found
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
@@ -258,8 +269,8 @@ class ByEdges(Movement):
         aims = np.flatnonzero(~by_hops)
         those = goes[0][aims], goes[1][aims]
         by_hops[aims] = self.action_to(choices[those], targets[those]) >= 0
-        limit = np.where(by_hops, _ENDLESS, actions[goes] // AIMS - 2)
-        limit[limit < 0] = _ENDLESS
+        limit = np.where(by_hops, ENDLESS, actions[goes] // AIMS - LIMITED)
+        limit[limit < 0] = ENDLESS
         way, those = _Way(node[goes], targets[goes], limit), (games[goes[0]], goes[1])
         self._set_off(way, by_hops, those)
         return self._gone(node, targets, goes, way)

@@ -8,10 +8,9 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_one_shape
 from gamms.errors import BadValue
-from gamms.game.batch.actions import refuse_no_actions
 from gamms.game.batch.columns import Table, some_rows
 from gamms.game.batch.flows import Flows
-from gamms.game.batch.libraries import ArrayLibrary, Tensor
+from gamms.game.batch.libraries import ArrayLibrary, Tensor, refuse_no_actions
 from gamms.game.batch.movement import Places
 from gamms.game.batch.reports import Lookout
 from gamms.game.batch.roads import refuse_several_maps

@@ -3,6 +3,8 @@
 How far it is and which action leads there is in `routes.py`; what is believed of targets in `gamms.belief.GamesFilter`.
 """
 
+from functools import partial
+
 import numpy as np
 
 from gamms import kernels
@@ -18,7 +20,7 @@ from gamms.text import shown
 _MOST_DENSE = 1 << 28  # nodes in masks
 _MOST_LIMITS = 4  # for which it is kept what is in reach
 _AT_ONCE = 1 << 22  # nodes that are searched at once, in all
-_MOST_BYTES = 1 << 28  # of the numbers of edges to all nodes that are kept
+_MOST_BYTES = 1 << 28  # of distances to all nodes that are kept, by each weight
 _BYTES_PER_ROW = 16  # of walks, which may be copied to a device
 _BY_SEARCH = 1 << 20  # nodes that searches by edges may find at once, in all
 
@@ -36,9 +38,7 @@ class Flows:
         self._streets = streets
         self._walks: dict[float | None, kernels.Arrivals] = {}
         self._reached: dict[tuple[str | None, float], KnownRows] = {}
-        nodes = max(1, len(streets.counts))
-        self._line_of, self._lines = np.full(nodes, -1), 0
-        self._edges = np.empty((min(nodes, max(1, _MOST_BYTES // (4 * nodes))), nodes), np.int32)  # as it is written
+        self._searches: dict[str | None, _Searches] = {}
 
     def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
         """Walk at random from nodes, each time to one of the legal nodes, the own one among them.
@@ -125,21 +125,31 @@ class Flows:
             BadType, BadValue: they are no rows of nodes.
             TooLarge: that would take more than 256 MB.
         """
-        nodes = self._streets.checked(nodes, "nodes")
-        size, most = len(self._streets.counts), as_range(limit, "limit")
+        nodes, size = self._streets.checked(nodes, "nodes"), len(self._streets.counts)
         if nodes.size * size > _MOST_DENSE:
             raise TooLarge(
                 f"{nodes.size} masks of {size} nodes are too large. Ask for fewer games, or for distances between "
                 "nodes: view.routes().distances."
             )
-        if (as_key(weight, "weight"), most) not in self._reached:
-            if len(self._reached) >= _MOST_LIMITS:
-                self._reached.clear()
-            self._reached[weight, most] = KnownRows(size, lambda some: self._in_reach(some, most, weight))
-        ends, rows = self._reached[weight, most].of(nodes.ravel())
+        ends, rows = self.reached(nodes.ravel(), limit, weight)
         found = np.zeros((nodes.size, size), np.bool_)
         found[np.repeat(np.arange(nodes.size), np.diff(ends)), rows] = True
         return found.reshape(*nodes.shape, size)
+
+    def reached(self, nodes: IntArray, limit: float, weight: str | None = "length") -> tuple[IntArray, IntArray]:
+        """Return the same of nodes, (nodes,), as offsets (nodes + 1,) and rows, one after the other.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes.
+            TooLarge: these are more than 268 million.
+        """
+        nodes, most = self._streets.checked(nodes, "nodes"), as_range(limit, "limit")
+        if (as_key(weight, "weight"), most) not in self._reached:
+            if len(self._reached) >= _MOST_LIMITS:
+                self._reached.clear()
+            find = partial(self._in_reach, limit=most, weight=weight)
+            self._reached[weight, most] = KnownRows(len(self._streets.counts), find)
+        return self._reached[weight, most].of(nodes)
 
     def edges(self, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return how many edges paths have from nodes to others; infinite where there is none.
@@ -153,36 +163,21 @@ class Flows:
         Raises:
             BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
         """
+        return self.far(sources, targets, None)
+
+    def far(self, sources: IntArray, targets: IntArray, weight: str | None = "length") -> FloatArray:
+        """Return how far it is from nodes to others by a weight of edges, added up from the sources; likewise.
+
+        `view.routes()` searches from the targets: sums of lengths may differ from these in their last bits.
+        """
+        if as_key(weight, "weight") not in self._searches:
+            self._searches[weight] = _Searches(self._streets, weight)
         rows = self._streets.checked(sources, "sources")
         starts, which = np.unique(rows, return_inverse=True)
         number, ends = as_one_shape(
             {"sources": which.reshape(rows.shape), "targets": self._streets.checked(targets, "targets")}
         )
-        shape = ends.shape
-        found, most = np.empty(shape), len(self._edges)
-        for first in range(0, len(starts), most):
-            lines = self._searched(starts[first : first + most])
-            some = (number >= first) & (number < first + most) if len(starts) > most else np.s_[...]
-            edges = self._edges[lines[number[some] - first], ends[some]]
-            found[some] = np.where(edges < 0, np.inf, edges)
-        return found
-
-    def _searched(self, starts: IntArray) -> IntArray:
-        """Return in which lines the edges from some nodes are, each given once."""
-        new = starts[self._line_of[starts] < 0]
-        if self._lines + len(new) > len(self._edges):
-            self._line_of[:], self._lines, new = -1, 0, starts
-        at_once = max(1, _BY_SEARCH // self._edges.shape[1])
-        arcs, nodes = self._streets.ways(None), self._edges.shape[1]
-        for first in range(0, len(new), at_once):
-            some = new[first : first + at_once]
-            lines = slice(self._lines, self._lines + len(some))
-            tree = kernels.reached_from(arcs, some, nodes)
-            self._edges[lines] = -1
-            self._edges[tree.lines + self._lines, tree.rows] = tree.far
-            self._line_of[some] = np.arange(lines.start, lines.stop)
-            self._lines = lines.stop
-        return self._line_of[starts]
+        return self._searches[weight].far(starts, number, ends)
 
     def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[tuple[IntArray, IntArray]]:
         """Return the rows that can be reached from each of some nodes, some of these at once: places, and rows."""
@@ -192,3 +187,48 @@ class Flows:
             tree = kernels.reached_from(arcs, starts[first : first + size], nodes, limit)
             found.append((tree.lines + first, tree.rows))
         return found
+
+
+class _Searches:
+    """How far it is from nodes to all others: what was searched for is kept.
+
+    Args:
+        streets: the graph.
+        weight: of the edges.
+    """
+
+    def __init__(self, streets: Streets, weight: str | None) -> None:
+        self._arcs, nodes = streets.ways(weight), max(1, len(streets.counts))
+        kind = np.dtype(
+            np.float32 if weight is None else np.float64
+        )  # which both have the numbers of edges as they are
+        self._line_of, self._lines = np.full(nodes, -1), 0
+        self._far = np.empty(
+            (min(nodes, max(1, _MOST_BYTES // (kind.itemsize * nodes))), nodes), kind
+        )  # as it is written
+
+    def far(self, starts: IntArray, number: IntArray, ends: IntArray) -> FloatArray:
+        """Return how far it is to nodes from those of these numbers in `starts`, which are rows, each given once."""
+        found, most = np.empty(ends.shape), len(self._far)
+        for first in range(0, len(starts), most):
+            lines = self._searched(starts[first : first + most])
+            some = (number >= first) & (number < first + most) if len(starts) > most else np.s_[...]
+            found[some] = self._far[lines[number[some] - first], ends[some]]
+        return found
+
+    def _searched(self, starts: IntArray) -> IntArray:
+        """Return in which lines it is how far it is from some nodes, each given once."""
+        new = starts[self._line_of[starts] < 0]
+        if self._lines + len(new) > len(self._far):
+            self._line_of[:], self._lines, new = -1, 0, starts
+        nodes = self._far.shape[1]
+        at_once = max(1, _BY_SEARCH // nodes)
+        for first in range(0, len(new), at_once):
+            some = new[first : first + at_once]
+            lines = slice(self._lines, self._lines + len(some))
+            tree = kernels.reached_from(self._arcs, some, nodes)
+            self._far[lines] = np.inf
+            self._far[tree.lines + self._lines, tree.rows] = tree.far
+            self._line_of[some] = np.arange(lines.start, lines.stop)
+            self._lines = lines.stop
+        return self._line_of[starts]

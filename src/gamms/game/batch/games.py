@@ -10,13 +10,12 @@ import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.actions import as_actions, refuse_no_actions
 from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
 from gamms.game.batch.given import Acting, Given, as_given, as_kept
-from gamms.game.batch.libraries import ArrayLibrary
+from gamms.game.batch.libraries import ArrayLibrary, as_actions, refuse_no_actions
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower

@@ -25,6 +25,8 @@ from gamms.typing.on_edges import Lines
 
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
+ENDLESS = AIMS  # edges or nodes: more than any way has
+LIMITED = 2  # how many `AIMS` an action has from where on the rest says how many nodes of the way are gone to
 BY_HOPS = 1 << 61  # actions from here on lead towards nodes by as few edges as possible
 _MOST_ACTIONS = 4096  # that masks and vectors have
 
@@ -78,6 +80,19 @@ class Legs(NamedTuple):
         ]
         edge = np.where(counts, np.take_along_axis(self.edge, which, axis=-1), -1)
         return Legs(edge, *(np.where(counts, column, 0.0) for column in columns))
+
+
+class Steps(NamedTuple):
+    """Parts of edges that agents go along, from which share to which, and the nodes that these lead to, (agents,)."""
+
+    edge: IntArray
+    begin: FloatArray
+    end: FloatArray
+    node: IntArray
+
+    def those(self, which: BoolArray | IntArray) -> "Steps":
+        """Return some of them."""
+        return some_rows(self, which)
 
 
 class Illegal(NamedTuple):
@@ -428,6 +443,16 @@ class Movement:
             allowed: (nodes,) which may be entered; None: all.
         """
         return self.ways("length").actions(node, targets, allowed, at=which[0])
+
+    def first_nodes(self, node: IntArray, actions: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the nodes that agents name first who decide such actions; -1: none.
+
+        Args:
+            node: rows, where they are.
+            actions: what forms of strategies give, of the same shape.
+            which: see `towards`.
+        """
+        return self.nodes(self.choices(node, which), actions)
 
     def ways(self, weight: str | None) -> RouteTable | RoutesOfMaps:
         """Return the tables of ways in all games, by their numbers in the batch."""

@@ -1,15 +1,17 @@
 """Which nodes are legal by metres: those next to nodes, and those in reach of them, in what is left of a turn."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from heapq import heappop, heappush
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
+from gamms.game.batch.columns import PlayedGame
 from gamms.game.streets import Streets
 from gamms.game.travel import SLACK
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 
 _MOST_KNOWN = 1 << 22  # nodes that are kept
 _COUNTED = 32  # the bits of a choice that say how many nodes it has; those above, where these begin
@@ -32,6 +34,36 @@ class TravelTerms(NamedTuple):
     turn_seconds: float
     decides_at_arrivals: bool = False
 
+    @classmethod
+    def of(cls, game: PlayedGame) -> "TravelTerms":
+        """Return those of a game by metres."""
+        settings, graph = game.settings(), game.ctx.graph.graph
+        weight, is_by_seconds = settings["weight"], settings["speed_unit"] == "metres_per_second"
+        costs = np.asarray(graph.weights(weight), np.float64)
+        seconds = costs if weight == "travel_time" and is_by_seconds else None
+        turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
+        return cls(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
+
+
+def edges_back(columns: GraphColumns, ways: IntArray, nodes: int) -> IntArray:
+    """Return the first edge from the end of each edge to its start that is as long; -1 where there is none.
+
+    Args:
+        columns: of the graph.
+        ways: (edges,) the rows of their sources times the number of nodes, and of their targets.
+        nodes: how many there are.
+    """
+    order = np.argsort(ways, kind="stable")
+    wanted = columns.targets * nodes + columns.sources
+    first, last = (np.searchsorted(ways[order], wanted, side) for side in ("left", "right"))
+    found = np.full(len(ways), -1)
+    for number in reversed(range(int((last - first).max(initial=0)))):
+        open_ = np.flatnonzero(first + number < last)
+        others = order[first[open_] + number]
+        is_like = np.abs(columns.lengths[others] - columns.lengths[open_]) <= SLACK * columns.lengths[open_]
+        found[open_[is_like]] = others[is_like]
+    return found
+
 
 class Reach:
     """The choices of agents by their speeds; the number of each says where its nodes are kept, and how many there are.
@@ -44,6 +76,8 @@ class Reach:
 
     def __init__(self, streets: Streets, speeds: FloatArray, takes: Callable[[Any, Any, Any], FloatArray]) -> None:
         self._streets, self._speeds, self._takes = streets, speeds, takes
+        # NOTE: kept, because each agent on an edge looks around in each turn (benchmarks: travel).
+        self._arcs: list[dict[int, list[tuple[float, int, int]]]] = [{} for _ in speeds]
         self._forget()
 
     def _forget(self) -> None:
@@ -64,10 +98,10 @@ class Reach:
         if self._used > _MOST_KNOWN:
             self._forget()
         keys = kind * len(self._streets.counts) + node
-        for key in np.unique(keys[self._number[keys] < 0]).tolist():
-            kind_of, start = divmod(key, len(self._streets.counts))
-            near, around = self.near(start), self.around(start, kind_of, 0.0)
-            self._number[key] = self.add([*near, *around], around | dict.fromkeys(near, 0.0))
+        new, nodes = np.unique(keys[self._number[keys] < 0]), len(self._streets.counts)
+        if len(new):
+            known = [(dict.fromkeys(self.near(key % nodes), 0.0), divmod(key, nodes)) for key in new.tolist()]
+            self._number[new] = self.add([near | self.around(at, of, 0.0) | near for near, (of, at) in known])
         found: IntArray = self._number[keys]
         late = np.nonzero(left < 1.0)
         if len(late[0]):
@@ -81,15 +115,17 @@ class Reach:
         is_reached = self._when[entries] <= left[rows] + SLACK
         return (first << _COUNTED) + np.bincount(rows[is_reached], minlength=len(first))
 
-    def add(self, nodes: Iterable[int], when: Mapping[int, float] | None = None) -> int:
-        """Keep the nodes of a choice, of which some are reached at times of the turn; return its number."""
-        different = list(dict.fromkeys(nodes))
-        first, self._used = self._used, self._used + len(different)
+    def add(self, choices: Sequence[Mapping[int, float]]) -> IntArray:
+        """Keep the nodes of choices with the times of the turn when they are reached; return their numbers."""
+        counts = np.array([len(nodes) for nodes in choices])
+        first = self._used + np.cumsum(counts) - counts
+        begin, self._used = self._used, self._used + int(counts.sum())
         if self._used > len(self._flat):
             self._flat, self._when = np.resize(self._flat, 2 * self._used), np.resize(self._when, 2 * self._used)
-        self._flat[first : self._used] = different
-        self._when[first : self._used] = 0.0 if when is None else [when[node] for node in different]
-        return (first << _COUNTED) + len(different)
+        self._flat[begin : self._used] = [*chain.from_iterable(choices)]
+        self._when[begin : self._used] = [time for nodes in choices for time in nodes.values()]
+        numbers: IntArray = (first << _COUNTED) + counts
+        return numbers
 
     def near(self, node: int) -> list[int]:
         """Return a node and those next to it."""
@@ -99,20 +135,30 @@ class Reach:
 
     def around(self, node: int, kind: int, begun: float) -> dict[int, float]:
         """Return the nodes within a turn from a node, the first ones first, and when each is reached; see `Travel`."""
-        speed, columns = self._speeds[kind], self._streets.columns
-        if np.isnan(speed):
-            return {}
-        ids, found, heap = columns.node_ids, dict[int, float](), [(begun, int(columns.node_ids[node]), node)]
+        found, heap, arcs = dict[int, float](), [(begun, 0, node)], self._arcs[kind]
+        if np.isnan(self._speeds[kind]):
+            return found
         while heap:
             now, _, at = heappop(heap)
             if at in found:
                 continue
             found[at] = now
-            edges = columns.out_edges[columns.offsets[at] : columns.offsets[at + 1]]
-            then = (now + self._takes(edges, 1.0, speed)).tolist()
-            for time, end in zip(then, columns.targets[edges].tolist(), strict=True):
-                if end not in found and time <= 1.0 + SLACK:
-                    heappush(heap, (time, int(ids[end]), end))
+            for turns, id, end in arcs.get(at) or self._learn(kind, at):
+                then = now + turns
+                if then > 1.0 + SLACK:  # nor will the rest be in reach
+                    break
+                if end not in found:
+                    heappush(heap, (then, id, end))
+        return found
+
+    def _learn(self, kind: int, node: int) -> list[tuple[float, int, int]]:
+        """Return the edges that leave a node as turns, ids and rows of the nodes that they lead to, in this order."""
+        columns = self._streets.columns
+        edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
+        ends = columns.targets[edges]
+        parts = self._takes(edges, 1.0, self._speeds[kind]), columns.node_ids[ends], ends
+        found = sorted(zip(*(part.tolist() for part in parts), strict=True))
+        self._arcs[kind][node] = found
         return found
 
     def most(self, limit: int) -> int:

@@ -4,17 +4,28 @@ All numbers are worked out by the same operations in the same order as there, so
 """
 
 from collections.abc import Iterable, Sequence
-from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gamms.errors import NoPath
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, some_rows
-from gamms.game.batch.forms import form_of
-from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
-from gamms.game.batch.reach import Reach, TravelTerms
+from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.movement import (
+    AIMS,
+    ENDLESS,
+    LIMITED,
+    STOP,
+    Anywhere,
+    Illegal,
+    Legs,
+    Movement,
+    Moves,
+    Paths,
+    Places,
+    Steps,
+)
+from gamms.game.batch.reach import Reach, TravelTerms, edges_back
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import SHORT
 from gamms.game.streets import Streets
@@ -22,7 +33,6 @@ from gamms.game.travel import ROUNDED, SLACK, no_end, one_way
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.text import as_code
 from gamms.typing import AgentType
 from gamms.typing.game import Leg
 
@@ -58,34 +68,18 @@ class ByMetres(Movement):
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)
-        columns, nodes = streets.columns, len(streets.counts)
+        columns, nodes, ids = streets.columns, len(streets.counts), streets.columns.edge_ids
         ways = columns.sources * nodes + columns.targets
         order = np.lexsort((np.arange(len(ways)), terms.costs, ways))
         self._ways, first = np.unique(ways[order], return_index=True)
         self._cheapest = order[first]
-        self.back = self._backs(ways)
-        has_back = self.back >= 0
-        ids = columns.edge_ids
-        street = np.where(has_back, np.minimum(ids, ids[self.back]), ids)
+        self.back = edges_back(columns, ways, nodes)
+        street = np.where(self.back >= 0, np.minimum(ids, ids[self.back]), ids)
         self.street: IntArray = np.unique(street, return_inverse=True)[1]
         self.is_ahead: BoolArray = street == ids
         self.sources = np.repeat(np.arange(nodes), streets.counts)
         self._reach = Reach(streets, self._kinds, self.takes)
         self.begin((0, len(speeds)))
-
-    def _backs(self, ways: IntArray) -> IntArray:
-        """Return the first edge from the end of each edge to its start that is as long; -1 where there is none."""
-        columns, nodes = self.streets.columns, len(self.streets.counts)
-        order = np.argsort(ways, kind="stable")
-        wanted = columns.targets * nodes + columns.sources
-        first, last = (np.searchsorted(ways[order], wanted, side) for side in ("left", "right"))
-        found = np.full(len(ways), -1)
-        for number in reversed(range(int((last - first).max(initial=0)))):
-            open_ = np.flatnonzero(first + number < last)
-            others = order[first[open_] + number]
-            is_like = np.abs(columns.lengths[others] - columns.lengths[open_]) <= SLACK * columns.lengths[open_]
-            found[open_[is_like]] = others[is_like]
-        return found
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
@@ -174,10 +168,10 @@ class ByMetres(Movement):
         left = np.broadcast_to(1.0 - self.now[which[0]], node.shape)
         found, on_node = np.zeros(node.shape, np.int64), np.nonzero(edge < 0)
         found[on_node] = self._reach.from_nodes(node[on_node], kind[on_node], left[on_node])
-        for place in np.argwhere(edge >= 0).tolist():
-            at = tuple(place)
-            game, agent = (int(np.broadcast_to(one, node.shape)[at]) for one in which)
-            found[at] = self._reach.add(self._on_edge(int(node[at]), (game, agent), int(kind[at])))
+        on = np.nonzero(edge >= 0)
+        if len(on[0]):
+            games, agents = (np.broadcast_to(one, node.shape)[on] for one in which)
+            found[on] = self._on_edges(node[on], (games, agents), kind[on])
         return found
 
     def counts(self, choices: IntArray) -> IntArray:
@@ -192,19 +186,24 @@ class ByMetres(Movement):
         """Return how many nodes are legal at most."""
         return self._reach.most(limit)
 
-    def _on_edge(self, here: int, who: tuple[int, int], kind: int) -> list[int]:
-        """Return what is legal for an agent of a game on an edge; see `Travel.reachable`."""
-        edge, share, speed = np.array(self.edge[who]), float(self.share[who]), self._kinds[kind]
-        target, near, around = int(self.streets.columns.targets[edge]), self._reach.near, self._reach.around
-        ends = [(target, 1.0 - share), *([(here, share)] if self.back[edge] >= 0 else [])]
-        goes_on = self.terms.decides_at_arrivals and self.motion[who] != Motion.STOPPED
-        if goes_on:
-            ends = [(here, share) if self.motion[who] == Motion.BACK else (target, 1.0 - share)]
-        found = [end for end, _ in reversed(ends)]
-        if goes_on or not np.isnan(speed):  # else it goes to one of the ends
-            found += [node for end, _ in ends for node in near(end)]
-            found += [node for end, part in ends for node in around(end, kind, float(self.takes(edge, part, speed)))]
-        return found
+    def _on_edges(self, here: IntArray, which: tuple[IntArray, IntArray], kind: IntArray) -> IntArray:
+        """Return the choices of agents that are on edges; see `Travel.reachable`."""
+        edge, share, motion = self.edge[which], self.share[which], self.motion[which]
+        near, around, speed = self._reach.near, self._reach.around, self._kinds[kind]
+        goes_on = (motion != Motion.STOPPED) & self.terms.decides_at_arrivals
+        takes = self.takes(edge, 1.0 - share, speed), self.takes(edge, share, speed)
+        ways = self.streets.columns.targets[edge], *takes, self.back[edge] >= 0, goes_on, motion == Motion.BACK
+        rows = (column.tolist() for column in (here, kind, ~np.isnan(speed), *ways))
+        found = list[dict[int, float]]()
+        for start, number, is_paced, target, ahead, behind, has_back, is_on, is_back in zip(*rows, strict=True):
+            ends = [(target, ahead), (start, behind)] if has_back else [(target, ahead)]
+            ends = [ends[-1] if is_back else ends[0]] if is_on else ends
+            nodes = [end for end, _ in reversed(ends)]
+            if is_on or is_paced:  # else it goes to one of the ends
+                nodes += [node for end, _ in ends for node in near(end)]
+                nodes += [node for end, begun in ends for node in around(end, number, begun)]
+            found.append(dict.fromkeys(nodes, 0.0))
+        return self._reach.add(found)
 
     # -- what strategies decide -----------------------------------------------------------------------------------
 
@@ -219,21 +218,54 @@ class ByMetres(Movement):
         edge = self.edge[games, agents]
         stopped = np.flatnonzero(~has_speed & (edge >= 0) & (found >= 0))  # just before a node, by a conflict
         if len(stopped):
-            found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], (games[stopped], agents[stopped]))
+            those = games[stopped], agents[stopped]
+            found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], those, allowed)
         ends = self.streets.columns.targets[edge]
         has_path = np.isfinite(table.distances(node, targets))
+        if allowed is not None:
+            some = np.flatnonzero(has_speed & has_path)
+            found[some] = self._as_far_as_allowed(node[some], targets[some], (games[some], agents[some]), allowed)
+            return found
         on = edge >= 0
         has_path[on] |= np.isfinite(table.distances(ends[on], targets[on]))
         return np.where(has_speed, np.where(has_path, AIMS + targets, -1), found)
 
-    def _next_legal(self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+    def _next_legal(
+        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
+    ) -> IntArray:
         """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
         choices, table, goes_on = self.choices(node, which), self.routes("length"), np.ones(len(node), np.bool_)
         found = np.where(self.action_to(choices, targets) >= 0, targets, node)
         while goes_on.any():
             ahead = table.following(found, targets)
             goes_on &= (found != targets) & (self.action_to(choices, ahead) >= 0)
+            goes_on &= True if allowed is None else allowed[ahead]
             found = np.where(goes_on, ahead, found)
+        return found
+
+    def _as_far_as_allowed(
+        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray
+    ) -> IntArray:
+        """Return the actions that lead to targets that are legal, and to others along nodes of the shortest path."""
+        table, limit, at = self.routes("length"), np.zeros(len(node), np.int64), node
+        is_legal = self.action_to(self.choices(node, which), targets) >= 0
+        goes_on = ~is_legal & (node != targets)
+        while goes_on.any():
+            at = np.where(goes_on, table.following(at, targets), at)
+            goes_on &= allowed[at]
+            limit += goes_on
+            goes_on &= at != targets
+        return np.where(is_legal, AIMS + targets, np.where(limit > 0, AIMS * (LIMITED + limit) + targets, AIMS + node))
+
+    def first_nodes(self, node: IntArray, actions: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the nodes that agents name first who decide such actions; -1: none."""
+        edge, ends = self.edge[which], self.streets.columns.targets
+        named = np.where(actions == STOP, np.where(edge < 0, node, -1), actions % AIMS)
+        found = np.where(actions < _ALONG, named, np.where(actions % 2 > 0, node, ends[edge]))
+        some = np.flatnonzero((actions >= AIMS * LIMITED) & (actions < _ALONG))
+        found[some] = self.routes("length").following(node[some], found[some])
+        some = np.flatnonzero(actions < STOP)
+        found[some] = self.nodes(self.choices(node[some], (which[0][some], which[1][some])), actions[some])
         return found
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
@@ -295,19 +327,6 @@ class ByMetres(Movement):
         return trip.moves()
 
 
-class Steps(NamedTuple):
-    """Parts of edges that agents go along, from which share to which, and the nodes that these lead to, (agents,)."""
-
-    edge: IntArray
-    begin: FloatArray
-    end: FloatArray
-    node: IntArray
-
-    def those(self, which: BoolArray | IntArray) -> "Steps":
-        """Return some of them."""
-        return some_rows(self, which)
-
-
 class Trip:
     """The ways of all agents of some games through a turn.
 
@@ -338,6 +357,7 @@ class Trip:
         number = len(self.here)
         self._goal, self._last = np.full((2, number), -1)  # nodes; the last one is next to the goal
         self._by_length = np.zeros(number, np.bool_)  # whether the way is the shortest by length
+        self._left = np.full(number, ENDLESS)  # to how many nodes more it leads
         self._is_back = np.zeros(number, np.bool_)
         self.goes = np.zeros(number, np.bool_)
         self.illegal: list[Illegal] = []
@@ -353,14 +373,17 @@ class Trip:
         """Work out which way some agents set off, by what they have decided."""
         by = self._by
         self._goal[rows] = self._last[rows] = -1
+        self._left[rows] = ENDLESS
         self.goes[rows] = self._is_back[rows] = self._by_length[rows] = False
         some = actions < STOP
         chosen = rows[some]
         if len(chosen):
             who = np.repeat(self._games, self._shape[1])[chosen], self._agents[chosen]
             self._aim(chosen, by.nodes(by.choices(self.here[chosen], who), actions[some]))
-        some = (actions >= AIMS) & (actions < _ALONG)
+        some = (actions >= AIMS) & (actions < AIMS * LIMITED)
         self._aim(rows[some], actions[some] - AIMS)
+        some = (actions >= AIMS * LIMITED) & (actions < _ALONG)
+        self._follow_for(rows[some], *np.divmod(actions[some] - AIMS * LIMITED, AIMS))
         some = actions >= _ALONG
         self._follow(rows[some], actions[some] - _ALONG)
 
@@ -395,16 +418,26 @@ class Trip:
 
     def _follow(self, rows: IntArray, ways: IntArray) -> None:
         """Let agents go to an edge by the shortest way by length, and along it."""
-        if not len(rows):
-            return
-        by, streets = self._by, self._by.streets
+        by, here = self._by, self.here[rows]
         entry, is_from_node = np.divmod(ways, 2)
-        first, last, here = by.sources[entry], streets.targets[entry], self.here[rows]
-        self._goal[rows], self._last[rows], self._by_length[rows] = first, last, True
+        first = by.sources[entry]
+        self._last[rows] = last = by.streets.targets[entry]
+        ahead = np.where(first == here, last, by.routes("length").following(here, first))
+        self._set_off(rows, first, ahead, is_from_node > 0)
+
+    def _follow_for(self, rows: IntArray, most: IntArray, targets: IntArray) -> None:
+        """Let agents go along the shortest ways by length from their nodes, to so many nodes."""
+        ahead = self._by.routes("length").following(self.here[rows], targets)
+        self._set_off(rows, targets, ahead, np.ones(len(rows), np.bool_))
+        self._left[rows] = most - ((self.edge[rows] >= 0) & ~self._is_back[rows])
+
+    def _set_off(self, rows: IntArray, goals: IntArray, ahead: IntArray, are_from_nodes: BoolArray) -> None:
+        """Let agents go by length to nodes; those on an edge turn back whose ways lead from their nodes elsewhere."""
+        by, streets, here = self._by, self._by.streets, self.here[rows]
+        self._goal[rows], self._by_length[rows] = goals, True
         edge = self.edge[rows]
         end, on_edge = streets.columns.targets[edge], edge >= 0
-        ahead = np.where(first == here, last, by.routes("length").following(here, first))
-        is_back = on_edge & (is_from_node > 0) & (ahead != end)
+        is_back = on_edge & are_from_nodes & (ahead != end)
         self._is_back[rows] = is_back
         is_illegal = is_back & (by.back[edge] < 0)
         self.goes[rows[~is_illegal]] = True
@@ -474,12 +507,13 @@ class Trip:
         at_last = is_there & (self._last[rows] >= 0)
         following = np.where(at_last, self._last[rows], node)
         self._goal[rows[at_last]], self._last[rows[at_last]] = self._last[rows[at_last]], -1
-        goes_on = (self._is_paced[rows] | is_first) & (~is_there | at_last)
+        goes_on = (self._is_paced[rows] | is_first) & (~is_there | at_last) & (self._left[rows] > 0)
         for by_length, weight in ((True, "length"), (False, self._by.terms.weight)):
             some = np.flatnonzero(goes_on & ~is_there & (self._by_length[rows] == by_length))
             if len(some):
                 following[some] = self._by.routes(weight).following(node[some], self._goal[rows[some]])
         at = np.flatnonzero(goes_on)
+        self._left[rows[at]] -= 1
         return at, following[at]
 
     def _add_legs(self, rows: IntArray, steps: Steps, since: FloatArray, until: FloatArray) -> None:
@@ -560,28 +594,6 @@ def movement_of(game: PlayedGame, roster: Roster) -> Movement:
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     if settings["legal"] == "any":
         return Anywhere(streets)
-    unit, weight = settings["speed_unit"], settings["weight"]
-    if unit != "edges":
-        costs, is_by_seconds = np.asarray(graph.graph.weights(weight), np.float64), unit == "metres_per_second"
-        seconds = costs if weight == "travel_time" and is_by_seconds else None
-        turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
-        terms = TravelTerms(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
-        return ByMetres(streets, speeds, terms)
+    if settings["speed_unit"] != "edges":
+        return ByMetres(streets, speeds, TravelTerms.of(game))
     return Movement(streets) if speeds.count(None) == len(speeds) else ByEdges(streets, speeds)
-
-
-def why_not_moved(game: PlayedGame) -> str | None:
-    """Return what has no array form of how agents move, in words; None: all has."""
-    settings = game.settings()
-    by_metres, conflicts = settings["speed_unit"] != "edges", settings["conflicts"]
-    at_arrivals = by_metres and settings["decide"] == "arrival"
-    reasons = [
-        (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
-        (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
-        (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
-        (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
-    ]
-    for agent in agents_of(game):
-        is_endless = agent.speed is not None and not isfinite(agent.speed)
-        reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))
-    return next((why for is_so, why in reasons if is_so), None)

@@ -8,11 +8,11 @@ import numpy as np
 
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.actions import as_actions, refuse_no_actions
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.columns import lock
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
+from gamms.game.batch.libraries import as_actions, refuse_no_actions
 from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.reports import in_turned_cone
 from gamms.game.batch.routes import RouteTable
@@ -33,8 +33,6 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
 COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
-FITS = "fits"  # an attribute of forms: up to which speeds they are those of strategies, of `SPEEDS`
-SPEEDS = ("edge", "edges", "metres")
 BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them

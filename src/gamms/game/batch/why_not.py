@@ -1,6 +1,7 @@
 """Says what keeps games from being played in arrays, and which agents are asked one by one there."""
 
 from collections.abc import Hashable, Iterator, Sequence
+from math import isfinite
 from typing import Any
 
 from gamms.game.batch.begun import remembers, why_not_begun
@@ -9,8 +10,7 @@ from gamms.game.batch.forms import flies, form_of
 from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import turns_with_its_agent, why_not_seen
-from gamms.game.batch.travel import why_not_moved
-from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS
+from gamms.game.batch.view import BOARDS, COVERS, IS_BLIND, MAY_SKIP
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.sensor_engine import IN_AIR
@@ -26,7 +26,7 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     ]
     not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
-    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so)]
+    found = [_why_not_moved(game), *(why for is_so, why in reasons if is_so)]
     found += why_not_begun(game)
     found += [as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
@@ -44,7 +44,6 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
     """Yield agents, and what of their strategies and sensors has no array form, in words."""
     settings = game.settings()
     by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
-    speeds = SPEEDS[-1] if by_metres else SPEEDS[any(map(_is_paced, agents_of(game)))]
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
         if form_of(one) is None or remembers(game, agent):
@@ -54,8 +53,6 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
             yield agent, f"{as_code(one)}, whose team knows at arrivals what it wrote in the same turn"
         if getattr(form_of(one), MAY_SKIP, False):
             yield agent, f"{as_code(one)}, which may set no action"
-        if SPEEDS.index(getattr(form_of(one), FITS, speeds)) < SPEEDS.index(speeds):
-            yield agent, f"{as_code(one)}, with speeds in {speeds}"
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
             yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
         yield from ((agent, why) for why in _why_not_flown(agent, one, has_plan=agent.team in plans))
@@ -90,9 +87,22 @@ def _flies(agent: IAgent) -> bool:
     return agent.type is AgentType.AERIAL
 
 
-def _is_paced(agent: IAgent) -> bool:
-    return agent.speed is not None and not _flies(agent)
-
-
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
     return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)
+
+
+def _why_not_moved(game: PlayedGame) -> str | None:
+    """Return what has no array form of how agents move, in words; None: all has."""
+    settings = game.settings()
+    by_metres, conflicts = settings["speed_unit"] != "edges", settings["conflicts"]
+    at_arrivals = by_metres and settings["decide"] == "arrival"
+    reasons = [
+        (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
+        (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
+        (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
+        (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
+    ]
+    for agent in agents_of(game):
+        is_endless = agent.speed is not None and not isfinite(agent.speed)
+        reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))
+    return next((why for is_so, why in reasons if is_so), None)
