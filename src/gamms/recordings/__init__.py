@@ -13,8 +13,8 @@ from gamms.recordings.conversion import (
     to_version_3,
     version_of,
     watch,
+    with_sensed,
 )
-from gamms.recordings.sensing import with_sensed
 
 __all__ = [
     "Difference",

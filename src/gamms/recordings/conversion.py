@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from io import BytesIO
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,12 @@ from gamms.errors import BadValue
 from gamms.folders import whole_file
 from gamms.ir import events as kinds
 from gamms.plain import Plain, as_json, to_plain
-from gamms.recorder import Recording, RecordingError
+from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder import open as opened
 from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
+from gamms.recorder.sensed import packed
 from gamms.recorder.streams import format_of, named, refuse_other
 from gamms.recorder.tracks import checked_seconds
 from gamms.typing.actions import known_node
@@ -335,3 +337,37 @@ def _cell(value: Plain) -> str | int | float | bool | None:
     """Return a value as CSV has it."""
     plain = as_json(value)
     return plain if plain is None or isinstance(plain, (str, int, float, bool)) else json.dumps(plain)
+
+
+def with_sensed(recording: Recording) -> Recording:
+    """Return a recording with what agents sense in front of each turn: itself, if it says so already.
+
+    Else the sensors are asked in a replay. Those that report wrongly or late draw other errors than in the game, and
+    functions of the program's own report nothing.
+
+    Raises:
+        RecordingError (ValueError): it is damaged, or does not hold its map.
+    """
+    if recording.counts().get("SENSED"):
+        return recording
+    stream, reader = BytesIO(), Reader(BytesIO(recording.content()))
+    first = reader.keyframe(0)
+    if first is None:
+        raise RecordingError("This recording does not say how it begins.")
+    writer = Writer(stream, reader.header, seconds=None)
+    writer.keyframe(first[1])
+    with with_map(None) as ctx:
+        ctx.graph.storage.unpack(recording.graph.packed)
+        replayer = Replayer(ctx)
+        replayer.begin(reader)
+        for turn in range(reader.turns):
+            columns = recording.detached(min(turn, recording.turns)).agents.columns
+            numbers = dict(zip(columns["names"], columns["numbers"].tolist(), strict=True))
+            nodes = dict(zip(columns["names"], columns["node"].tolist(), strict=True))
+            agents = [agent for agent in ctx.agent.create_iter() if agent.alive]
+            results = [(numbers[agent.name], agent.get_state()["sensor"]) for agent in agents]
+            writer.add_turn([(kinds.SENSED, packed(results, numbers, nodes)), *reader.log(turn)])
+            for _ in replayer.play_turn(reader):
+                pass
+    writer.close()
+    return opened(BytesIO(stream.getvalue()))
