@@ -5,7 +5,7 @@
 
 Read `running.py` first: what is played, where, and what happens when a process dies. `variants.py` has the grids,
 `sampling.py` the samples, `games.py` plays in a worker, `executors.py` chooses where, `folders.py` what a run keeps on
-disk, `rows.py` what it gives back, `statistics.py` the intervals, `tables.py` and `plots.py` how they are shown. A
+disk, `rows.py` what it gives back, `statistics.py` the intervals, `tables.py` how they are shown. A
 client of scenarios: May import: `scenario` and below.
 """
 

@@ -12,9 +12,8 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment.folders import as_columns
 from gamms.experiment.games import Row
-from gamms.experiment.plots import plot
 from gamms.experiment.statistics import Interval, holm, mean_interval, paired, rate_interval, sobol_indices
-from gamms.experiment.tables import Table
+from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
 from gamms.game.result import Result
 from gamms.ir.tables import frame_of
