@@ -15,12 +15,11 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 import gamms
-from gamms.cli import experiments, play, recordings, suites
+from gamms.cli import experiments, play, recordings
 from gamms.cli.gallery import gallery
 from gamms.cli.new import new
 from gamms.cli.output import INTERRUPTED, console, echo, explained, guarded, rich_table, warn, write_page
 from gamms.cli.studies import study
-from gamms.cli.tournaments import tournament
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ _COMMANDS: _Commands = {
         "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
     ),
     study: ("gamms study visit.yaml", "gamms study visit.yaml --otherwise mine.py:strategy --port 8000"),
-    tournament: ("gamms tournament cup.yaml", "gamms tournament cup.yaml --out cup --workers 4"),
+    experiments.tournament: ("gamms tournament cup.yaml", "gamms tournament cup.yaml --out cup --workers 4"),
     recordings.replay: ("gamms replay game.ggr", "gamms replay game.ggr --window --seconds 0.2"),
     recordings.render: (
         "gamms render game.ggr game.mp4 --turns 100:200 --follow red_0",
@@ -170,7 +169,7 @@ _COMMANDS: _Commands = {
         "gamms convert old.ggr new.ggr --map map.gamms",
     ),
     map: ("gamms map match.yaml", "gamms map town.osm.pbf --out town.html --no-open"),
-    suites.suite: ("gamms suite mine.py:strategy", "gamms suite random_walk --only pursuit --out walk"),
+    experiments.suite: ("gamms suite mine.py:strategy", "gamms suite random_walk --only pursuit --out walk"),
 }
 _ON_SCENARIOS: _Commands = {
     check: ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build"),

@@ -1,19 +1,25 @@
-"""The commands of experiments: `gamms experiment FILE`, and `gamms experiment merge`."""
+"""The commands that play many games by a file or a protocol: `gamms experiment`, `gamms suite`, `gamms tournament`."""
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gamms.cli.many import checked_keys
 from gamms.cli.output import INTERRUPTED, echo, in_words, warn
 from gamms.cli.play import Allow, foreign_code
 from gamms.errors import MissingExtra, install_command
+from gamms.folders import made_folder, write_whole
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
     from gamms.experiment import Rows
+    from gamms.suite import Results
 
 _MOST_VARIANTS = 40  # that are shown one by one
+_REQUIRED = ("scenario", "entries", "seeds")  # of a tournament
+_KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
 
 
 def run(
@@ -72,7 +78,7 @@ def run(
     except KeyboardInterrupt:
         echo(f"Interrupted with {len(rows_in(part / JOURNAL)):,} games in {part}; the same command goes on.", err=True)
         raise typer.Exit(INTERRUPTED) from None
-    _print(rows)
+    _print_rows(rows)
     if shard is not None:
         echo(f"\nWrote {part / JOURNAL}; when all parts are played: gamms experiment merge {folder}")
         return
@@ -96,7 +102,7 @@ def merge(
     echo(f"Wrote {in_words(experiment.merge(out, shards or None))}.")
 
 
-def _print(rows: "Rows") -> None:
+def _print_rows(rows: "Rows") -> None:
     """Print a summary, and how many games have raised."""
     try:
         metrics = [name for name in rows.metrics() if not name.startswith("collector.")]
@@ -113,3 +119,103 @@ def _print(rows: "Rows") -> None:
     if errors:
         first = errors[0]
         echo(f"\n{len(errors):,} of {len(rows):,} games have raised; row {first['id']}: {first['error']}", err=True)
+
+
+def suite(
+    strategy: Annotated[
+        str,
+        typer.Argument(
+            help="Code, mine.py:strategy; a baseline: scripted, random_walk, stay; or references: all of these.",
+            metavar="STRATEGY",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The folder for rows, recordings and table.json.", metavar="FOLDER")] = Path(
+        "gamms-suite"
+    ),
+    only: Annotated[list[str] | None, typer.Option("--only", help="Only this kind or task.", metavar="TASK")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=0, help="In how many processes; 0: in this one. By default as many as cores.", metavar="N"),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(help="Other seeds than those of the protocol: 0:5.", metavar="SEEDS")
+    ] = None,
+    allow: Allow = None,
+) -> None:
+    """Play a strategy on the ten tasks of the benchmark suite."""
+    from gamms import suite as suites
+    from gamms.experiment.files import seeds_of
+    from gamms.suite.results import measured_references
+    from gamms.workers import cores
+
+    count = cores() if workers is None else workers or None
+    by_seed = None if seeds is None else seeds_of(seeds)
+    if by_seed is not None:
+        echo("These are not the seeds of the protocol: do not compare them with other results.")
+    if strategy == "references":
+        file = out / "references.json"
+        with made_folder(out):
+            write_whole(file, (json.dumps(measured_references(count, only, by_seed), indent=1) + "\n").encode())
+        echo(f"Wrote {file}.")
+        return
+    reference, code = _found(strategy, allow or [])
+    results = suites.run(reference, only=only, seeds=by_seed, workers=count, out=out, progress=True, **code)
+    _print_results(results, strategy)
+    file = out / "table.json"
+    columns = {name: column.tolist() for name, column in results.table.items()}
+    write_whole(file, (json.dumps(columns, indent=1) + "\n").encode())
+    echo(f"\nWrote {file}, the rows of each task, and recordings (gamms replay).")
+
+
+def _found(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
+    """Return how a scenario names a strategy, and where its code is."""
+    from gamms.scenario.code import chosen
+    from gamms.suite import BASELINES
+
+    if strategy in BASELINES:
+        return strategy, {}
+    found, folder = chosen(strategy, "STRATEGY")
+    package = [] if found.file is not None or found.module.startswith("gamms.") else [found.module.partition(".")[0]]
+    reference = f"{found.module}:{found.function}" if found.function else found.module
+    return reference, {"folder": folder, "allow": [*allow, *package]}
+
+
+def _print_results(results: "Results", strategy: str) -> None:
+    """Print the table, and the games that have raised."""
+    echo(f"{strategy}: the share of games that it wins, and that against the worst opponent\n")
+    echo(str(results.table))
+    for name, rows in results.rows.items():
+        errors = rows.errors()
+        if errors:
+            echo(f"{name}: {len(errors)} of {len(rows)} games have raised; {errors[0]['error']}", err=True)
+
+
+def tournament(
+    file: Annotated[Path, typer.Argument(help="A tournament file: YAML or JSON.", metavar="FILE", show_default=False)],
+    out: Annotated[
+        Path, typer.Option(help="The folder for games, logs, the table and its page.", metavar="FOLDER")
+    ] = Path("gamms-tournament"),
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="How many games at once. By default as many as cores.", metavar="N", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Let entries play each other, confined."""
+    from gamms import scenario, tournament
+    from gamms.experiment.files import seeds_of
+    from gamms.scenario import documents
+    from gamms.workers import cores
+
+    with documents.named(file):
+        values: Any = checked_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
+        given = values.pop("seeds")
+        with documents.at("seeds"):
+            seeds = range(given) if isinstance(given, int) else seeds_of(given)
+    folder = file.absolute().parent
+    game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
+    table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
+    echo(str(table))
+    echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")
