@@ -83,7 +83,7 @@ LEAVE = re.compile(
     r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
 )
 ONE_BY_ONE = re.compile(
-    "in the air' of agent .* (of a class of its own|looks from the air)|closed since the start|"
+    "closed since the start|"
     "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"
 )
 

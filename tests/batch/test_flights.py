@@ -273,6 +273,26 @@ def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fl
         assert games.result(2) == scenario.play(seed=3, strategies={"red": listen})
 
 
+def test_nodes_are_discovered_from_the_air_as_in_games_alone(same_as_one_by_one):
+    kinds = ["AERIAL", "OCCLUDED_AERIAL", "AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
+    eyes = {kind: {"type": kind, "sensor_range": 14.0, "fov": 2.0, "quat": [0.8, 0.0, 0.6, 0.1]} for kind in kinds}
+    found = {"rule": "discover", "with": {"nodes": [3, 7, 12, 18, 24], "score": 1}}
+    for kinds in (["AERIAL"], ["OCCLUDED_AERIAL"], ["AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]):
+        same_as_one_by_one(flying(found, drone={"sensors": kinds}, sensors=eyes, max_turns=6), range(2))
+    teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["tower"]}}
+    tower = {"tower": eyes["AERIAL"] | {"at": [12.0, 14.0, 9.0], "quat": [0.7, 0.0, 0.7, 0.0]}}
+    same_as_one_by_one(scene([found], teams=teams, sensors=tower, max_turns=3), range(2))
+
+
+@pytest.mark.parametrize("strategy", ["chase", "intercept"])
+def test_strategies_do_not_look_at_what_is_seen_from_the_air(strategy, same_as_one_by_one):
+    eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 15.0}, "tower": TOWER | {"sensor_range": 60.0}}
+    hunters = {"count": 2, "strategy": f"gamms.strategies:{strategy}", "sensors": ["tower", "near"]}
+    same_as_one_by_one(
+        scene([], teams={"red": hunters, "blue": {"count": 3, "strategy": WALK}}, sensors=eyes), range(2)
+    )
+
+
 WALLS = np.array([[(4, y, 9), (36, y, 9), (4, y, 0), (36, y, 0)] for y in (5.0, 25.0)])
 
 

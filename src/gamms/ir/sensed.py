@@ -125,20 +125,24 @@ class NodeLook(NamedTuple):
 
     Attributes:
         radius: map units; may be infinite; None: it shows the nodes that edges lead to, itself first.
-        place: (x, y) to look from, or None: from the node of the agent that carries it.
+        place: (x, y) to look from, or None: from the node of the agent that carries it; in the air as for `AgentLook`.
         cone: heading (cos, sin) and full opening angle; None: all around.
         height: of its sight lines above the ground; None: obstacles hide nothing.
         from_node: returns the ids of the nodes that it shows from a node, or from `place`, and all around if the cone
             turns; None: what the rest says.
         turns: whether the cone turns with the agent that carries it.
+        quat, fov, in_line: of one that looks from the air; see `AgentLook`.
     """
 
     radius: float | None
-    place: tuple[float, float] | None = None
+    place: tuple[float, ...] | None = None
     cone: tuple[tuple[float, float], float] | None = None
     height: float | None = None
     from_node: "Callable[[int], IntArray] | None" = None
     turns: bool = False
+    quat: tuple[float, float, float, float] | None = None
+    fov: float = inf
+    in_line: "Callable[[FloatArray, FloatArray], BoolArray] | None" = None
 
 
 def _no_points() -> FloatArray:

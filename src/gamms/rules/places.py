@@ -8,15 +8,17 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered
+from gamms.game.batch.reports import Look
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensed import AgentLook
 from gamms.plain import to_plain, why_not_plain
 from gamms.rules.contacts import nodes_within
 from gamms.rules.endings import Rank, all_know, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
 from gamms.text import shown, shown_as_called
-from gamms.typing import AgentType, IAgent, NodeId, Rule
+from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
 from gamms.typing.game import TEAMS
 from gamms.visual.drawers.rules import as_text
 from gamms.visual.drawers.standings import DISCOVERED, HELD, render_discovered, render_held
@@ -293,7 +295,7 @@ class _Discovery(NamedTuple):
         before: BoolArray = np.asarray(by.any(axis=1))
         looks = turn.alive & roster.plays_for(self.teams) & ~roster.plays_for([None])
         views = turn.shared(("discover", self.key), lambda: _Views(turn, hidden))
-        in_view = np.asarray(views.seen(turn.node, looks))
+        in_view = views.seen(turn, looks)
         on_ground = ~roster.flies[:, None]
         if self.hops >= 1:
             edges = turn.routes(None).distances(turn.node[..., None], hidden)
@@ -337,17 +339,47 @@ class _Places:
 
 
 class _Views:
-    """Which of some nodes the sensors of agents show from each node, found when an agent is first there."""
+    """Which of some nodes the sensors of agents show: from the air, or a node, found when an agent is first there."""
 
     def __init__(self, turn: ArrayTurn, hidden: IntArray) -> None:
         self._roster, self._streets = turn.roster, turn.streets
         self._ids = turn.streets.ids(hidden)
         self._places = _Places(self._ids, turn.streets.columns.xy[hidden])
+        self._sensors: list[list[ISensor]] = [[] for _ in turn.roster.agents]  # of each agent, that look from nodes
+        in_air: dict[Hashable, tuple[Look, list[int]]] = {}  # how sensors look from the air, and who carries them
+        for number, agent in enumerate(turn.roster.agents):
+            for sensor in getattr(agent, "sensors", {}).values():
+                look = _look_of(sensor, agent)
+                if not isinstance(look, str) and look.quat is not None:
+                    key = type(look), look.radius, look.place, look.quat, look.fov, look.height
+                    in_air.setdefault(key, (look, []))[1].append(number)
+                else:
+                    self._sensors[number].append(sensor)
+        x, y = turn.streets.axes
+        is_beside = np.isin(x + 1j * y, (x + 1j * y)[hidden])
+        beside = np.flatnonzero(is_beside)  # those that are where these nodes are: a sensor that shows nodes shows both
+        are_same = (x[beside, None] == x[hidden]) & (y[beside, None] == y[hidden])
+        own = np.eye(len(hidden), dtype=np.bool_)
+        self._in_air = [
+            (look, np.array(carriers), *((hidden, own) if isinstance(look, AgentLook) else (beside, are_same)))
+            for look, carriers in in_air.values()
+        ]
         self._number = np.full((len(turn.roster.names), turn.streets.num_nodes), -1)
         self._seen = np.zeros((1, len(hidden)), np.bool_)  # one row at least, for -1 is looked up, too
 
-    def seen(self, node: IntArray, looks: BoolArray) -> BoolArray:
+    def seen(self, turn: ArrayTurn, looks: BoolArray) -> BoolArray:
         """Return which nodes agents that look have in view, (games, agents, nodes)."""
+        found = self._from_nodes(turn.node, looks)
+        for look, carriers, rows, are_same in self._in_air:
+            at, i = np.nonzero(looks[:, carriers])
+            agents = carriers[i]
+            several = [np.repeat(column, len(rows)) for column in (at, agents)]
+            seen = turn.see_from_air(look, several[0], several[1], np.tile(rows, len(at))).reshape(len(at), len(rows))
+            found[at, agents] |= (seen[:, :, None] & are_same).any(axis=1)
+        return found
+
+    def _from_nodes(self, node: IntArray, looks: BoolArray) -> BoolArray:
+        """Return the same of sensors that look from nodes."""
         agents = np.broadcast_to(np.arange(node.shape[1]), node.shape)
         new = np.flatnonzero(looks & (self._number[agents, node] < 0))
         pairs = np.unique(agents.ravel()[new] * self._number.shape[1] + node.ravel()[new])
@@ -355,7 +387,7 @@ class _Views:
             carriers, rows = np.divmod(pairs, self._number.shape[1])
             ids = self._streets.ids(rows).tolist()
             fresh = [
-                np.isin(self._ids, [*_shown(self._roster.agents[agent], here, self._places)])
+                np.isin(self._ids, [*_shown(self._sensors[agent], self._roster.names[agent], here, self._places)])
                 for agent, here in zip(carriers.tolist(), ids, strict=True)
             ]
             self._number[carriers, rows] = len(self._seen) + np.arange(len(pairs))
@@ -367,25 +399,29 @@ def _why_not_looked(agents: Iterable[IAgent]) -> str | None:
     """Return in words why what agents have in view has no array form; None: it has."""
     for agent in agents:
         for name, sensor in getattr(agent, "sensors", {}).items():
-            of_agents, of_nodes = getattr(sensor, "in_arrays", None), getattr(sensor, "nodes_in_arrays", None)
-            look = "is of a class of its own" if of_agents is None else of_agents(agent.name)
-            look = look if of_nodes is None else of_nodes()
+            look = _look_of(sensor, agent)
             why = look if isinstance(look, str) else "turns with its agent" if look.turns else None
-            why = why or ("looks from the air" if getattr(look, "quat", None) is not None else None)
             if why is not None:
                 return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
     return None
 
 
-def _shown(agent: IAgent, here: int, places: _Places) -> set[int]:
-    """Return which nodes, by their ids, the sensors of an agent show from a node."""
+def _look_of(sensor: ISensor, agent: IAgent) -> Look | str:
+    """Return how a sensor shows agents or nodes, to be computed for many games at once; else in words why it cannot."""
+    of_agents, of_nodes = getattr(sensor, "in_arrays", None), getattr(sensor, "nodes_in_arrays", None)
+    look: Look | str = "is of a class of its own" if of_agents is None else of_agents(agent.name)
+    return look if of_nodes is None else of_nodes()
+
+
+def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _Places) -> set[int]:
+    """Return which nodes, by their ids, the sensors of the agent of a name show from a node."""
     shown_ids = set[int]()
-    for sensor in agent.sensors.values():
+    for sensor in sensors:
         try:
-            shown_ids.update(sensor.coverage(here, agent.name).node_ids.tolist())
+            shown_ids.update(sensor.coverage(here, name).node_ids.tolist())
         except NotOffered:  # it is no sensor of agents
             try:
-                seen = sensor.view_from(here, agent.name).nodes
+                seen = sensor.view_from(here, name).nodes
             except NotOffered:
                 continue
             shown_ids.update(*(places.at.get((x, y), ()) for x, y in seen.tolist()))
@@ -396,4 +432,4 @@ def _in_view(ctx: Context, agent: IAgent, places: _Places, hops: float) -> set[i
     """Return which nodes an agent has in view, or so many edges ahead."""
     here = agent.current_node_id
     around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
-    return _shown(agent, here, places) | places.ids.intersection(around)
+    return _shown(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)

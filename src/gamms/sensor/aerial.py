@@ -12,7 +12,7 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import AgentLook, Sensed, SensorView, ragged
+from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
@@ -135,6 +135,12 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
+    def _geometry_in_arrays(self) -> dict[str, Any]:
+        """Return where it looks, by the attributes of an `AgentLook` or a `NodeLook`."""
+        in_line = partial(are_unhidden, self.ctx) if self._is_occluded else None
+        height = 0.0 if self._is_occluded else None
+        return {"place": self._at, "quat": self._quat, "fov": self.fov, "height": height, "in_line": in_line}
+
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return which offsets (points, 3) lie in range and in the cone, by index."""
         # Squares are compared, which are the same on every machine and in batches.
@@ -187,6 +193,10 @@ class AerialSensor(FlyingSensor):
         if pose is not None and not self._is_occluded:  # what obstacles leave of it is not a polygon
             outline = fov_geometry.footprint(*pose, self.range, self.fov)
         return map_view(self.data, outline)
+
+    def nodes_in_arrays(self) -> NodeLook | str:
+        """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
+        return NodeLook(self.range, **self._geometry_in_arrays()) if self._is_ours else "is of a class of its own"
 
     def _seen(self, pose: Pose | None) -> Surroundings:
         if pose is None:
@@ -268,13 +278,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             return found
         if self._at is None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
             return "needs an agent that flies"
-        return found._replace(
-            place=self._at,
-            quat=self._quat,
-            fov=self.fov,
-            height=0.0 if self._is_occluded else None,
-            in_line=partial(are_unhidden, self.ctx) if self._is_occluded else None,
-        )
+        return found._replace(**self._geometry_in_arrays())
 
     def _reportable_rows(self) -> list[int]:
         flyers = set(self.ctx.agent.positions.flyers.tolist())

@@ -11,7 +11,7 @@ from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import Arrays
-from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -66,7 +66,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
 
 
 def _assign_in_arrays(patience: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    seen, board = view.enemies(), _Board(view)
+    seen, board = on_ground(view).enemies(), _Board(view)
     enemies, enemy_at = board.enemies(patience)
     found = _matched_in_arrays(view, board, enemies, enemy_at)[:, view.agents]
     mine = np.where(view.mask, found, -1)

@@ -13,7 +13,7 @@ from gamms.deciding import phase_of
 from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.sight import Seen
-from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -75,7 +75,7 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
 def _chase_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
     if isinstance(view, DeviceView):
         return moves_to(view, _nearest_on_device(view), fallback)
-    seen = view.enemies()
+    seen = on_ground(view).enemies()
     return moves_to_agents(view, seen, nearest_seen(view, seen), fallback)
 
 
@@ -108,7 +108,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
 
 def _nearest_on_device(view: DeviceView) -> Tensor:
     """Return what `nearest_seen` returns of enemies."""
-    xp, seen, node = view.xp, view.sees_enemies(), view.nodes_of_all()
+    xp, seen, node = view.xp, on_ground(view).sees_enemies(), view.nodes_of_all()
     far = view.routes().distances(view.node[..., None], node[:, None, :], asked=seen)
     far = xp.where(seen, far, inf)
     is_it = xp.arange(far.shape[2], device=view.library.device) == xp.argmin(far, axis=2, keepdims=True)
@@ -122,7 +122,7 @@ def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
 
 def _farthest_in_arrays(view: ArrayView) -> IntArray:
     """Return the actions that lead to the legal nodes farthest from enemies in sight; -1: none is in sight."""
-    seen, actions = view.enemies(), no_actions(view)
+    seen, actions = on_ground(view).enemies(), no_actions(view)
     if len(seen.at):
         starts, _ = runs_of(seen)
         legal, is_legal = view.legal_rows((seen.at, seen.viewers))
@@ -138,7 +138,7 @@ def _farthest_in_arrays(view: ArrayView) -> IntArray:
 def _farthest_on_device(view: DeviceView) -> Tensor:
     """Return the same, computed for all agents."""
     xp, (legal, is_legal) = view.xp, view.legal_rows()
-    seen, node = view.sees_enemies(), view.nodes_of_all()
+    seen, node = on_ground(view).sees_enemies(), view.nodes_of_all()
     is_asked = seen[..., None] & is_legal[:, :, None, :]
     far = view.routes().distances(node[:, None, :, None], legal[:, :, None, :], asked=is_asked)
     safety = xp.where(is_legal, xp.min(xp.where(seen[..., None], far, inf), axis=2), -inf)
@@ -192,7 +192,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
 def _guard_in_arrays(post: int, reach: float, waits: ArrayStrategy, view: ArrayView) -> IntArray:
     routes, place = view.routes(), view.streets.rows(post)
     is_near = routes.distances(np.arange(view.streets.num_nodes), place) <= reach
-    seen = view.enemies()
+    seen = on_ground(view).enemies()
     targets = nearest_seen(view, seen.of(is_near[seen.nodes]), is_near[view.node])
     after, is_after = np.nonzero(targets >= 0), targets >= 0
     actions = moves_to(view.only(~is_after), filled(view, int(place)), waits)
@@ -243,7 +243,7 @@ def intercept(
 
 
 def _intercept_in_arrays(goals: tuple[int, ...] | None, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    seen = view.enemies()
+    seen = on_ground(view).enemies()
     if goals is not None:
         return moves_to(view, _meeting_nodes(view, seen, np.sort(view.streets.ids(view.streets.rows(goals)))), fallback)
     actions = no_actions(view)
@@ -300,7 +300,8 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
 
 
 def _exit_in_arrays(exits: tuple[int, ...], fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    ends, paces, seen, actions = view.streets.rows(exits), ArrayPaces(view), view.enemies(), no_actions(view)
+    ends, paces, actions = view.streets.rows(exits), ArrayPaces(view), no_actions(view)
+    seen = on_ground(view).enemies()
     first = np.full((*view.node.shape, len(ends)), inf)  # turns until the first enemy in sight is there
     np.minimum.at(first, (seen.at, seen.viewers), paces.turns_to(seen.others[:, None], seen.nodes[:, None], ends))
     far = paces.turns_to(view.agents[:, None], view.node[..., None], ends)
@@ -497,7 +498,7 @@ def _sizes_of_cells(view: ArrayView, chased: Seen, nodes: IntArray) -> IntArray:
     all_nodes, paces = np.arange(view.streets.num_nodes), ArrayPaces(view)
     own = 1.0 + paces.turns_from(view.agents[chased.viewers, None], nodes[:, None], all_nodes)
     theirs = paces.turns_from(chased.others[:, None], chased.nodes[:, None], all_nodes)
-    mates = view.mates()
+    mates = on_ground(view).mates()
     number = mates.at * len(view.agents) + mates.viewers  # ascending
     begins, ends = (
         np.searchsorted(number, chased.at * len(view.agents) + chased.viewers, side) for side in ("left", "right")

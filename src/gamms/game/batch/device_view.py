@@ -1,6 +1,6 @@
 """What portable forms of strategies get: the views, draws, streets and routes of a batch on a device."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
@@ -19,12 +19,13 @@ from gamms.game.batch.sight import Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import ArrayView, on_ground
 from gamms.game.random_streams import ViewDraws
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing.sensor_engine import ON_GROUND
 
 _ALL_AT_FIRST = 1 << 10  # nodes of a map whose routes are all computed when one is asked for
 
@@ -185,7 +186,7 @@ class DeviceView(ArrayView):
         self.node, self.mask, self.turn = node, alive, turn
         self._known = dict[str, Tensor]()
         self.draw = DeviceDraws(keys, turn, self.xp)
-        self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
+        self._whole, self._sights = self.mask, dict[Hashable, Seen]()
 
     @property
     def counts(self) -> Tensor:
@@ -211,7 +212,8 @@ class DeviceView(ArrayView):
 
     def on_host(self) -> ArrayView:
         """Return the view in NumPy, of all games: where agents are on a GPU, they are copied."""
-        return ArrayView(self._state, np.arange(len(self._state)), self.agents)
+        view = ArrayView(self._state, np.arange(len(self._state)), self.agents)
+        return on_ground(view) if self._kinds is ON_GROUND else view
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[Tensor, Tensor]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
@@ -345,9 +347,9 @@ class DeviceView(ArrayView):
 
         Sensors that show agents around, with no wall, angle or chance, are asked on the device.
         """
-        state, key = self._state, ("seen", self.agents.tobytes(), names)
+        state, key = self._state, ("seen", self.agents.tobytes(), names, self._kinds)
         if key not in state.shared:
-            state.shared[key] = lookouts(state.roster, self.agents, names)
+            state.shared[key] = lookouts(state.roster, self.agents, names, kinds=self._kinds)
         looks, everyone = state.shared[key], getattr(state, "everyone", None)  # where all are on the device
         if everyone is None or not all(is_portable(one) for one in looks):
             return self.library.put(self.on_host().seen(*names).mask) & self.mask[:, :, None]

@@ -28,6 +28,7 @@ _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in t
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
+Look = AgentLook | NodeLook
 Places = np.ndarray[Any, Any]  # where agents are reported: (pairs,) rows of nodes, or in the air (pairs, 3)
 Pairs = tuple[IntArray, IntArray, IntArray]  # games of the view, and carriers and others of a lookout, by their places
 Reports = tuple[IntArray, IntArray, IntArray, Places]  # likewise, and where they are reported
@@ -80,13 +81,13 @@ class World:
         self.flyers.put_into(xyz, self.games)
         return tuple(np.ascontiguousarray(axis) for axis in np.moveaxis(xyz, -1, 0))
 
-    def places(self, look: AgentLook, at: IntArray, agents: IntArray) -> Places:
+    def places(self, look: Look, at: IntArray, agents: IntArray) -> Places:
         """Return where some agents are shown."""
         if look.quat is None:
             return self.node[at, agents]
         return np.column_stack([axis[at, agents] for axis in self.space])
 
-    def on_nodes(self, look: AgentLook, rows: IntArray) -> Places:
+    def on_nodes(self, look: Look, rows: IntArray) -> Places:
         """Return where agents on some nodes are shown."""
         if look.quat is None:
             return rows
@@ -227,9 +228,9 @@ def _ahead(world: World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
 
 
 def _ahead_in_space(
-    world: World, look: AgentLook, looking: tuple[IntArray, IntArray], offsets: list[FloatArray]
+    world: World, look: Look, looking: tuple[IntArray, IntArray], offsets: list[FloatArray]
 ) -> BoolArray:
-    """Return what is in range and in the field of view in the air, (looks,), and not at the place of the sensor.
+    """Return what is in range and in the field of view in the air, (looks,); of agents not at the place of the sensor.
 
     Args:
         world: where agents are.
@@ -238,8 +239,10 @@ def _ahead_in_space(
         offsets: how far east, north and up it is, (looks,) each.
     """
     dx, dy, dz = offsets
-    found: BoolArray = kernels.squares(dx, dy, dz) <= look.radius * look.radius
-    found &= (dx != 0.0) | (dy != 0.0) | (dz != 0.0)
+    radius = look.radius or 0.0
+    found: BoolArray = kernels.squares(dx, dy, dz) <= radius * radius
+    if isinstance(look, AgentLook):
+        found &= (dx != 0.0) | (dy != 0.0) | (dz != 0.0)
     if look.fov >= 2.0 * pi:
         return found
     quat: Any = look.quat
@@ -293,7 +296,7 @@ def _unhidden(world: World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
 
 def _in_line(
     world: World,
-    look: AgentLook,
+    look: Look,
     looking: tuple[IntArray, IntArray],
     ends: FloatArray,
     nodes: IntArray,
@@ -403,27 +406,42 @@ def _covered(world: World, lookout: Lookout, at: IntArray, looking: IntArray) ->
 
 def _covered_from_air(world: World, look: AgentLook, at: IntArray, looking: IntArray) -> tuple[IntArray, IntArray]:
     """Return the nodes that agents have in view in the air, as numbers of looks, ascending, and rows."""
-    (x, y), z = world.state.streets.axes, world.flyers.ground_z
     key = "covered from", look.what
+    x0: FloatArray
+    y0: FloatArray
     if look.place is None:
-        x0, y0, z0 = (axis[at, looking] for axis in world.space)
+        x0, y0 = (axis[at, looking] for axis in world.space[:2])
     elif key in world.state.shared:
         rows = world.state.shared[key]
         return np.repeat(np.arange(len(at)), len(rows)), np.tile(rows, len(at))
     else:
-        x0, y0, z0 = (np.full(1, place) for place in look.place)
+        x0, y0 = (np.full(1, place) for place in look.place[:2])
+    x, y = world.state.streets.axes
     which, rows = _around(x0, y0, (x, y), look.radius)
-    offsets = [x[rows] - x0[which], y[rows] - y0[which], z[rows] - z0[which]]
-    kept = _ahead_in_space(world, look, (at[which], looking[which]), offsets)
+    kept = are_seen_from_air(world, look, (at[which], looking[which]), rows)
     which, rows = which[kept], rows[kept]
-    if look.height is not None:
-        ends = world.on_nodes(look, rows)
-        kept = _in_line(world, look, (at[which], looking[which]), ends, rows, flies=False)
-        which, rows = which[kept], rows[kept]
     if look.place is None:
         return which, rows
     world.state.shared[key] = rows
     return np.repeat(np.arange(len(at)), len(rows)), np.tile(rows, len(at))
+
+
+def are_seen_from_air(world: World, look: Look, looking: tuple[IntArray, IntArray], rows: IntArray) -> BoolArray:
+    """Return which nodes are in view of sensors in the air, (looks,).
+
+    Args:
+        world: where agents are.
+        look: of the sensors.
+        looking: the games of the view and the agents of the roster that look, (looks,) each.
+        rows: of the nodes, (looks,).
+    """
+    ends = world.on_nodes(look, rows)
+    starts = [axis[looking] for axis in world.space] if look.place is None else look.place
+    found = _ahead_in_space(world, look, looking, [end - start for end, start in zip(ends.T, starts, strict=True)])
+    if look.height is not None:
+        at, agents = (column[found] for column in looking)
+        found[found] = _in_line(world, look, (at, agents), ends[found], rows[found], flies=False)
+    return found
 
 
 def _covered_from_nodes(world: World, look: AgentLook, at: IntArray, looking: IntArray) -> tuple[IntArray, IntArray]:

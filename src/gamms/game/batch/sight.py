@@ -17,9 +17,11 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
+from gamms.typing.sensor_engine import FROM_AIR, IN_AIR, ON_GROUND, ISensor, SensorType
 
 SHOWING_AGENTS = ON_GROUND | IN_AIR
+Sighted = Mapping[tuple[int, int], Mapping[str, tuple[IntArray, IntArray]]]
+"""Game and agent -> sensor -> the others that it shows, and the rows of nodes where they are reported."""
 
 
 class Seen(NamedTuple):
@@ -55,30 +57,24 @@ class Seen(NamedTuple):
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
 
     def with_sights(
-        self,
-        sights: Sequence[tuple[int, int, IntArray, IntArray]],
-        games: IntArray,
-        agents: IntArray,
-        asked: BoolArray,
-        *,
-        with_own: bool,
+        self, sighted: Sighted, names: Sequence[str], who: tuple[IntArray, IntArray], asked: BoolArray
     ) -> "Seen":
         """Return these pairs with others, of which that counts which comes first.
 
         Args:
-            sights: the game and the agent that looks, the others and the rows of nodes where they are reported.
-            games: of the view, by their numbers in the batch.
-            agents: of the view, by their numbers in the roster.
+            sighted: see `GameArrays`.
+            names: of the sensors, which show their own agents; none: all, which do not.
+            who: the games of the view by their numbers in the batch, and its agents by those in the roster.
             asked: (games, agents) which agents are asked.
-            with_own: whether agents that are shown themselves see themselves.
         """
-        number, column = ({one: i for i, one in enumerate(of.tolist())} for of in (games, agents))
+        number, column = ({one: i for i, one in enumerate(of.tolist())} for of in who)
         parts = list[tuple[IntArray, ...]]()
-        for game, agent, others, nodes in sights:
+        for (game, agent), of_agent in sighted.items():
             if game in number and agent in column and asked[number[game], column[agent]]:
-                counts = np.full(len(others), True) if with_own else others != agent
-                looking = np.full_like(others, number[game]), np.full_like(others, column[agent])
-                parts.append(tuple(part[counts] for part in (*looking, others, nodes)))
+                for others, nodes in [sight for name, sight in of_agent.items() if name in names or not names]:
+                    looking = np.full_like(others, number[game]), np.full_like(others, column[agent])
+                    counts = (others != agent) | bool(names)
+                    parts.append(tuple(part[counts] for part in (*looking, others, nodes)))
         return self.joined(parts)
 
     def joined(self, parts: Sequence[tuple[IntArray, ...]]) -> "Seen":
@@ -117,12 +113,17 @@ class SeenInSpace(NamedTuple):
 
 
 def looks_of(
-    agent: IAgent, names: Sequence[str], *, may_lack_forms: bool = False, left_out: Collection[str] = ()
+    agent: IAgent,
+    names: Sequence[str],
+    *,
+    may_lack_forms: bool = False,
+    left_out: Collection[str] = (),
+    kinds: Collection[SensorType] = SHOWING_AGENTS,
 ) -> list[AgentLook]:
-    """Return how the sensors of an agent show agents: those of these names, or all that show agents."""
+    """Return how the sensors of an agent show agents: those of these names, or all of these kinds."""
     carried, found = getattr(agent, "sensors", {}), []
     for name in names or carried:
-        if name in carried and carried[name].type in SHOWING_AGENTS and name not in left_out:
+        if name in carried and carried[name].type in kinds and name not in left_out:
             why = why_not_seen(agent, name)
             if why is not None:
                 if may_lack_forms:
@@ -144,8 +145,8 @@ def _all_looks(agent: IAgent) -> list[AgentLook]:
 
 
 def looks_from_the_air(agent: IAgent) -> bool:
-    """Return whether an agent carries a sensor that shows agents from the air; one on the ground may, at a place."""
-    return any(sensor.type in IN_AIR for sensor in getattr(agent, "sensors", {}).values())
+    """Return whether an agent carries a sensor that looks from the air; one on the ground may, at a place."""
+    return any(sensor.type in IN_AIR | FROM_AIR for sensor in getattr(agent, "sensors", {}).values())
 
 
 def reports_elsewhere(agent: IAgent) -> bool:
@@ -202,6 +203,7 @@ def lookouts(
     *,
     may_lack_forms: bool = False,
     left_out: Mapping[int, Collection[str]] | None = None,
+    kinds: Collection[SensorType] = SHOWING_AGENTS,
 ) -> list[Lookout]:
     """Return the sensors of agents of a roster, those that look alike together; of these names, or all.
 
@@ -211,6 +213,7 @@ def lookouts(
         names: of sensors.
         may_lack_forms: whether those without an array form are left out.
         left_out: agent -> its sensors that are left out.
+        kinds: of sensors; the others are left out.
     """
     agents = roster.agents
     unknown = [name for name in names if name not in names_of(agents, numbers)]
@@ -220,7 +223,7 @@ def lookouts(
     for column, number in enumerate(numbers.tolist()):
         carried = Counter[AgentLook]()  # an agent may carry several that look alike
         without = (left_out or {}).get(number, ())
-        looks = looks_of(agents[number], names, may_lack_forms=may_lack_forms, left_out=without)
+        looks = looks_of(agents[number], names, may_lack_forms=may_lack_forms, left_out=without, kinds=kinds)
         for order, look in enumerate(looks):
             key = look.what
             _, columns, draws = found.setdefault((key, carried[key]), (look, [], []))

@@ -11,11 +11,13 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import once, places_of, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.moves_of_turn import MovesOfTurn
+from gamms.game.batch.reports import Look, World, are_seen_from_air
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, NotTakenUp, routes_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 
@@ -236,6 +238,10 @@ class ArrayTurn(MovesOfTurn):
         if flyers is None:
             return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
         return flyers.agents, flyers.xyz[self.games]
+
+    def see_from_air(self, look: Look, at: IntArray, agents: IntArray, nodes: IntArray) -> BoolArray:
+        """Return which nodes, by rows, agents have in view with a sensor that looks from the air, (looks,)."""
+        return are_seen_from_air(World(self._state, self.games), look, (at, agents), nodes)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from copy import copy
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.reports import in_turned_cone
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.batch.sight import Seen, lookouts, names_of, seen
+from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
@@ -31,6 +31,7 @@ from gamms.typing.sensor_engine import ON_GROUND
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
 
+V = TypeVar("V", bound="ArrayView")
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
 COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
 BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
@@ -78,6 +79,7 @@ class ArrayView(Mapping[str, Any]):
 
     deeds: list[ArrayDeeds] | None = None
     outboxes: list[Outbox] | None = None
+    _kinds = SHOWING_AGENTS  # of the sensors that show agents here
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, asked: BoolArray | None = None) -> None:
         self._state, self.games, self.agents, self._asked = state, games, agents, asked
@@ -92,7 +94,7 @@ class ArrayView(Mapping[str, Any]):
         if asked is not None:  # they may have drawn in this turn
             self.mask = self.mask & asked[:, agents]
             self.draw = ViewDraws(keys, self.turn, state.chosen(state.drawn, games, agents)).only(self.mask)
-        self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
+        self._whole, self._sights = self.mask, dict[Hashable, Seen]()
 
     def lock(self) -> None:
         """Let a strategy read the view, and not write into it."""
@@ -327,29 +329,24 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): no agent carries such a sensor that shows agents.
             BadValue: a sensor has no array form.
         """
-        if as_key(names, "The name of a sensor") not in self._sights:
-            self._sights[names] = self.looked(names)
-        found = self._sights[names]
+        key = as_key(names, "The name of a sensor"), self._kinds
+        if key not in self._sights:
+            self._sights[key] = self.looked(names)
+        found = self._sights[key]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        state, key = self._state, ("seen", self.agents.tobytes(), names)
+        state, key = self._state, ("seen", self.agents.tobytes(), names, self._kinds)
         are_all = len(self.games) == len(state)
         known: Seen | None = state.now.get(key)
         if known is not None:
             return known if are_all else known.in_games(self.games)
         if key not in state.shared:
-            state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted)
+            state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted, kinds=self._kinds)
         found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
         if state.sighted:
-            sights = [
-                (*who, *sight)
-                for who, of_agent in state.sighted.items()
-                for name, sight in of_agent.items()
-                if name in names or not names
-            ]
-            found = found.with_sights(sights, self.games, self.agents, self._whole, with_own=bool(names))
+            found = found.with_sights(state.sighted, names, (self.games, self.agents), self._whole)
         if are_all:
             state.now[key] = found
         return found
@@ -528,6 +525,13 @@ class ArrayView(Mapping[str, Any]):
 
     def _teams(self) -> tuple[Hashable, ...]:
         return tuple(self.roster.teams[number] for number in self.roster.team_of[self.agents].tolist())
+
+
+def on_ground(view: V) -> V:
+    """Return a view without what sensors show from the air, at which the strategies of GAMMS do not look."""
+    narrowed = copy(view)
+    narrowed._kinds = ON_GROUND
+    return narrowed
 
 
 class Sensors(Mapping[str, Seen | SeenNodes]):

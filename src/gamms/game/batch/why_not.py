@@ -13,7 +13,6 @@ from gamms.game.batch.sight import turns_with_its_agent, why_not_seen
 from gamms.game.batch.view import BOARDS, COVERS, IS_BLIND, MAY_SKIP
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
-from gamms.typing.sensor_engine import IN_AIR
 
 
 def why_not_in_arrays(game: PlayedGame) -> str | None:
@@ -55,7 +54,8 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
             yield agent, f"{as_code(one)}, which may set no action"
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
             yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
-        yield from ((agent, why) for why in _why_not_flown(agent, one, has_plan=agent.team in plans))
+        if _flies(agent) and (agent.team in plans or not flies(one)):
+            yield agent, f"{as_code(one)} of agent {agent.name!r}, which flies"
         for name in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}):
             why = why_not_seen(agent, name)
             if why is not None:
@@ -71,16 +71,6 @@ def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
     for agent, why in why_not_decided(game, agents_of(game)):
         found.setdefault(agent.team, why)
     return found
-
-
-def _why_not_flown(agent: IAgent, decider: object, *, has_plan: bool) -> Iterator[str]:
-    """Yield why a strategy has no array form for an agent that flies, in words."""
-    if _flies(agent) and (has_plan or not flies(decider)):
-        yield f"{as_code(decider)} of agent {agent.name!r}, which flies"
-    if hasattr(form_of(decider), IS_BLIND) and not getattr(form_of(decider), IS_BLIND):  # of `gamms.strategies`
-        for name, sensor in getattr(agent, "sensors", {}).items():
-            if sensor.type in IN_AIR:
-                yield f"the sensor {name!r} of agent {agent.name!r}, at which {as_code(decider)} does not look"
 
 
 def _flies(agent: IAgent) -> bool:
