@@ -58,8 +58,8 @@ def test_models_of_agents_that_fly_are_saved_and_fly_as_they_predict(kind, tmp_p
         for _ in range(5):
             observed, *_ = env.step(model.predict(observed, deterministic=True)[0])
             ctx.game.step()
-            there = env.learners.games.context(0).agent.agents["red_0"].position
-            assert ctx.agent.agents["red_0"].position == pytest.approx(there, abs=1e-4)
+            view = env.learners.games.observe("red")
+            assert ctx.agent.agents["red_0"].position == pytest.approx((*view["xy"][0, 0], view["z"][0, 0]), abs=1e-4)
     env.close()
 
 
