@@ -246,6 +246,10 @@ def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     expected = by_brute_force(corners, origin, targets).tolist()
     assert kernels.visible(corners, origin, targets).tolist() == expected
     assert kernels.visible_pairs(corners, np.broadcast_to(origin, targets.shape), targets).tolist() == expected
+    is_asked = np.arange(2 * len(targets)).reshape(2, -1) % 3 > 0
+    both = kernels.visible_from_each(corners, np.array([origin, [*origin[:2], 1.6]]), targets, is_asked)
+    lower = by_brute_force(corners, np.array([*origin[:2], 1.6]), targets)
+    assert np.array_equal(both, is_asked & [expected, lower])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -268,6 +272,25 @@ def test_the_fast_form_agrees_on_whole_towns(seed):
         assert np.array_equal(fast, by_brute_force(corners, origin, targets))
         assert np.array_equal(fast, kernels.visible_pairs(corners, np.broadcast_to(origin, targets.shape), targets))
         assert not fast.all()
+
+
+@pytest.mark.parametrize("grain", [0.0, 1.0])
+def test_observers_that_look_together_see_what_each_sees(grain):
+    """Walls that reach past all heights hide what is beyond them without a test; bridges and low walls do not."""
+    rng = np.random.default_rng(5)
+    ends = rng.uniform(-60, 60, (120, 1, 2)) + rng.uniform(-12, 12, (120, 2, 2))
+    ends = np.round(ends / grain) * grain if grain else ends
+    low, high = rng.choice([0.0, 1.6, 3.0], 120, p=[0.8, 0.1, 0.1]), rng.choice([1.6, 1.5, 9.0], 120, p=[0.1, 0.1, 0.8])
+    corners = np.array([wall(*ends[i], low[i], low[i] + high[i]) for i in range(120)])
+    at = rng.choice([0.0, 0.5, 1.0, 1.5], (60, 1))
+    targets = np.full((300, 3), 1.6)
+    targets[:, :2] = rng.uniform(-60, 60, (300, 2))
+    targets[:60, :2] = ends[:60, 0] + at * (ends[:60, 1] - ends[:60, 0])  # on walls, at their ends and in their lines
+    is_asked = rng.random((8, 300)) < 0.9
+    seen = kernels.visible_from_each(corners, targets[56:64], targets, is_asked)
+    expected = [by_brute_force(corners, origin, targets) for origin in targets[56:64]]
+    assert np.array_equal(seen, is_asked & expected)
+    assert np.array_equal(kernels.visible(corners, targets[60], targets), expected[4])
 
 
 def test_a_wall_is_looked_at_edge_on_from_every_side():

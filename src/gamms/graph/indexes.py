@@ -57,10 +57,8 @@ class NodeGrid:
             rows = np.arange(self._nodes.count)
         elif self._late:
             rows = np.union1d(rows, np.fromiter(self._late, np.int64))
-        with np.errstate(over="ignore"):  # infinitely far away is far away
-            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
-            is_near = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
-            rows = rows[is_near]
+        there_x, there_y = self._nodes.array("xy")[rows].T
+        rows = rows[is_within(there_x, there_y, x, y, d)]
         if self._nodes.dead:
             rows = rows[self._nodes.array("alive")[rows] != 0]
         return np.sort(rows)
@@ -249,6 +247,14 @@ class Adjacency:
             return np.unique(rows)
         rows.sort()
         return rows
+
+
+def is_within(x: FloatArray, y: FloatArray, at_x: FloatArray | float, at_y: FloatArray | float, d: float) -> BoolArray:
+    """Return whether points are at most `d` from a place, or from each of several (places, 1)."""
+    with np.errstate(over="ignore"):  # infinitely far away is far away
+        dx, dy = x - at_x, y - at_y
+        is_near: BoolArray = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
+    return is_near
 
 
 def are_within(xy: FloatArray, places: FloatArray, d: float) -> BoolArray:

@@ -135,13 +135,25 @@ class Obstacles:
 
     def visible(self, origin: FloatArray, targets: FloatArray) -> BoolArray:
         """Return whether no face blocks the line from origin (3,) to each target (targets, 3)."""
-        table = self._written()
-        if not len(targets) or not len(table):
+        if not len(targets) or not len(self):
             return np.ones(len(targets), np.bool_)
+        return kernels.visible(self._corners_around(origin, targets), origin, targets)
+
+    def visible_from_each(self, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
+        """Return which lines (origins, targets), of at least one, are asked for and blocked by no face."""
+        if not len(self):
+            return is_asked
+        corners = self._corners_around(origins[0], np.concatenate((origins, targets)))
+        return kernels.visible_from_each(corners, origins, targets, is_asked)
+
+    def _corners_around(self, origin: FloatArray, targets: FloatArray) -> FloatArray:
+        """Return the corners (faces, 4, 3) of all faces that may block lines between these places, and of some more."""
+        table = self._written()
         rows = self._between(*surroundings(origin, targets))
         if table.dead:
             rows = rows[table.array("alive")[rows] != 0]
-        return kernels.visible(table.array("corners").take(rows, axis=0).reshape(-1, 4, 3), origin, targets)
+        corners: FloatArray = table.array("corners").take(rows, axis=0).reshape(-1, 4, 3)
+        return corners
 
     def free_ids(self, count: int) -> IntArray:
         """So many ids after the greatest.

@@ -70,7 +70,7 @@ from gamms.kernels.fields_of_view import (
 )
 from gamms.kernels.local_paths import LocalSearch, best_steps, simple_paths, widened
 from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
-from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_pairs
+from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each, visible_pairs
 from gamms.kernels.paths import (
     Arcs,
     Reached,

@@ -1,4 +1,4 @@
-"""Which sight lines are blocked by quadrangles in space: the exact test, and a fast form that leaves out what is far.
+"""Which sight lines are blocked by quadrangles in space: the exact test, and fast forms that leave out what is far.
 
 The corners of a quadrangle are in the order of `ir.obstacles`: top right, top left, bottom right, bottom left. It is
 the triangles (top left, top right, bottom right) and (top left, bottom right, bottom left), each tested as Möller and
@@ -27,8 +27,16 @@ MARGIN = 0.01  # how much farther than its box a face may count for a line, as a
 _COMPARED = 1 << 18  # pairs of line and face
 # NOTE: few at a time, because the nearest faces hide most targets (decision 0009).
 _SHARE = 8  # one in so many pairs of face and target is tested at a time,
-_FEW = 512  # but not fewer than these
+_FEW = 512  # but not fewer than these for each observer,
+_MOST_FEW = 1 << 12  # or than these
 _MANY = 1 << 14  # pairs that are looked at before those that are hidden are left out
+_MANY_TARGETS = 384  # for which it pays to find out first what walls hide for sure
+_PARTS = 512  # of a full turn, in which directions are compared; a power of two
+_EDGE = 1e-6  # more parts than rounding moves a direction by
+_MOST = 1e90  # numbers beyond are not multiplied without care
+# Determinants of walls that hide all behind them are above this share of size * distance**2, so that rounding opens no
+# gap between their triangles (docs/decisions/0085).
+_SURE = 1e-4
 
 
 def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
@@ -57,6 +65,11 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
     seen = np.ones(len(targets), np.bool_)
     if not len(targets) or not len(corners):
         return seen
+    if len(targets) >= _MANY_TARGETS:
+        walls = np.count_nonzero(_are_walls(corners, np.append(targets[:, 2], origin[2])))
+        if 2 * walls > len(corners):
+            from_origin: BoolArray = visible_from_each(corners, origin[None], targets, seen[None])[0]
+            return from_origin
     observer, ends, quads = _axes(origin[None]), _axes(targets), _axes(corners)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         near = _faces_and_targets(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
@@ -73,6 +86,28 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
                 faces, rows = faces[is_open], rows[is_open]
             done, first = int(near.ends[last - 1]), last
     return seen
+
+
+def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
+    """Return which lines are asked for and blocked by no quadrangle: `blocks` for all of them, but faster.
+
+    Arrays of (observers, targets) and (observers, faces) are held in memory.
+
+    Args:
+        corners: (faces, 4, 3)
+        origins: (observers, 3) best near each other.
+        targets: (targets, 3)
+        is_asked: (observers, targets)
+    """
+    if not is_asked.any() or not len(corners):
+        return is_asked
+    if not max(np.abs(numbers).max() for numbers in (corners, origins, targets)) < _MOST:
+        rows, ends = is_asked.nonzero()
+        found = np.zeros(is_asked.shape, np.bool_)
+        found[rows, ends] = visible_pairs(corners, origins[rows], targets[ends])
+        return found
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+        return _visible_from_each(_axes(corners), _axes(origins), _axes(targets), is_asked)
 
 
 def visible_pairs(corners: FloatArray, origins: FloatArray, targets: FloatArray) -> BoolArray:
@@ -227,3 +262,157 @@ def _sectors(
     is_around = ~(distance > blur)
     first[is_around], last[is_around] = 0, len(ways) // 2
     return first, last
+
+
+def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
+    """As `visible_from_each`, with `_axes` of everything."""
+    x, y = targets[:2, None] - observers[:2, :, None]  # (observers, targets) each
+    parts = np.minimum(_turns(x, y).astype(np.int64), _PARTS - 1)
+    parts += _PARTS * np.arange(len(x))[:, None]
+    parts = parts.ravel()
+    views = _views(quads, observers)
+    heights = np.concatenate((observers[2], targets[2]))
+    hidden_beyond = _hidden_beyond(
+        views, _are_walls(quads.T, heights), quads[2, :2].min(axis=0) - quads[2, 2:4].max(axis=0)
+    )
+    lines = np.flatnonzero(is_asked.ravel() & ~((x * x + y * y).ravel() > hidden_beyond.take(parts)))
+    parts = parts.take(lines)
+    lines = lines.take(np.argsort(parts))
+    reach, seen = np.hypot(x.ravel().take(lines), y.ravel().take(lines)), np.ones(len(lines), np.bool_)
+    offsets = np.zeros(x.shape[0] * _PARTS + 1, np.int64)
+    np.cumsum(np.bincount(parts, minlength=len(offsets) - 1), out=offsets[1:])
+    faces, distance, first, last = _candidates(views, offsets, float(reach.max(initial=0.0)))
+    pairs, done, begin = np.cumsum(last - first), 0, 0
+    while begin < len(faces):
+        end = max(int(pairs.searchsorted(done + _MANY, side="right")), begin + 1)
+        groups, rows = expand_ranges(first[begin:end], last[begin:end])
+        may_block = seen[rows] & ~(reach[rows] < distance[begin:end][groups])
+        in_the_way, rows = faces[begin:end][groups[may_block]], rows[may_block]
+        while len(rows):  # the nearest faces hide most targets, which spares testing the others
+            some = slice(max(len(rows) // _SHARE, min(_FEW * len(x), _MOST_FEW)))
+            ends = lines.take(rows[some])
+            origins = observers
+            if len(x) > 1:
+                origins, ends = observers.take(ends // x.shape[1], axis=1), ends % x.shape[1]
+            blocked = _blocks(origins, targets.take(ends, axis=1), quads.take(in_the_way[some], axis=2))
+            seen[rows[some][blocked]] = False
+            in_the_way, rows = in_the_way[some.stop :], rows[some.stop :]
+            may_block = seen[rows]
+            in_the_way, rows = in_the_way[may_block], rows[may_block]
+        done, begin = int(pairs[end - 1]), end
+    found = np.zeros(is_asked.size, np.bool_)
+    found[lines[seen]] = True
+    return found.reshape(is_asked.shape)
+
+
+def _turns(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return directions as numbers from 0 to `_PARTS` that grow with the angle, by less than it (radians) does."""
+    far = np.abs(x)
+    far += np.abs(y)
+    turns: FloatArray = y / np.maximum(far, 1e-300)
+    np.copyto(turns, 2.0 - turns, where=x < 0.0)
+    turns += 1.0
+    turns *= _PARTS / 4
+    return turns
+
+
+class _Views(NamedTuple):
+    """Where observers see faces in the plan, each (observers, faces)."""
+
+    x: FloatArray  # (corners, observers, faces) from the observer
+    y: FloatArray
+    start: FloatArray  # of the directions in which it lies, as `_turns`
+    end: FloatArray  # at most half a turn later, also where that is beyond `_PARTS`
+    distance: FloatArray  # of its box
+    blur: FloatArray  # by how much it may be elsewhere
+    size: FloatArray  # (faces,)
+
+
+def _views(quads: FloatArray, observers: FloatArray) -> _Views:
+    is_upright = (quads[:2, :2] == quads[:2, 2:4]).all()
+    x, y = quads[:2, : 2 if is_upright else 4, None] - observers[:2, None, :, None]
+    turns = _turns(x, y)
+    away = turns - turns[0]
+    away -= _PARTS * np.rint(away / _PARTS)
+    start, end = turns[0] + away.min(axis=0), turns[0] + away.max(axis=0)
+    shift = np.where(start < 0.0, float(_PARTS), 0.0)
+    low, high = quads[:3].min(axis=1), quads[:3].max(axis=1)
+    size = _extent(high - low)
+    gap = np.maximum(low[:, None] - observers[:3, :, None], observers[:3, :, None] - high[:, None])
+    np.maximum(gap, 0.0, out=gap)
+    blur = 2.0 * _BLUR * (_extent(gap) + 2.0 * size)
+    return _Views(x, y, start + shift, end + shift, np.hypot(gap[0], gap[1]), blur, size)
+
+
+def _are_walls(corners: FloatArray, heights: FloatArray) -> BoolArray:
+    """Return whether faces (faces, 4, 3) are upright and reach from the lowest of all these heights to the highest."""
+    top_right, top_left, right, left = corners.transpose(1, 2, 0)
+    is_wall: BoolArray = np.maximum(right[2], left[2]) <= heights.min()
+    is_wall &= np.minimum(top_right[2], top_left[2]) >= heights.max()
+    for top, bottom in ((top_right, right), (top_left, left)):
+        is_wall &= (top[0] == bottom[0]) & (top[1] == bottom[1])
+    return is_wall
+
+
+def _hidden_beyond(views: _Views, is_wall: BoolArray, tall: FloatArray) -> FloatArray:
+    """Return the squares of distances beyond which a wall hides all, (observers * parts,); infinite where none does.
+
+    Args:
+        views: of faces.
+        is_wall: (faces,) see `_are_walls`.
+        tall: (faces,) how tall they are at least.
+    """
+    x, y = views.x, views.y
+    squares = np.maximum(x[0] * x[0] + y[0] * y[0], x[1] * x[1] + y[1] * y[1])
+    reach = np.sqrt(squares) + views.size
+    least_volume = np.maximum(_SURE * reach * reach * views.size, 10.0 * _LEAST)
+    first, last = np.ceil(views.start + _EDGE), np.floor(views.end - _EDGE)
+    is_sure = is_wall & (last > first) & (tall * np.abs(x[0] * y[1] - x[1] * y[0]) >= least_volume)
+    places = np.flatnonzero(is_sure)
+    begins, counts = (parts.take(places).astype(np.int64) for parts in (first, last - first))
+    begins += places // len(is_wall) * (2 * _PARTS)
+    least = _least_over(begins, counts, squares.take(places) * (1.0 + 1e-9), 2 * _PARTS * x.shape[1])
+    around: FloatArray = least.reshape(-1, 2, _PARTS).min(axis=1).ravel()
+    return around
+
+
+def _least_over(begins: IntArray, counts: IntArray, values: FloatArray, size: int) -> FloatArray:
+    """Return the least value over each of so many places, where each value is over a range of them; else infinity."""
+    level = np.frexp(counts)[1].astype(np.int64) - 1  # two ranges of 2**level places, which overlap, are the range
+    levels = int(level.max(initial=0))
+    least = np.full((levels + 1, size), np.inf)
+    np.minimum.at(least.ravel(), level * size + begins, values)
+    np.minimum.at(least.ravel(), level * size + begins + counts - (1 << level), values)
+    for step in range(levels, 0, -1):
+        half, wide, narrow = 1 << (step - 1), least[step], least[step - 1]
+        np.minimum(narrow, wide, out=narrow)
+        np.minimum(narrow[half:], wide[:-half], out=narrow[half:])
+    found: FloatArray = least[0]
+    return found
+
+
+def _candidates(views: _Views, offsets: IntArray, reach: float) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
+    """Return faces, nearest first, how far they are at least, and ranges of the lines that each may block.
+
+    Args:
+        views: of the faces.
+        offsets: (observers * parts + 1,) which lines run in each part of the turn around each observer.
+        reach: of the longest line.
+    """
+    nearest = views.distance - views.blur
+    places = np.flatnonzero(nearest <= reach)
+    nearest, blur, distance = (values.take(places) for values in (nearest, views.blur, views.distance))
+    rows, faces = np.divmod(places, len(views.size))
+    is_beside, slack = distance > blur, (0.4 * _PARTS) * blur / distance + _EDGE
+    begins = np.where(is_beside, np.floor(views.start.take(places) - slack), 0).astype(np.int64)
+    ends = np.where(is_beside, np.floor(views.end.take(places) + slack) + 1.0, _PARTS).astype(np.int64)
+    begins += (shift := np.where(begins < 0, _PARTS, 0))
+    ends += shift
+    over, base = np.minimum(ends, begins + _PARTS) - _PARTS, rows * _PARTS
+    around = np.flatnonzero(over > 0)  # these go on at the beginning of the turn
+    faces, nearest = np.concatenate((faces, faces[around])), np.concatenate((nearest, nearest[around]))
+    first = offsets[np.concatenate((base + begins, base[around]))]
+    last = offsets[np.concatenate((base + np.minimum(ends, _PARTS), (base + over)[around]))]
+    found = np.flatnonzero(last > first)
+    found = found[np.argsort(nearest[found])]
+    return faces[found], nearest[found], first[found], last[found]
