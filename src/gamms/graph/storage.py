@@ -207,7 +207,8 @@ class MapStorage(Guarded, IMapStorage):
     @refused_while_deciding
     def restart_stream(self) -> None:
         """Restart the random stream that `ctx.graph.place` draws from."""
-        self._place_stream = None
+        if self._place_stream is not None:
+            self._place_stream = None
 
 
 @packed_graphs.register("gamms")

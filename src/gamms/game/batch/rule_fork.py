@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Callable, Mapping, Sequence
+from operator import is_
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -21,7 +22,7 @@ from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule
 from gamms.game.snapshots import SnapshotTaker, Start
-from gamms.ir.agents import Position
+from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
@@ -70,11 +71,12 @@ class GameColumns(NamedTuple):
     names_took_part: list[list[bool]]  # in the order of the names, as what follows
     starts: list[list[int]]
     ends: list[list[int]]
-    began: list[list[int]]
+    began: list[list[int]]  # of the agents of the start
     progress: list[dict[int, Progress]]  # by row
     in_air: list[dict[int, InAir]]  # by row, those that fly
     began_in_air: list[dict[str, Position]]  # by name, likewise
     actions: list[dict[int, ResolvedAction]]  # of agents that go otherwise than along one edge, or do something
+    scores: list[dict[Any, Any]]
 
 
 class _Cast(NamedTuple):
@@ -112,7 +114,7 @@ class RuleFork:
         self.number = {name: i for i, name in enumerate(state.roster.names)}
         named = zip(state.roster.names, state.roster.is_first.tolist(), strict=True)
         # those that come later began where they are
-        self._first_names = [(i, name) for i, (name, is_one) in enumerate(named) if is_one]
+        self._first_names = [name for name, is_one in named if is_one]
         self._could_draw, self._nothing_collected = game.ctx.rng_state() is None, self.parts.collectors.snapshot()
         self._collected_before = self.parts.collectors.tables()
         self._phase, self.notes = phase_of(self.ctx), list[str]()
@@ -126,7 +128,8 @@ class RuleFork:
         self._show(None)
         self._loaded: tuple[Any, ...] = ()
         self._brought_by: str | None = None  # the first of the rules that were called which let agents come, in words
-        self._at: tuple[int, int, GameColumns]
+        self._at: tuple[int, int, GameColumns]  # what was loaded, as the next one
+        self._own: OwnState
 
     def _begin(self, game: PlayedGame) -> None:
         """Let the game be in the middle of a turn, and note what rules look at that arrays do not have."""
@@ -253,8 +256,7 @@ class RuleFork:
     def first_state(self) -> OwnState:
         """Return what a game has beside the arrays at its start."""
         data = {key: one if isinstance(one, Unknown) else copied(one) for key, one in self._first_data.items()}
-        attributes = self._casts[()].attributes
-        return OwnState(data, None if self._are_plain else [copied(one) for one in attributes], None)
+        return OwnState(data, None if self._are_plain else [copied(one) for one in self._casts[()].attributes], None)
 
     def put_flyers(self, places: Mapping[int, InAir]) -> None:
         """Have agents that fly, by their numbers in the roster, in these places."""
@@ -270,7 +272,7 @@ class RuleFork:
     def load(self, at: int, game: int, own: OwnState, columns: GameColumns, phase: str) -> None:
         """Have a game as it is now: the one at this place in the columns."""
         state, values, block, turns = self._state, self._values, self._block, self.parts.turns
-        self._at = at, game, columns
+        self._at, self._own = (at, game, columns), own
         turns.is_moving, turns.refusals = phase not in ("before", "after"), None
         values.turn = columns.turns[at]
         self.ctx.reseed(state.seeds[game], own.rng)
@@ -284,17 +286,15 @@ class RuleFork:
             self._put_flyer(row, place)
         block.move_all(self._all, columns.previous[at])
         block.move_all(self._all, columns.node[at])
-        progress = columns.progress[at]
-        for row in {*progress, *[row for row, one in enumerate(block.progress) if one is not None]}:
-            block.set_progress(row, progress.get(row))
-        began = columns.began[at]
-        values.began = {name: began[number] for number, name in self._first_names} | columns.began_in_air[at]
+        for row in {*columns.progress[at], *_on_edges(block)}:
+            block.set_progress(row, columns.progress[at].get(row))
+        values.began = dict(zip(self._first_names, columns.began[at], strict=True)) | columns.began_in_air[at]
         values.events, values.errors = state.events.of(game), state.errors[game]
         values.deeds = state.deeds.of(game)
         values.messages = [] if state.radio is None else state.radio.of(game)
-        values.over, values.data, scores = state.over[game], own.data, state.scores_of(game)
+        values.over, values.data, scores = state.over[game], own.data, columns.scores[at]
         values.scores.clear()
-        values.scores.update(scores)
+        dict.update(values.scores, scores)  # which arrays have checked
         self._know_facts()
         self._set_attributes(own.attributes)
         for held in self._held:
@@ -313,11 +313,11 @@ class RuleFork:
     def _moves(self, at: int, columns: GameColumns) -> TurnMoves:
         """Return the moves of a turn."""
         took_part, starts, ends = columns.names_took_part[at], columns.starts[at], columns.ends[at]
-        members = [number for number, is_there in enumerate(took_part) if is_there]
-        if len(members) < len(took_part):
+        actions = columns.actions[at]
+        if not all(took_part):
+            members = [number for number, is_there in enumerate(took_part) if is_there]
             starts, ends = [starts[number] for number in members], [ends[number] for number in members]
-        known = columns.actions[at]
-        actions = {i: known[number] for i, number in enumerate(members) if number in known} if known else {}
+            actions = {i: actions[number] for i, number in enumerate(members) if number in actions}
         living = tuple(took_part)
         order = self._orders.get(living)
         if order is None:
@@ -416,7 +416,8 @@ class RuleFork:
             self._refuse_newcomer(self.ctx.agent.agents[name])
         self._write(at, turn, came)
         if not came:
-            return OwnState(values.data, self._attributes_now(), self.ctx.rng_state(), self.came)
+            own = OwnState(values.data, self._attributes_now(), self.ctx.rng_state(), self.came)
+            return self._own if all(map(is_, own, self._own)) else own
         key = self.came + came
         if key not in self._casts:
             self._casts[key] = self._cast()
@@ -540,7 +541,7 @@ class RuleFork:
     def _refuse_changes(self, *, has_come: bool) -> None:
         """Refuse what cannot be written into arrays."""
         values, block, (i, _, columns) = self._values, self.ctx.agent.block, self._at
-        facts, known, scores, num_events = values.facts, self._facts, self._loaded[4], self._loaded[3]
+        scores, num_events = self._loaded[4], self._loaded[3]
         if self.notes:
             raise NeedsTurnEngine("; ".join(self.notes))
         self._refuse_what_detaches()
@@ -550,11 +551,9 @@ class RuleFork:
             raise NeedsTurnEngine("it changes settings, rules, sensors, strategies or collectors")
         if values.turn != columns.turns[i] or len(values.events) < num_events:
             raise NeedsTurnEngine("it changes what has happened")
-        are_known = facts.keys() == known.keys() and all(one is known[key] for key, one in facts.items())
-        private = values.agent_facts, values.team_facts
-        if not are_known or any(one and not isinstance(one, Unknown) for one in private):
+        if self._has_published():
             raise NeedsTurnEngine("it publishes facts")
-        if block.heading[: len(self._heading)] != self._heading:
+        if block.heading != self._heading and block.heading[: len(self._heading)] != self._heading:
             raise NeedsTurnEngine("it turns agents")
         if self.ctx.graph.storage.has_placed or (not self._could_draw and self.ctx.rng_state() is not None):
             raise NeedsTurnEngine("it draws from ctx.graph.place or from ctx.rng, which was drawn from before the game")
@@ -562,9 +561,15 @@ class RuleFork:
             raise NeedsTurnEngine("it sets scores that are no numbers")
         if any(isinstance(one, Unknown) for event in values.events[num_events:] for one in event.values()):
             raise NeedsTurnEngine("it passes on what it does not know")
-        moved = {row: one for row, one in enumerate(block.progress) if one is not None}
-        if not moved.items() <= columns.progress[i].items():
+        if not _on_edges(block).items() <= columns.progress[i].items():
             raise LeavesArrays("it puts agents on edges")
+
+    def _has_published(self) -> bool:
+        """Whether a rule has published facts, or taken some back."""
+        values, facts, known = self._values, self._values.facts, self._facts
+        if facts.keys() != known.keys() or any(one is not known[key] for key, one in facts.items()):
+            return True
+        return any(one and not isinstance(one, Unknown) for one in (values.agent_facts, values.team_facts))
 
     def _refuse_what_detaches(self) -> None:
         """Refuse what lets this game leave the arrays."""
@@ -574,6 +579,12 @@ class RuleFork:
         is_same = block is self._block and block.structure.version == self._structure and not block.has_arrays
         if not is_same and self._equipment()[: len(self._equipped)] != self._equipped:
             raise LeavesArrays("agents go, or get other teams, speeds or sensors")
+
+
+def _on_edges(block: AgentBlock) -> dict[int, Progress]:
+    """Return where on edges agents are, by row."""
+    column = block.progress  # most often there is no one
+    return {} if column.count(None) == len(column) else {i: one for i, one in enumerate(column) if one is not None}
 
 
 def _pickled(attributes: list[dict[str, Any]]) -> bytes:

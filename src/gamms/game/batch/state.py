@@ -543,7 +543,12 @@ class GameArrays:
             if stopped in self.roster.names:
                 self.stops[game, self.roster.names.index(stopped)] += 1
 
-    def scores_of(self, game: int) -> dict[Any, Any]:
-        """Return the scores of a game that were set."""
-        found = {key: numbers[game].item() for key, numbers in self.scores.items() if self.has_score[key][game]}
-        return {key: number if self.is_float[key][game] else int(number) for key, number in found.items()}
+    def scores_of(self, games: IntArray) -> list[dict[Any, Any]]:
+        """Return the scores of games that were set."""
+        found = [dict[Any, Any]() for _ in games]
+        for key, numbers in self.scores.items():
+            columns = (column[games].tolist() for column in (numbers, self.has_score[key], self.is_float[key]))
+            for scores, number, has_one, is_float in zip(found, *columns, strict=True):
+                if has_one:
+                    scores[key] = number if is_float else int(number)
+        return found
