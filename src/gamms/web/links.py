@@ -1,12 +1,38 @@
-"""Links with tokens, and what their holders may do and know."""
+"""What is handed out of what is served: handles to programs, and links with tokens to people."""
 
 import hashlib
 import hmac
 import secrets
 import threading
+from abc import ABC, abstractmethod
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Self
 
 from gamms.errors import GammsError
+from gamms.workers import SIGNALS_S
+
+
+class Handle(ABC):
+    """What is served, until `close`; usable in a `with` statement."""
+
+    _is_closed: threading.Event
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the server."""
+
+    def stay_open(self) -> None:
+        """Serve on until `close` or Ctrl-C."""
+        with suppress(KeyboardInterrupt):
+            while not self._is_closed.wait(SIGNALS_S):
+                pass
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
 from gamms.text import reason, shown
-from gamms.web.handle import Handle
-from gamms.web.links import Audience, Grant, Links, Refused
+from gamms.web.links import Audience, Grant, Handle, Links, Refused
 from gamms.web.pages import live_page
 from gamms.web.playing import Players
 from gamms.web.server import Connection, Json, Page, Server, Site

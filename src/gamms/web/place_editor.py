@@ -14,8 +14,7 @@ from gamms.arguments import as_path
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
 from gamms.scenario.edits import Change, Edit, edited
-from gamms.web.handle import Handle
-from gamms.web.links import Grant, Links, Refused, digest_of
+from gamms.web.links import Grant, Handle, Links, Refused, digest_of
 from gamms.web.places import assembled, opened, options_of, packed_map, starts_of
 from gamms.web.server import Call, Json, Page, Server, Site
 

@@ -31,8 +31,7 @@ from gamms.text import reason, shown
 from gamms.versions import versions
 from gamms.web.bundle import hash_of
 from gamms.web.choices import CHOSEN, EVENT
-from gamms.web.handle import Handle
-from gamms.web.links import Grant, Links, Refused
+from gamms.web.links import Grant, Handle, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
 from gamms.web.participants import Group, Line, Participant, Participants, add_lines, read_lines
