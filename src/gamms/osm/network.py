@@ -119,11 +119,6 @@ class Segments:
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
 
 
-def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
-    """Return whether a way is a road for this way of moving; for None, for any."""
-    return not any(tags.get(name) in values for name, values in CLOSED_TO[osm_type].items())
-
-
 def is_against(oneway: object) -> bool:
     """Return whether the traffic of a one-way road runs against the order of its vertices."""
     return oneway in _AGAINST
@@ -149,7 +144,8 @@ def classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
         osm_type: the network type; None for that of all roads.
         every_way: take all ways with a `highway` tag, as gamms 1.0.0 does of files: planned roads, too.
     """
-    return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if every_way or is_open_to(osm_type, tags) else None
+    closed = classic_closed_rule(osm_type)
+    return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if every_way or not closed(osmid, tags) else None
 
 
 def classic_closed_rule(osm_type: OSMType | None) -> Rule:

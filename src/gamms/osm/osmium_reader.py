@@ -493,7 +493,7 @@ class _Footprints:
         wall = self.rules.wall_of(tags) if tags.get("type") == "multipolygon" else None
         if wall is not None:
             self.walls.append(wall)
-            self.ways_of.append([part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES])
+            self.ways_of.append(_rings(relation))
 
     def _add_way(self, way: "osm.Way") -> None:
         if way.deleted or way.id in self.lines.row_of:

@@ -72,7 +72,8 @@ def faces_of(
 
     shapes = repaired(shapely.transform(shapes, to_metres))
     roads = shapely.transform(np.zeros(0, object) if streets is None else streets, to_metres)
-    shapes, walls = _with_openings(*_beside_parts(shapes, walls), roads)
+    shapes, walls = _beside_parts(shapes, walls)
+    shapes = _with_openings(shapes, roads)
     lines, owner = _boundaries(shapes)
     lines = _simplified(lines, tolerance.of(lines), roads)
     points, line = shapely.get_coordinates(lines, return_index=True)
@@ -130,7 +131,7 @@ def _pieces(lines: Shapes) -> Shapes:
     return pieces
 
 
-def _with_openings(shapes: Shapes, walls: Sequence[Wall], streets: Shapes) -> tuple[Shapes, Sequence[Wall]]:
+def _with_openings(shapes: Shapes, streets: Shapes) -> Shapes:
     """Return the shapes with a gap in each line where it has a vertex in common with a street: a gate."""
     import shapely
 
@@ -140,11 +141,11 @@ def _with_openings(shapes: Shapes, walls: Sequence[Wall], streets: Shapes) -> tu
     is_shared = np.isin(points @ (1.0, 1.0j), of_streets)
     opened, first = np.unique(line[is_shared], return_index=True)
     if not len(opened):
-        return shapes, walls
+        return shapes
     gates = [shapely.MultiPoint(some) for some in np.split(points[is_shared], first[1:])]
     shapes = shapes.copy()
     shapes[rows[opened]] = shapely.difference(shapes[rows[opened]], shapely.buffer(gates, _GATE_M / 2.0))
-    return shapes, walls
+    return shapes
 
 
 def _beside_parts(shapes: Shapes, walls: Sequence[Wall]) -> tuple[Shapes, Sequence[Wall]]:
