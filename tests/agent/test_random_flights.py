@@ -139,5 +139,5 @@ class Sky(RuleBasedStateMachine):
             self.ctx.terminate()
 
 
-Sky.TestCase.settings = settings(max_examples=30, stateful_step_count=40, deadline=None)
+Sky.TestCase.settings = settings(stateful_step_count=40)
 TestSky = Sky.TestCase

@@ -121,5 +121,5 @@ class AgentEngineMachine(RuleBasedStateMachine):
             self.ctx.terminate()
 
 
-AgentEngineMachine.TestCase.settings = settings(max_examples=30, stateful_step_count=40, deadline=None)
+AgentEngineMachine.TestCase.settings = settings(stateful_step_count=40)
 TestAgentEngine = AgentEngineMachine.TestCase

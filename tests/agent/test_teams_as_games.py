@@ -94,7 +94,7 @@ def summary(result):
     }
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(case=CASES)
 def test_a_game_with_a_team_is_that_of_the_same_agents_one_by_one(case):
     with ExitStack() as stack:

@@ -128,7 +128,6 @@ def observe(filter, look, names):
     return 1.0
 
 
-@settings(max_examples=40, deadline=None)
 @given(case=cases())
 def test_it_equals_the_sum_over_all_paths(case):
     with context(case["nodes"], case["edges"]) as ctx:
@@ -148,7 +147,7 @@ def test_it_equals_the_sum_over_all_paths(case):
         assert (filter.probabilities()[0] == filter.probabilities()[1]).all()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(case=cases(), order=st.permutations(range(3)))
 def test_several_targets_at_once_are_those_one_by_one(case, order):
     with context(case["nodes"], case["edges"]) as ctx:
@@ -172,7 +171,7 @@ def test_several_targets_at_once_are_those_one_by_one(case, order):
         assert (together.probabilities() == np.vstack([filter.probabilities() for filter in alone])).all()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 10_000), sights=st.lists(st.integers(0, 25), min_size=2, max_size=3), detection=PROBABILITIES
 )
@@ -330,7 +329,7 @@ def noticed(state, data, chances, speed, bends):
     return 1.0 - covers
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 10_000),
     speed=st.sampled_from([3.4, 4.0, 7.0, 10.0]),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -20,7 +20,6 @@ def street(ctx):
     return ctx.graph.columns()
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     games=st.lists(
         st.tuples(

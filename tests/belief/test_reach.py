@@ -73,7 +73,7 @@ def changing(world):
     return change
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=16)
 @given(world=worlds())
 def test_the_truth_is_always_in_the_set(world):
     with gamms.create_context(seed=world["seed"], logger_config={"level": "CRITICAL"}) as ctx:

@@ -28,7 +28,7 @@ def watched(ctx, start, errors, strategy, kind=SensorType.AGENT_RANGE, reach=15.
         ctx.agent.create_agent(name, start_node_id=start, team="blue", strategy=gamms.strategies.random_walk)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     errors=ERRORS,
     start=st.integers(0, 8),

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.bridge import Checks, Feed, Fix, SimulatedClock
@@ -85,7 +85,6 @@ def test_degrees_outside_of_the_map_do_not_count():
 numbers = st.one_of(st.none(), st.floats(), st.sampled_from([0.0, 1e308, -1e308, 90.0]))
 
 
-@settings(max_examples=60)
 @given(st.lists(st.tuples(st.floats(0, 1e6), numbers, numbers, numbers, numbers, numbers), max_size=12))
 def test_no_fix_breaks_a_tracker(fixes):
     one, feed = tracker(), Feed(clock=SimulatedClock())
@@ -215,7 +214,6 @@ def test_a_line_that_is_none_is_refused(line):
     assert len(str(error.value)) < 300
 
 
-@settings(max_examples=60)
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
 def test_no_line_does_more_than_be_refused(line):
     with suppress(BadLine):

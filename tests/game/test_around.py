@@ -1,6 +1,6 @@
 """Where agents get by edges: what is kept of the nodes around others is what the graph says of itself."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.game import around
@@ -31,7 +31,6 @@ def found_in(graph, known, node, edges):
     gone=st.integers(0, 24),
     edges=st.integers(0, 4),
 )
-@settings(max_examples=60, deadline=None, derandomize=True)
 def test_paths_and_distances_are_those_of_the_graph_before_and_after_a_road_is_gone(ids, ends, gone, edges):
     graph, known = graph_of(ids, ends), Surroundings()
     for removed in ([gone] if gone < len(ends) else [], []):

@@ -93,7 +93,7 @@ def played(grid, turns, *, has_team, has_plan, order, phase, conflicts, forgets=
         return ctx.game.result(), ctx.game.data, ctx.game.moves, states
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     turns=st.lists(CHANGES, min_size=2, max_size=6),
     has_team=st.booleans(),
@@ -230,7 +230,7 @@ def replayed(file):
         return [where(ctx) for record in records if record["opCode"] == SIMULATE]
 
 
-@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     turns=st.lists(st.tuples(BETWEEN, REPLACEMENTS), min_size=2, max_size=4),
     has_plan=st.booleans(),

@@ -572,7 +572,7 @@ def test_an_eavesdropper_hears_exactly_what_reaches_it():
         assert inboxes(ctx, "bob") == {1: ["hello", 2]}
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.integers(0, 10**9))
 def test_an_eavesdropper_hears_what_it_would_hear_if_all_were_meant_for_it(seed):
     draw = Random(seed)
@@ -670,7 +670,6 @@ def model(kind, places, to, graph):
     }
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**9))
 def test_range_hops_and_relays_agree_with_their_definitions(seed):
     draw = Random(seed)
@@ -687,7 +686,7 @@ def test_range_hops_and_relays_agree_with_their_definitions(seed):
     assert heard == {name: 1 + delay * hops for name, hops in expected.items()}
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10**9))
 def test_sight_agrees_with_the_lines_of_the_plan(seed):
     from shapely import LineString, box
@@ -779,7 +778,7 @@ def test_an_observation_shows_the_inbox_of_the_turn_that_comes():
         assert ctx.game.observation("bob")["inbox"] == []
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.permutations(list(PLACES)), st.integers(0, 2**31))
 def test_a_game_of_messages_is_the_same_in_any_order_of_creation(names, seed):
     with noisy(seed) as first, noisy(seed, {name: PLACES[name] for name in names}) as second:
@@ -787,7 +786,7 @@ def test_a_game_of_messages_is_the_same_in_any_order_of_creation(names, seed):
         assert first.heard == second.heard
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(1, 4)), min_size=1, max_size=6), st.integers(0, 2**31))
 def test_going_back_to_any_snapshot_delivers_the_same_again(jumps, seed):
     with noisy(seed) as ctx:

@@ -688,7 +688,7 @@ def decide(state):
     state["memory"]["near"] = near
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 1000),
     commanded=st.sets(st.sampled_from(["red", "blue"]), min_size=1),

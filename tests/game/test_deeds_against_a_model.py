@@ -105,7 +105,7 @@ def played(crew, plan, order, names):
     return place, alive, log
 
 
-@settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(crew=agents, plan=plans, order=orders, turned=st.booleans())
 def test_a_game_of_deeds_is_what_a_simulation_by_hand_says(crew, plan, order, turned):
     names = [f"a{i}" for i in range(len(crew))]

@@ -385,7 +385,7 @@ def test_a_recording_goes_on_while_forks_are_played(grid, tmp_path):
     assert bytes_of[0] == bytes_of[1]
 
 
-@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, suppress_health_check=list(HealthCheck))
 @given(
     before=st.integers(0, 6),
     ahead=st.integers(1, 4),

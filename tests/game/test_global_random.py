@@ -5,7 +5,7 @@ import sys
 from unittest.mock import patch
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -57,7 +57,6 @@ def drawn_beside(expected, names, another):
 
 
 @pytest.mark.parametrize("reads_memory", [True, False])
-@settings(max_examples=60)
 @given(turns=st.lists(st.tuples(SOME, SOME), max_size=5))
 def test_what_programs_and_games_draw_in_turn_is_what_each_draws_alone(reads_memory, turns):
     program, seen = random.Random(), []

@@ -163,7 +163,7 @@ def test_a_team_that_the_order_leaves_out_is_an_error_before_the_turn():
         assert ctx.agent.get_agent("rob").current_node_id == 6
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12)
 @given(
     teams=st.lists(st.sampled_from("xyz"), min_size=1, max_size=5),
     order=st.permutations([["x"], ["y"], ["z"]]),

@@ -119,7 +119,7 @@ def plain(ctx):
     )
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(before=st.integers(0, 6), after=st.integers(1, 6), global_draws=st.booleans())
 def test_what_follows_a_restored_snapshot_is_what_followed_it_before(grid, before, after, global_draws):
     with build(grid) as ctx:
@@ -139,7 +139,7 @@ def test_what_follows_a_restored_snapshot_is_what_followed_it_before(grid, befor
             assert plain(ctx) == later
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(steps=st.lists(st.tuples(st.integers(0, 3), st.integers(0, 4)), min_size=2, max_size=7))
 def test_snapshots_are_restored_in_any_order(grid, steps):
     with build(grid) as ctx:

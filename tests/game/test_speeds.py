@@ -12,7 +12,7 @@ import gamms
 from gamms.errors import NoPath
 from gamms.strategies import goto
 
-LAWS = settings(max_examples=15, deadline=None, derandomize=True)
+LAWS = settings(max_examples=15)
 SPEEDS = ["0", "0.1", "0.3", "0.5", "1", "1.1", "1.5", "2.75", "3"]
 
 

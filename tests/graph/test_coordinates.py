@@ -5,14 +5,13 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, MissingExtra
 from gamms.graph import Graph
 from gamms.ir import projection
 
-LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 ZONES = {
     "EPSG:32635": (60.17, 24.94),  # Helsinki
     "EPSG:32632": (43.73, 7.42),  # Monaco
@@ -75,7 +74,6 @@ def test_near_a_single_node_degrees_find_it(crs):
 
 
 @given(crs=st.sampled_from(sorted(ZONES)), north=st.floats(-2.0, 2.0), east=st.floats(-2.0, 2.0))
-@LAWS
 def test_degrees_lead_back_to_a_centimetre(crs, north, east):
     lat, lon = ZONES[crs][0] + north, ZONES[crs][1] + east
     graph = cloud([], crs)
@@ -84,7 +82,6 @@ def test_degrees_lead_back_to_a_centimetre(crs, north, east):
 
 
 @given(crs=st.sampled_from(sorted(set(ZONES) - {"EPSG:4326"})), right=st.floats(-5e4, 5e4), up=st.floats(-5e4, 5e4))
-@LAWS
 def test_map_units_lead_back_to_a_centimetre(crs, right, up):
     graph = cloud([], crs)
     x, y = graph.from_latlon(lat=ZONES[crs][0], lon=ZONES[crs][1])
@@ -215,7 +212,6 @@ POINT = st.tuples(NUMBER, NUMBER)
 
 
 @given(points=st.lists(POINT, min_size=1, max_size=30), place=POINT, gone=st.sets(st.integers(0, 29), max_size=5))
-@settings(max_examples=40, deadline=None, derandomize=True)
 def test_the_nearest_node_equals_brute_force(points, place, gone):
     graph = cloud(points)
     graph.nearest_node(0.0, 0.0)  # an index is there before the edits
@@ -296,7 +292,6 @@ def test_in_an_empty_graph_nothing_is_nearest():
     apart=st.floats(0, 4) | st.just(1.0),
     seed=st.integers(0, 9),
 )
-@LAWS
 def test_placed_nodes_keep_what_was_asked_for(n, radius, apart, seed):
     graph = cloud([(i % 7, i // 7) for i in range(49)])
     graph.remove_node(124)

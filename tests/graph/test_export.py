@@ -156,7 +156,7 @@ VALUES = st.recursive(
 
 
 @given(st.dictionaries(st.text(min_size=1), VALUES, max_size=4))
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12)
 def test_any_attributes_can_be_written(tmp_path_factory, attributes):
     folder = tmp_path_factory.mktemp("out")
     attributes = {name: value for name, value in attributes.items() if name not in ("id", "x", "y")}

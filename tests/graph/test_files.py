@@ -110,7 +110,7 @@ def contents(draw):
 
 
 @given(contents=contents())
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=16)
 def test_decoding_undoes_encoding(contents):
     data = map_file.encode(contents)
     back = map_file.decode(data)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
@@ -132,7 +132,6 @@ def test_queries_equal_brute_force_after_edits(name):
     x=st.floats(allow_nan=False),
     y=st.floats(allow_nan=False),
 )
-@settings(max_examples=80, deadline=None, derandomize=True)
 def test_any_finite_coordinates_have_their_euclidean_distance(points, d, x, y):
     graph = Graph()
     graph.add_nodes(range(len(points)), *zip(*points, strict=True))

@@ -6,7 +6,7 @@ from unittest import mock
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -14,7 +14,6 @@ from gamms.errors import BadValue, NoPath
 from gamms.graph import Graph, routes
 from gamms.typing.routes import made_last
 
-LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 NODES = 12
 ROW = st.integers(0, NODES - 1)
 PLACES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=NODES, max_size=NODES)
@@ -50,13 +49,11 @@ def path_of(graph, source, target, weight):
 
 
 @given(places=PLACES, edges=EDGES, weight=WEIGHTS)
-@LAWS
 def test_searches_and_tables_give_the_same_paths_and_the_same_bits(places, edges, weight):
     assert answers(places, edges, weight, SEARCHED) == answers(places, edges, weight, TABLES)
 
 
 @given(edges=EDGES, weight=WEIGHTS, some=st.lists(ROW, max_size=3), cutoff=st.sampled_from([0, 0.3, 0.6, 1, 2.5]))
-@LAWS
 def test_a_cutoff_gives_the_same_bits_as_the_whole_cut_off(edges, weight, some, cutoff):
     graph = Graph()
     graph.add_nodes((np.arange(NODES) * 7 + 3) % NODES, np.arange(NODES), np.zeros(NODES))
@@ -70,7 +67,6 @@ def test_a_cutoff_gives_the_same_bits_as_the_whole_cut_off(edges, weight, some, 
 
 
 @given(places=PLACES, edges=EDGES, weight=WEIGHTS, sources=st.lists(ROW, max_size=4))
-@LAWS
 def test_many_distances_and_those_from_the_nearest_are_single_ones_to_the_bit(places, edges, weight, sources):
     graph = Graph()
     graph.add_nodes(range(NODES), *np.transpose(places))
@@ -109,7 +105,6 @@ def test_distances_up_to_a_cutoff_cost_what_is_near(city):
 
 
 @given(places=PLACES, edges=st.lists(st.tuples(ROW, ROW, st.sampled_from([1.0, 1.25, 2.0]), st.none()), max_size=40))
-@LAWS
 def test_paths_are_as_long_as_those_of_networkx(places, edges):
     found = answers(places, edges, "length", SEARCHED)
     reference = nx.MultiDiGraph()

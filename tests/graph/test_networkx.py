@@ -227,7 +227,7 @@ def graphs(draw):
 
 
 @given(graph=graphs())
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=16)
 def test_to_networkx_and_back_is_the_same_graph(graph):
     back = Graph()
     back.attach_networkx_graph(graph.to_networkx())

@@ -52,7 +52,6 @@ corners = st.tuples(*[st.integers(-9, 9)] * 3)
     x=st.integers(-15, 15),
     y=st.integers(-15, 15),
 )
-@settings(max_examples=40, deadline=None, derandomize=True)
 def test_nearness_equals_brute_force(faces, d, x, y):
     check_nearness(faces, d, x, y)
 
@@ -258,7 +257,7 @@ steps = st.lists(
 
 
 @given(steps=steps, d=st.integers(-1, 12), x=st.integers(-15, 15), y=st.integers(-15, 15))
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=16)
 def test_after_any_changes_nearness_equals_brute_force(steps, d, x, y):
     obstacles, model = Obstacles(), {}
     for kind, *rest in steps:

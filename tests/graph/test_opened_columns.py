@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -81,7 +81,6 @@ def described(graph):
     bends=st.sets(ROW),
     edits=st.lists(EDIT, max_size=8),
 )
-@settings(max_examples=25, deadline=None, derandomize=True)
 def test_an_opened_map_changes_as_one_that_was_built(names, bends, edits):
     with gamms.create_context() as one, gamms.create_context() as other:
         one.graph.graph.attach_networkx_graph(built(names, bends).to_networkx())

@@ -7,13 +7,11 @@ from itertools import groupby
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadFile, BadType, BadValue, DuplicateId, IllegalMutation, UnknownName
-
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 
 
 @pytest.fixture
@@ -146,7 +144,6 @@ def test_geojson_counts_in_degrees():
 
 
 @given(points=st.lists(st.tuples(st.floats(0, 420), st.floats(0, 200)), min_size=1, max_size=20), data=st.data())
-@LAWS
 def test_nodes_in_a_triangle_equal_those_by_half_planes(points, data):
     corners = np.array(data.draw(st.lists(st.tuples(st.integers(0, 420), st.integers(0, 200)), min_size=3, max_size=3)))
     (ax, ay), (bx, by), (cx, cy) = corners.tolist()

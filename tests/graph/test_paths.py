@@ -7,7 +7,7 @@ import sys
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, ContextTerminated, NoPath, NotOffered, UnknownName
@@ -28,7 +28,6 @@ for side in (5, 30):
             ctx.graph.shortest_path(node, 3)
     print("was", side, file=sys.stderr)
 """
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 IDS = (4, -2, 9, 0, 31, 7)
 EDGES = st.lists(
     st.tuples(st.sampled_from(IDS), st.sampled_from(IDS), st.integers(0, 9), st.none() | st.integers(0, 5)), max_size=20
@@ -79,7 +78,6 @@ def square():
 @given(
     edges=EDGES, weight=st.sampled_from(WEIGHTS), most=st.integers(1, 7), ends=st.tuples(*[st.sampled_from(IDS)] * 2)
 )
-@LAWS
 def test_a_path_that_is_cut_off_is_the_beginning_of_the_whole(edges, weight, most, ends):
     graph, _ = build(edges)
     if math.isfinite(graph.distance(*ends, weight)):
@@ -90,7 +88,6 @@ def test_a_path_that_is_cut_off_is_the_beginning_of_the_whole(edges, weight, mos
 
 
 @given(edges=EDGES, weight=st.sampled_from(WEIGHTS))
-@LAWS
 def test_distances_equal_those_of_networkx(edges, weight):
     graph, reference = build(edges)
     for node in IDS:
@@ -103,7 +100,6 @@ def test_distances_equal_those_of_networkx(edges, weight):
 
 
 @given(edges=EDGES, weight=st.sampled_from(WEIGHTS))
-@LAWS
 def test_a_path_is_shortest_and_the_first_of_the_equally_short_ones(edges, weight):
     graph, reference = build(edges)
     for source in IDS:
@@ -120,7 +116,6 @@ def test_a_path_is_shortest_and_the_first_of_the_equally_short_ones(edges, weigh
 
 
 @given(edges=EDGES, weight=st.sampled_from(["length", None]), cutoff=st.sampled_from([None, 0, 4.0]))
-@LAWS
 def test_the_defaults_of_the_contract_answer_alike(edges, weight, cutoff):
     (graph, _), (slow, _) = build(edges), build(edges, Slow)
     assert graph.weights(weight).tolist() == slow.weights(weight).tolist()
@@ -143,7 +138,6 @@ def test_the_defaults_of_the_contract_answer_alike(edges, weight, cutoff):
 
 
 @given(edges=EDGES)
-@LAWS
 def test_a_matrix_holds_every_distance(edges):
     graph, _ = build(edges)
     sources, targets = [4, 9, 4], np.array([0, 7, -2, 31])
@@ -154,7 +148,6 @@ def test_a_matrix_holds_every_distance(edges):
 
 
 @given(edges=EDGES, edits=st.lists(st.integers(0, 19), min_size=1, max_size=4))
-@LAWS
 def test_an_edit_is_never_answered_from_memory(edges, edits):
     graph, _ = build(edges)
     left = dict(enumerate(edges))

@@ -8,14 +8,13 @@ import networkx as nx
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.graph import Graph, routes
 
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 NODES = 8
 ROW = st.integers(0, NODES - 1)
 EDGES = st.lists(st.tuples(ROW, ROW, st.integers(0, 9)), max_size=24)
@@ -41,7 +40,6 @@ def town():
 
 
 @given(edges=EDGES, k=st.integers(1, 12), source=ROW, target=ROW)
-@LAWS
 def test_k_shortest_paths_are_as_long_as_those_of_networkx(edges, k, source, target):
     graph, reference = build(edges)
     found = graph.routes.k_shortest_paths(source, target, k)
@@ -70,7 +68,6 @@ def test_k_shortest_paths_go_by_any_weight(town):
 
 
 @given(edges=EDGES, limits=st.lists(st.integers(0, 20), max_size=4), sources=st.lists(ROW, min_size=1, max_size=3))
-@LAWS
 def test_isochrones_hold_what_networkx_reaches_within_each_limit(edges, limits, sources):
     graph, reference = build(edges)
     far = nx.multi_source_dijkstra_path_length(reference, set(sources), weight="length")
@@ -98,7 +95,6 @@ def test_isochrones_refuse_a_negative_limit(town):
     share=st.sampled_from([1 / 64, 1 << 30]),
     few=st.sampled_from([0, 5]),
 )
-@LAWS
 def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, targets, source, share, few):
     graph, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
     far = [graph.distance(source, target) for target in targets]
@@ -112,7 +108,6 @@ def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, 
 
 
 @given(edges=EDGES, sources=st.lists(ROW, max_size=4), targets=st.lists(ROW, max_size=4))
-@LAWS
 def test_a_matrix_is_the_same_by_searches_and_by_tables(edges, sources, targets):
     found = []
     for share in (1 / 64, 1 << 30):
@@ -126,7 +121,6 @@ NUMBER = st.floats(-50, 350)
 
 
 @given(x=NUMBER, y=NUMBER, bend=st.lists(st.tuples(NUMBER, NUMBER), max_size=3))
-@LAWS
 def test_the_nearest_edge_is_that_of_shapely(x, y, bend):
     graph = Graph()
     graph.add_nodes(range(4), [0, 100, 100, 300], [0, 0, 200, 300])

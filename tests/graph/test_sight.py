@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
@@ -158,7 +158,6 @@ edits = st.lists(
 
 
 @given(edits=edits, place=spots, d=st.sampled_from([0, 1, 40.5, 300, 1e6]), target=spots)
-@settings(max_examples=50, deadline=None, derandomize=True)
 def test_after_any_edits_the_cells_answer_as_a_scan_does(edits, place, d, target):
     obstacles, model = Obstacles(), {}
     for kind, a, b, length in edits:

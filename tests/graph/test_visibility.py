@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import limits
@@ -185,7 +185,6 @@ spots = st.tuples(st.integers(-6, 6), st.integers(-6, 6))
     radius=st.sampled_from([0.0, 1.0, 5.0, 6.5, math.inf]),
     height=st.sampled_from([0.0, 1.6, 3.0]),
 )
-@settings(max_examples=60, deadline=None, derandomize=True)
 def test_a_table_answers_as_sight_lines_do(open_ctx, places, walls, radius, height):
     with open_ctx() as ctx:
         for id, (x, y) in enumerate(places):

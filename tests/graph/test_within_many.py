@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue, UnknownName
@@ -22,7 +22,6 @@ def check(graph, radius):
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None, derandomize=True)
 def test_many_nodes_see_what_each_sees_whatever_was_changed_before(data):
     places = data.draw(st.lists(PLACES, min_size=1, max_size=9))
     graph = Graph()

@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
@@ -104,7 +104,6 @@ def compared(a, b, limit):
     share=st.sampled_from([0.0, 0.1, 1.0, 3.0, np.inf]),
     seed=st.integers(0, 99),
 )
-@settings(max_examples=20, deadline=None, derandomize=True)
 def test_pairs_are_those_of_comparing_all(cloud, counts, share, seed):
     rng = np.random.default_rng(seed)
     a, b = (np.column_stack((CLOUDS[cloud](rng, n), rng.choice([0.0, 5.0], n))) for n in counts)
@@ -129,7 +128,6 @@ def test_pairs_on_a_lattice_are_exact_and_need_no_array_of_all():
     limit=st.sampled_from([0.0, 0.3, 2.0, 20.0]),
     seed=st.integers(0, 99),
 )
-@settings(max_examples=20, deadline=None, derandomize=True)
 def test_pairs_are_of_one_map_alone_where_there_are_several(sizes, groups, limit, seed):
     rng = np.random.default_rng(seed)
     a, b = (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from gamms import kernels
@@ -162,7 +162,6 @@ places = st.tuples(tenths, tenths)
 @given(
     places, places, places, places, st.sampled_from([0.2, 1.6, 3.0]), st.sampled_from([(0, 0), (385_000, 6_670_000)])
 )
-@settings(max_examples=100, deadline=None, derandomize=True)
 def test_lines_between_decimal_places_are_answered_as_without_rounding(a, b, origin, target, z, offset):
     a, b, origin, target = ((x + offset[0], y + offset[1]) for x, y in (a, b, origin, target))
     face = wall(a, b, 0.2, 3.0)
@@ -182,7 +181,6 @@ thirds_places = st.tuples(thirds, thirds)
     st.sampled_from([(0.0, 0.0), (385_000.1, 6_670_000.7)]),
 )
 @example((1 / 7, 1.1), (5.3, 1 / 3), (-4.0, -3.0), 0.0, 1.6, (0.0, 0.0))
-@settings(max_examples=100, deadline=None, derandomize=True)
 def test_who_is_on_a_wall_neither_sees_nor_is_seen(a, b, other, share, z, offset):
     a, b, other = (np.add(place, offset) for place in (a, b, other))
     on_it = a if share == 0.0 else b if share == 1.0 else a + (b - a) * share
@@ -195,7 +193,6 @@ def test_who_is_on_a_wall_neither_sees_nor_is_seen(a, b, other, share, z, offset
 
 
 @given(thirds_places, thirds_places, st.floats(0.0, 1.0), st.floats(0.1, 3.0))
-@settings(max_examples=80, deadline=None, derandomize=True)
 def test_a_tenth_of_a_millimetre_in_front_of_a_wall_one_is_seen(a, b, share, angle):
     a, b = np.add(a, (385_000.1, 6_670_000.7)), np.add(b, (385_000.1, 6_670_000.7))
     way = b - a
@@ -239,7 +236,6 @@ def scenes(draw):
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # of the places in the middle of huge faces
 @given(scene=scenes(), shift=st.sampled_from([0.0, 0.0, 385_000.0, 6.67e6, 1e12]))
 @example((np.array([wall((-1, 0), (1, 0))]), np.zeros(3), np.array([[0.0, 0.0, -9.0], [0.0, 1e-300, -9.0]])), 0.0)
-@settings(max_examples=100, deadline=None, derandomize=True)
 def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     there = np.array([shift, shift, 0.0])
     corners, origin, targets = (np.nan_to_num(array + there, posinf=1.0, neginf=1.0) for array in scene)

@@ -7,13 +7,12 @@ from importlib.util import find_spec
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.kernels import paths
 
-LAWS = settings(max_examples=50, deadline=None, derandomize=True)
 NODES = 8
 ROW = st.integers(0, NODES - 1)
 CUTOFFS = st.sampled_from([math.inf, 0.0, 0.3, 4.0])
@@ -34,7 +33,6 @@ def arcs_of(edges, *, nodes=NODES):
 
 
 @given(edges=edges_of(st.integers(0, 9).map(float)), rows=st.lists(ROW, min_size=1, max_size=3), cutoff=CUTOFFS)
-@LAWS
 def test_distances_equal_those_of_networkx(edges, rows, cutoff):
     reference = nx.MultiDiGraph()
     reference.add_nodes_from(range(NODES))
@@ -45,7 +43,6 @@ def test_distances_equal_those_of_networkx(edges, rows, cutoff):
 
 
 @given(edges=edges_of(WEIGHTS), rows=st.lists(ROW, min_size=1, max_size=3), cutoff=CUTOFFS)
-@LAWS
 def test_scipy_finds_the_same_bits(edges, rows, cutoff):
     arcs, rows = arcs_of(edges), np.array(rows)
     heap = paths.heap_distances(arcs, rows, cutoff)
@@ -125,7 +122,6 @@ def best_path(edges, source, target, ids):
     ids=st.permutations([-5, 0, 7, 11, 2**40, 2**62]),
     target=st.integers(0, 5),
 )
-@LAWS
 def test_steps_lead_along_the_best_path(edges, ids, target):
     arcs, goal = arcs_of([(v, u, weight) for u, v, weight in edges], nodes=6), np.array([target])
     tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, goal))
@@ -162,7 +158,6 @@ def bounded(costs):
 
 
 @given(costs=COSTS)
-@LAWS
 def test_a_matching_costs_as_little_as_the_best_of_all(costs):
     columns = kernels.least_matching(np.array(costs))
     assert len(set(columns)) == len(costs)

@@ -5,16 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
 
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
-
 
 @given(groups=st.integers(1, 6), keys=st.lists(st.integers(0, 5), max_size=30))
-@LAWS
 def test_grouped_rows_are_in_row_order(groups, keys):
     keys = [key % groups for key in keys]
     offsets, rows = kernels.group_rows(np.array(keys, np.int64), groups)
@@ -28,7 +25,6 @@ def test_no_rows_are_grouped_into_empty_groups():
 
 
 @given(keys=st.lists(st.integers(0, 4), max_size=30), wanted=st.lists(st.integers(0, 4), max_size=8))
-@LAWS
 def test_ragged_rows_come_in_the_order_of_their_groups(keys, wanted):
     offsets, rows = kernels.group_rows(np.array(keys, np.int64), 5)
     found = kernels.ragged_rows(offsets, rows, np.array(wanted, np.int64))
@@ -36,7 +32,6 @@ def test_ragged_rows_come_in_the_order_of_their_groups(keys, wanted):
 
 
 @given(ids=st.lists(st.integers(0, 9), max_size=12), wanted=st.lists(st.integers(-1, 10), max_size=8))
-@LAWS
 def test_a_row_is_the_first_that_has_the_id(ids, wanted):
     known, asked = np.array(ids, np.int64), np.array(wanted, np.int64)
     found = kernels.rows_of(known, asked, np.argsort(known, kind="stable"))
@@ -47,7 +42,6 @@ def test_a_row_is_the_first_that_has_the_id(ids, wanted):
 
 
 @given(lengths=st.lists(st.integers(0, 4), min_size=1, max_size=8), data=st.data())
-@LAWS
 def test_chosen_runs_come_one_after_the_other(lengths, data):
     offsets = np.cumsum([0, *lengths])
     chosen = data.draw(st.lists(st.integers(0, len(lengths) - 1), max_size=8))
@@ -62,7 +56,6 @@ def test_chosen_runs_come_one_after_the_other(lengths, data):
     length=st.sampled_from([1.0, 1e-3, 50.0]),
     fov=st.floats(0, 7),
 )
-@LAWS
 def test_the_cone_is_where_the_wrapped_angle_is_at_most_half_the_opening(offsets, angle, length, fov):
     heading = (length * math.cos(angle), length * math.sin(angle))
     dx, dy = np.array(offsets, float).reshape(-1, 2).T
@@ -100,7 +93,6 @@ def ring_from(starts, ends, row):
 
 
 @given(steps=st.lists(st.tuples(st.integers(0, 5), st.integers(0, 3), st.integers(0, 3)), min_size=6, max_size=14))
-@settings(LAWS, max_examples=100)
 def test_closed_rings_are_lines_one_after_the_other_that_end_where_they_began(steps):
     places, starts, ends = [(0.0, 0.0), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0)], [], []
     for goes_on, start, end in steps:

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
@@ -61,7 +61,6 @@ def test_the_draws_are_pinned():
     n=st.integers(1, 2**28),
     copies=st.sampled_from([1, 130]),
 )
-@settings(max_examples=30, deadline=None)
 def test_first_numbers_of_streams_are_those_of_their_generators(seeds, n, copies):
     names = [(seed, "place", number) for seed in seeds for number in range(copies)]
     keys = [kernels.stream_key(*name) for name in names]

@@ -2,7 +2,7 @@
 
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.memory import MemoryStore, PathLike, SqliteStore
@@ -90,7 +90,6 @@ def compare(programme):
             store.close()
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(STEPS, max_size=12))
 def test_any_programme_gives_the_same_on_every_store(programme):
     compare(programme)
@@ -113,13 +112,11 @@ def sound_programmes(draw):
     return [("create_map", "m", schema, "key"), *draw(st.lists(step, max_size=15))]
 
 
-@settings(max_examples=50, deadline=None)
 @given(sound_programmes())
 def test_a_sound_programme_gives_the_same_on_every_store(programme):
     compare(programme)
 
 
-@settings(max_examples=40, deadline=None)
 @given(TREES)
 def test_what_is_stored_is_what_comes_back(tree):
     for store in (MemoryStore("s"), SqliteStore("s", PathLike(":memory:"))):

@@ -377,7 +377,7 @@ def test_a_street_that_ends_on_a_wall_is_not_crossed_by_it(walls):
     streets=st.lists(st.tuples(*[st.tuples(st.floats(-5.0, 45.0), st.floats(-5.0, 45.0))] * 2), max_size=6),
     tolerance=st.sampled_from([0.2, 0.5, 5.0]),
 )
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=16)
 def test_simplified_walls_cross_no_street_that_exact_walls_do_not(corners, streets, tolerance):
     x, y = 385700.0, 6672100.0
     shape = shapely.Polygon(corners).convex_hull

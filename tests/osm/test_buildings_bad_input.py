@@ -167,7 +167,7 @@ refs = st.lists(st.integers(1, 12), min_size=1, max_size=9)
     relations=st.lists(st.lists(st.tuples(st.integers(100, 108), st.sampled_from(["outer", "inner"]))), max_size=3),
     tolerance=st.sampled_from([0.0, 0.5, 20.0]),
 )
-@settings(max_examples=16, deadline=None, derandomize=True)
+@settings(max_examples=16)
 def test_whatever_the_lines_enclose_the_walls_close(tmp_path_factory, places, ways, relations, tolerance):
     path = tmp_path_factory.mktemp("maps") / "map.osm"
     lines = [

@@ -6,14 +6,13 @@ import pickle
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
 from gamms.osm.network import RoadNetwork
 from gamms.osm.networkx_bridge import to_digraph
 
-LAWS = settings(max_examples=20, deadline=None, derandomize=True)
 NODES = 5
 ROW = st.integers(0, NODES - 1)
 TAGS = st.dictionaries(
@@ -42,7 +41,6 @@ def network(roads, tags):
 
 
 @given(roads=ROADS, tags=st.lists(TAGS, min_size=3, max_size=3))
-@LAWS
 def test_columns_are_those_of_the_filled_graph(roads, tags):
     packed = []
     for is_filled in (False, True):

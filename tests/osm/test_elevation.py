@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -52,7 +52,6 @@ def test_heights_lie_bilinearly_between_posts(tmp_path):
     elevation, plain = Elevation(tmp_path), posts.astype(float).tolist()
 
     @given(st.floats(0.0, 0.9999), st.floats(0.0, 0.9999))
-    @settings(max_examples=80, deadline=None, derandomize=True)
     def check(lon, lat):
         (found,) = elevation.heights(np.array([[lon - 1.0, lat - 1.0]]))
         assert found == pytest.approx(plain_bilinear(plain, lon - 1.0 + 1.0, lat - 1.0 + 1.0), abs=1e-6)

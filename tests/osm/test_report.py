@@ -344,7 +344,7 @@ def test_a_report_is_a_plain_value(town):
 place = st.integers(-900, 900).map(lambda n: n / 16 + n * n / 1e5)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(
     st.lists(st.tuples(place, place), min_size=2, max_size=10, unique=True),
     st.data(),
@@ -418,7 +418,6 @@ def test_columns_of_a_network_are_a_source(town):
     assert np.isfinite(network.lengths).all()
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.tuples(place, place), min_size=4, max_size=12, unique=True),
     st.sampled_from([0.01, 1.0, 30.0, 1000.0]),

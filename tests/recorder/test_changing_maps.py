@@ -130,7 +130,7 @@ def columns_of(ctx):
     return [agent.name for agent in ctx.agent.create_iter()], dict(zip(COLUMNS, columns, strict=True))
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=16)
 @given(st.lists(changes, max_size=4), st.lists(changes, max_size=20))
 def test_opened_and_replayed_states_are_those_of_the_game_turn_by_turn(before, after):
     ctx, live = grid_context(), []

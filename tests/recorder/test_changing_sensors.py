@@ -83,7 +83,7 @@ def play(turns, also=lambda ctx, turn: None):
     return stream.getvalue(), states
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(TURNS)
 def test_every_state_and_every_replay_has_the_sensors_of_then(turns):
     data, states = play(turns)
@@ -103,7 +103,7 @@ def test_every_state_and_every_replay_has_the_sensors_of_then(turns):
         assert captured(ctx)["sensor_kinds"] == keyframe["sensor_kinds"]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(TURNS, st.data())
 def test_a_replay_may_show_any_turn_before_any_other(turns, data):
     game, states = play(turns)
@@ -122,7 +122,7 @@ def test_a_replay_may_show_any_turn_before_any_other(turns, data):
             assert "own" in ctx.sensor.sensors
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(TURNS, st.data())
 def test_a_reset_takes_sensors_back_in_the_recording_too(turns, data):
     turn_of_reset = data.draw(st.integers(0, len(turns)))

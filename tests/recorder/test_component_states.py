@@ -117,7 +117,7 @@ def test_a_component_that_is_deleted_in_a_pause_is_gone_after_it(ctx):
         assert [list(rec[turn].components) for turn in (1, 2)] == [["left", "gone"], ["left"]]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(programmes, programmes)
 def test_components_are_those_of_the_game_after_pauses_too(before, after):
     ctx = grid_context()
@@ -128,7 +128,7 @@ def test_components_are_those_of_the_game_after_pauses_too(before, after):
         assert rec[-1].components == values_of(ctx)
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(programmes, programmes)
 def test_components_are_those_of_the_game_turn_by_turn(keyframes, before, after):
     ctx, live = grid_context(), []

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from games import empty_context, recorded
 from gamms.typing.opcodes import OpCodes
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from recordings import opened
 
@@ -227,7 +227,6 @@ steps = st.one_of(
 )
 
 
-@settings(max_examples=30)
 @given(st.lists(steps, max_size=20))
 def test_a_replay_equals_the_game_and_reports_the_same(programme):
     registry = Components(Log())

@@ -98,7 +98,7 @@ def test_turns_are_on_the_disk_a_second_after_the_last_time():
 
 
 @given(st.lists(st.booleans(), min_size=24, max_size=24), st.sampled_from([3, 7, 64]))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_flushing_saves_all_turns_and_leaves_the_finished_bytes_as_they_are(flushes, turns):
     logs = [*MIXED, *fly(3, 6), *walk(4, 6)]
     stream = io.BytesIO()
@@ -113,7 +113,6 @@ def test_flushing_saves_all_turns_and_leaves_the_finished_bytes_as_they_are(flus
 
 
 @given(st.integers(0, 10**6), st.integers(0, 255))
-@settings(max_examples=80)
 def test_one_wrong_byte_is_noticed(place, byte):
     data = bytearray(written(MIXED, turns=5))
     place %= len(data)

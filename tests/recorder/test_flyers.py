@@ -154,7 +154,7 @@ def game_of(programme):
     return recorded(lambda _: player.do(programme), ctx), player
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(programmes, st.randoms(use_true_random=False))
 def test_every_state_is_what_was_live(programme, chance):
     data, player = game_of(programme)
@@ -166,7 +166,7 @@ def test_every_state_is_what_was_live(programme, chance):
             assert state_in(rec[turn]) == player.states[turn]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(programmes)
 def test_a_replay_comes_to_the_same_and_its_copy_is_the_same_file(programme):
     data, player = game_of(programme)
@@ -175,7 +175,7 @@ def test_a_replay_comes_to_the_same_and_its_copy_is_the_same_file(programme):
     assert copied(data) == data
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(programmes)
 def test_positions_are_those_that_steps_tell(programme):
     data, _ = game_of(programme)

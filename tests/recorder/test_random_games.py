@@ -202,7 +202,7 @@ def rise(state):
 
 
 programmes = st.lists(steps, max_size=25)
-EXAMPLES = settings(max_examples=12, deadline=None)
+EXAMPLES = settings(max_examples=12)
 
 
 def game_of(before, after, **options):

@@ -148,7 +148,7 @@ def test_turns_behind_a_block_that_has_just_ended_are_saved_the_next_time(tmp_pa
 
 
 @given(st.lists(st.booleans(), min_size=200, max_size=200), st.sampled_from([2, 3]))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_the_finished_bytes_do_not_depend_on_when_they_were_saved(saves, version):
     with tempfile.TemporaryDirectory() as folder:
         found = []

@@ -10,7 +10,7 @@ import cbor2
 import numpy as np
 import pytest
 from gamms.typing.opcodes import OpCodes
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue
@@ -364,7 +364,6 @@ def test_numpy_values_are_recorded_as_plain_ones():
     assert read(written([record, END]))[0]["data"]["kwargs"] == {"n": 3, "x": 0.5, "yes": True, "many": [0, 1, 2]}
 
 
-@settings(max_examples=30)
 @given(st.sets(st.text(), max_size=8))
 def test_a_set_gives_the_same_bytes_whatever_order_python_keeps(values):
     def record_of(one):

@@ -87,7 +87,7 @@ def recorded(ctx):
     return gamms.recorder.open(io.BytesIO(file.getvalue()))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(case=CASES)
 def test_arrays_decide_as_names_do(case):
     make = FORMS[case["resolver"]]

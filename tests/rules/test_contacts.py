@@ -3,14 +3,12 @@
 from math import inf, sqrt
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
 from gamms.agent import AgentType
 from gamms.rules import contacts, one_to_one
-
-LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 
 
 def pairs(ctx, **nearness):
@@ -167,7 +165,6 @@ def test_what_is_no_distance_is_refused(road):
 places = st.lists(st.integers(0, 9), min_size=1, max_size=5)
 
 
-@LAWS
 @given(reds=places, blues=places, unit=st.sampled_from(["hops", "metres", "euclid"]), limit=st.integers(0, 4))
 def test_contacts_are_what_the_distance_of_two_nodes_says(reds, blues, unit, limit):
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
@@ -208,7 +205,6 @@ def test_contacts_are_what_the_distance_of_two_nodes_says(reds, blues, unit, lim
     limit=st.sampled_from([0.0, 1.0, 2.5, 5.0, 40.0]),
     split=st.integers(1, 19),
 )
-@settings(max_examples=20, deadline=None, derandomize=True)
 def test_few_and_many_agents_are_compared_alike(spots, limit, split):
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.add_nodes(range(len(spots)), *zip(*spots, strict=True))

@@ -30,7 +30,7 @@ from gamms.rules import (
 from gamms.strategies import random_walk
 from gamms.testing import check_rule
 
-LAWS = settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAWS = settings(max_examples=6, suppress_health_check=[HealthCheck.too_slow])
 SIDE = 4
 
 

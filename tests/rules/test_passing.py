@@ -4,15 +4,13 @@ from fractions import Fraction
 from math import inf
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
 from gamms.agent import AgentType
 from gamms.rules import contacts, tag
 from gamms.strategies import goto, patrol
-
-LAWS = settings(max_examples=20, deadline=None, derandomize=True)
 
 
 def open_road(*agents, nodes=10, unit="edges"):
@@ -245,7 +243,6 @@ def games(draw):
     return size, lengths, agents, route
 
 
-@LAWS
 @given(game=games(), hops=st.sampled_from([None, None, 0, 1, 2]))
 def test_contacts_and_tags_are_those_of_a_simulator(game, hops):
     size, lengths, agents, route = game

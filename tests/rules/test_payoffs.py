@@ -136,7 +136,7 @@ RULES = {
     "last": last_team,
     "goal": lambda: reach("red", 12),
 }
-LAWS = settings(max_examples=12, deadline=None, derandomize=True)
+LAWS = settings(max_examples=12)
 TEAMS = ["red", "blue", "green"]
 
 

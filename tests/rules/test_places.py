@@ -1,7 +1,7 @@
 """Places that teams hold for some turns, and nodes that they discover."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -89,7 +89,6 @@ def test_a_tag_counts_before_the_place_whichever_rule_was_added_first(road):
 teams_there = st.lists(st.lists(st.sampled_from(["red", "blue", "green"]), max_size=2), min_size=1, max_size=10)
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
 @given(teams_there=teams_there, turns=st.integers(1, 3))
 def test_holding_is_that_of_a_loop_that_counts(teams_there, turns):
     def stand(state):

@@ -1,7 +1,7 @@
 """Resources: what moves, turns and deeds cost, what is refused, how it is recharged; and deeds that cool down."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -222,7 +222,6 @@ def test_two_resources_and_a_deed_are_independent_of_the_order_of_the_rules(road
     assert results[0][0].agents["a"]["node"] == 3
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
 @given(
     path=st.lists(st.sampled_from([-1, 0, 1]), max_size=12),
     start=st.integers(0, 60),

@@ -41,7 +41,7 @@ NEAR = st.none() | st.tuples(st.sampled_from([0, 7, [20.0, 20.0]]), st.sampled_f
     away=st.none() | st.sampled_from([1.0, 10.0, 30.0]),
     seed=st.integers(0, 99),
 )
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_everybody_is_placed_by_the_rules_or_the_error_says_how_many_fit(width, height, red, blue, near, away, seed):
     if near is not None and (isinstance(near[0], list) or near[0] < width * height):
         red = {**red, "near": near[0], "within": near[1]}
@@ -71,7 +71,7 @@ def test_everybody_is_placed_by_the_rules_or_the_error_says_how_many_fit(width, 
 
 
 @given(red=st.integers(1, 8), more=st.integers(1, 8), seed=st.integers(0, 99))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_another_number_moves_neither_the_other_team_nor_those_before(red, more, seed):
     few = places(played_on(9, 9, {"red": {"count": red}, "blue": {"count": 3, "apart": 15.0}}, seed))
     many = places(played_on(9, 9, {"red": {"count": red + more}, "blue": {"count": 3, "apart": 15.0}}, seed))

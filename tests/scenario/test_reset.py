@@ -148,7 +148,7 @@ def recorded(ctx):
         return result, file.getvalue(), repr(shown), list(ctx.visual.artists.shown())
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @example(seeds=[1], plays=False)
 @example(seeds=[5, 1], plays=True)
 @given(seeds=st.lists(st.integers(0, 2**40), min_size=1, max_size=3), plays=st.booleans())

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -162,7 +162,6 @@ def test_a_line_of_sight_channel_runs_above_the_ground(world):
     tunnels=st.lists(st.integers(0, 2), min_size=5, max_size=5),
     wall_at=st.floats(-20.0, 20.0),
 )
-@settings(max_examples=25, deadline=None, derandomize=True)
 def test_tables_say_what_sensors_see(heights, tunnels, wall_at):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         for node, (height, tunnel) in enumerate(zip(heights, tunnels, strict=True)):

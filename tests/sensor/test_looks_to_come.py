@@ -62,7 +62,7 @@ def counted(monkeypatch, name):
 
 
 @given(data=st.data())
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12)
 def test_agents_see_what_each_would_see_by_itself(data):
     with pytest.MonkeyPatch.context() as patch:
         make_eager(patch)

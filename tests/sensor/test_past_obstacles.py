@@ -224,7 +224,7 @@ def ahead(dx, dy, heading, fov):
     return abs(remainder(atan2(dy, dx) - atan2(heading[1], heading[0]), 2 * pi)) <= fov / 2 + 1e-9
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=16)
 @given(worlds(), RANGES, FOVS, HEADINGS, st.sampled_from([0.0, 1.0, 1.6, 6.0]), st.data())
 def test_on_random_worlds_the_ground_looks_like_a_scan_of_all_faces(world, radius, fov, heading, height, data):
     places, faces, edges, walkers, _ = world
@@ -255,7 +255,7 @@ def test_on_random_worlds_the_ground_looks_like_a_scan_of_all_faces(world, radiu
         assert agents.data == {f"w{i}": node for i, node in enumerate(walkers) if is_seen(node)}
 
 
-@settings(max_examples=16, deadline=None)
+@settings(max_examples=16)
 @given(worlds(), POINT, RANGES, FOVS, QUATS)
 def test_on_random_worlds_the_view_from_the_air_is_that_of_a_scan(world, eye, radius, fov, quat):
     places, faces, edges, walkers, flyers = world

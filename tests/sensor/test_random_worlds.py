@@ -184,5 +184,5 @@ class SensorMachine(RuleBasedStateMachine):
             ctx.terminate()
 
 
-SensorMachine.TestCase.settings = settings(max_examples=30, stateful_step_count=30, deadline=None)
+SensorMachine.TestCase.settings = settings(stateful_step_count=30)
 TestSensors = SensorMachine.TestCase

@@ -39,7 +39,7 @@ def plain(sensor):
     return [names.index(name) for name in data], None
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.data())
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_many_looks_are_the_single_ones(kind, data):

@@ -124,7 +124,6 @@ def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_not
         assert len({report["bert"] for report in reports if "bert" in report}) > 3
 
 
-@settings(max_examples=50, deadline=None)
 @given(seen=st.sets(st.integers(0, 11)), count=st.integers(0, 14), size=st.integers(1, 12), turn=st.integers(0, 9))
 def test_false_alarms_go_to_the_highest_lots_of_those_that_are_not_seen(seen, count, size, turn):
     look, names = Look(5, "s", "a3", turn, 1), [f"a{i}" for i in range(size)]
@@ -197,7 +196,7 @@ def reports_of(kind, errors, names, engine=Engine.MEMORY, seed=4):
     return found
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS, seed=st.integers(0, 5))
 def test_both_engines_and_every_order_of_creation_report_the_same(kind, errors, seed):
     names = ["anna", "bert", "cleo", "dora"]
@@ -207,7 +206,7 @@ def test_both_engines_and_every_order_of_creation_report_the_same(kind, errors, 
     assert reports_of(kind, errors, names, Engine.SQLITE, seed=seed) == first
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS)
 def test_one_more_agent_changes_the_report_of_no_other_but_whose_false_alarm_it_takes(kind, errors):
     names = ["anna", "bert", "cleo", "dora"]
@@ -241,7 +240,7 @@ def test_turns_looks_sensors_owners_and_agents_have_errors_of_their_own():
         assert len({round(x, 9) for report in found for x in report}) == 400
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS, number=st.integers(0, 4))
 def test_many_looks_report_what_single_ones_do(kind, errors, number):
     many, single = [], []

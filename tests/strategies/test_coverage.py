@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from gamms.strategies import random_walk, random_waypoints, stay, sweep
 
-LAWS = settings(max_examples=10, deadline=None, derandomize=True)
+LAWS = settings(max_examples=10)
 
 
 def turns_to_visit_all(world, most=2000):

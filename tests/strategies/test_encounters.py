@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.agent import AgentType
@@ -104,7 +104,6 @@ def test_a_flyer_is_chased_to_the_node_below(world):
 
 
 @given(cat=NODES, mouse=NODES)
-@settings(max_examples=20, deadline=None)
 def test_who_stays_is_caught_after_as_many_turns_as_the_shortest_path_has_edges(open_world, cat, mouse):
     with open_world() as world:
         world.add("cat", cat, chase(world.ctx), team=1)
@@ -125,7 +124,6 @@ def test_who_flees_goes_where_the_nearest_enemy_is_farthest(world):
 
 
 @given(mouse=NODES, cats=st.lists(NODES, min_size=1, max_size=3))
-@settings(max_examples=20, deadline=None)
 def test_no_legal_node_is_farther_from_the_nearest_enemy_than_the_one_chosen(open_world, mouse, cats):
     with open_world() as world:
         world.add("mouse", mouse, flee(world.ctx), team=1)
@@ -165,7 +163,6 @@ def test_a_guard_waits_where_the_way_to_an_enemy_leads_too_far_away(open_world):
 
 
 @given(start=NODES, post=NODES, radius=st.sampled_from([0.0, 10.0, 25.0, 40.0]), rounds=st.lists(NODES, min_size=1))
-@settings(max_examples=20, deadline=None)
 def test_once_near_its_post_a_guard_never_leaves_it(open_world, start, post, radius, rounds):
     with open_world() as world:
         graph = world.ctx.graph.graph

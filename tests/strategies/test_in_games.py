@@ -50,7 +50,7 @@ def test_a_game_that_is_reset_goes_as_it_went_before(open_world):
 
 
 @given(nodes=st.lists(NODES, min_size=1, max_size=4), starts=st.tuples(NODES, NODES, NODES))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_the_turn_engine_and_turns_by_hand_agree(open_world, nodes, starts):
     games = []
     for is_by_hand in (True, False):
@@ -89,7 +89,7 @@ def test_no_part_of_a_turn_is_lost_on_the_way(world, make, speed, unit):
     speed=st.sampled_from([0.5, 1, 1.5, 2, 3, 4]),
     rounds=st.lists(NODES, min_size=1, max_size=3),
 )
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @pytest.mark.parametrize("unit", ["edges", "metres"])
 def test_a_guard_with_a_speed_stays_near_its_post_as_well(open_world, unit, start, post, speed, rounds):
     with open_world() as world:

@@ -21,7 +21,6 @@ def test_going_somewhere_is_going_there_and_staying(world):
 
 
 @given(start=NODES, target=NODES)
-@settings(max_examples=25, deadline=None)
 def test_an_agent_arrives_after_as_many_turns_as_the_shortest_path_has_edges(open_world, start, target):
     with open_world() as world:
         world.add("anna", start, goto(world.ctx, target))
@@ -30,7 +29,6 @@ def test_an_agent_arrives_after_as_many_turns_as_the_shortest_path_has_edges(ope
 
 
 @given(start=NODES, target=NODES, reach=st.integers(1, 4))
-@settings(max_examples=25, deadline=None)
 def test_who_may_go_farther_in_a_turn_goes_as_far_along_the_path_as_it_may(open_world, start, target, reach):
     with open_world(reach=reach) as world:
         world.add("anna", start, goto(world.ctx, target))
@@ -54,7 +52,6 @@ def step_along_the_whole_path(graph, here, target, legal):
 
 
 @given(streets=STREETS, closed=st.sets(st.integers(0, 23)), target=st.integers(0, 7), reach=st.integers(1, 3))
-@settings(max_examples=30, deadline=None)
 def test_next_nodes_lead_as_the_whole_path_does_on_one_way_streets_and_after_closures(
     open_world, streets, closed, target, reach
 ):
@@ -135,7 +132,6 @@ def test_a_patrol_begins_with_the_nearest_and_of_several_with_the_first_on_the_l
 
 
 @given(nodes=st.lists(NODES, min_size=1, max_size=4), start=NODES)
-@settings(max_examples=25, deadline=None)
 def test_a_patrol_visits_its_nodes_in_order_by_shortest_paths_for_ever(open_world, nodes, start):
     with open_world() as world:
         graph = world.ctx.graph.graph
@@ -148,7 +144,7 @@ def test_a_patrol_visits_its_nodes_in_order_by_shortest_paths_for_ever(open_worl
 
 
 @given(starts=st.lists(NODES, min_size=2, max_size=4), nodes=st.lists(NODES, min_size=1, max_size=3))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_agents_that_share_a_strategy_go_as_those_with_one_of_their_own(open_world, starts, nodes):
     for make in (patrol, follow_path):
         walks = []

@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -12,7 +12,6 @@ from gamms.rules import last_team, tag
 from gamms.sensor import SensorType
 from gamms.strategies import assign, chase, flee, follow_belief, goto, intercept, patrol, random_walk, safest_exit, stay
 
-LAWS = settings(max_examples=25, deadline=None, derandomize=True)
 NODES = st.integers(0, 35)
 
 
@@ -40,7 +39,6 @@ def test_an_enemy_is_met_on_its_way_to_a_goal_not_followed(world):
 
 
 @given(cat=NODES, mouse=NODES, goal=NODES)
-@LAWS
 def test_an_enemy_that_can_be_met_in_time_never_reaches_its_goal_alone(open_world, cat, mouse, goal):
     with open_world() as world:
         graph = world.ctx.graph.graph
@@ -119,7 +117,6 @@ def test_without_enemies_in_sight_the_nearest_exit_is_taken_and_no_exit_is_anoth
 
 
 @given(cat=NODES, mouse=NODES, exits=st.sets(NODES, min_size=1, max_size=3))
-@LAWS
 def test_who_can_be_at_an_exit_first_gets_there_uncaught(open_world, cat, mouse, exits):
     from gamms.strategies import chase
 

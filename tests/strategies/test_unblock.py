@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from gamms.rules import Conflicts
 from gamms.strategies import goto, stay, unblock
 
-LAWS = settings(max_examples=12, deadline=None, derandomize=True)
+LAWS = settings(max_examples=12)
 
 
 def face_to_face(ctx):

@@ -2,7 +2,7 @@
 
 import networkx as nx
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -13,7 +13,6 @@ points = st.lists(st.tuples(numbers, numbers), min_size=2, max_size=5)
 shares = st.one_of(st.sampled_from([0.0, 0.5, 1.0]), st.floats(0.0, 1.0))
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
 @given(drawn=st.lists(st.tuples(points, st.booleans(), shares, shares), min_size=1, max_size=5))
 def test_places_on_edges_are_found_together_as_one_by_one(drawn):
     graph = nx.MultiDiGraph()

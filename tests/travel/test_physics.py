@@ -5,13 +5,12 @@ from itertools import accumulate, pairwise
 from math import dist
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
 from gamms.rules import contacts
 
-LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 TURNS, STEPS = 6, 500
 NEAR = 11.0
 HOW = [{}, {"euclid": NEAR}, {"metres": NEAR}]
@@ -130,7 +129,6 @@ def length(ctx, leg):
 
 
 @pytest.mark.parametrize("decide", ["turn", "arrival"])
-@LAWS
 @given(town=plays())
 def test_agents_are_where_speed_times_time_leads(decide, town):
     xy, pairs, walks = town
@@ -144,7 +142,6 @@ def test_agents_are_where_speed_times_time_leads(decide, town):
 
 
 @pytest.mark.parametrize("decide", ["turn", "arrival"])
-@LAWS
 @given(town=plays())
 def test_agents_meet_when_and_where_small_steps_say(decide, town):
     xy, pairs, (one, other) = town
@@ -177,7 +174,6 @@ def all_distances(xy, pairs):
     return far
 
 
-@LAWS
 @given(town=plays())
 def test_agents_are_near_each_other_when_small_steps_say(town):
     xy, pairs, (one, other) = town
@@ -215,7 +211,6 @@ def rounds(draw):
     }
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
 @given(town=rounds())
 def test_distance_is_speed_times_time_on_each_edge_and_no_time_is_lost(town):
     size, in_seconds = len(town["lengths"]), town["unit"] == "metres_per_second"

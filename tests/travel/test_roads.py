@@ -3,7 +3,7 @@
 from math import inf
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -49,7 +49,6 @@ def reached_from(roads, edges, node, speed, begun, left):
     are_slow=st.booleans(),
     most=st.sampled_from([3, 1 << 17]),
 )
-@settings(max_examples=60, deadline=None, derandomize=True)
 def test_nodes_in_reach_are_those_of_a_plain_search_whatever_is_kept(edges, looks, left, are_slow, most):
     graph, roads = roads_of(edges, [1.5] * len(edges) if are_slow else None)
     with pytest.MonkeyPatch.context() as patch:
@@ -69,7 +68,6 @@ def test_nodes_in_reach_are_those_of_a_plain_search_whatever_is_kept(edges, look
     pairs=st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(IDS)), min_size=1, max_size=12),
     most=st.sampled_from([3, 1 << 17]),
 )
-@settings(max_examples=60, deadline=None, derandomize=True)
 def test_paths_and_distances_are_those_of_the_graph_whatever_is_kept(edges, pairs, most):
     graph, roads = roads_of(edges)
     with pytest.MonkeyPatch.context() as patch:
@@ -85,7 +83,6 @@ def test_paths_and_distances_are_those_of_the_graph_whatever_is_kept(edges, pair
 
 
 @given(edges=EDGES)
-@settings(max_examples=30, deadline=None, derandomize=True)
 def test_of_parallel_edges_the_first_of_the_cheapest_is_taken_and_the_first_that_is_as_long_leads_back(edges):
     _, roads = roads_of(edges)
     for id, (source, target, length) in enumerate(edges):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
@@ -96,7 +96,6 @@ looks_of_discs = st.builds(
 discs = st.lists(looks_of_discs, min_size=1, max_size=5)
 
 
-@settings(max_examples=30, deadline=None)
 @given(discs, st.lists(st.tuples(numbers, numbers), min_size=5, max_size=5))
 def test_circles_below_others_are_left_out_without_a_trace(styles, places):
     pytest.importorskip("pygame")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
@@ -184,7 +184,6 @@ def test_an_image_that_cannot_be_read_is_named(tmp_path):
         drawn("add_image", str(tmp_path / "broken.png"), 50, 25, 10)
 
 
-@settings(deadline=None, max_examples=30)
 @given(
     st.lists(
         st.one_of(

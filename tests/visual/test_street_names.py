@@ -118,7 +118,7 @@ places = st.lists(st.integers(0, 74), min_size=0, max_size=12, unique=True)
 
 
 @given(places, st.integers(0, 3))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_no_name_touches_an_agent_its_name_the_legend_or_another(starts, title):
     ctx = grid()
     ids = ctx.graph.columns().node_ids.tolist()
