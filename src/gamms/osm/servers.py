@@ -153,7 +153,8 @@ class MapServers:
             )
 
     def _search(self, url: str, asked: dict[str, str]) -> _Answer:
-        self._pause(url, _SEARCH_PAUSE_S)
+        if not is_local(url):  # whose rules are one's own
+            self._pause(url, _SEARCH_PAUSE_S)
         return self._request_with_retries("GET", url, min(self._timeout_s, _SEARCH_S), params=asked)
 
     def _interpret(self, url: str, asked: dict[str, str]) -> _Answer:
