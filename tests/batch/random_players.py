@@ -83,8 +83,7 @@ LEAVE = re.compile(
     r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
 )
 ONE_BY_ONE = re.compile(
-    "closed since the start|"
-    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"
+    "closed since the start|draws for several|draws at a fixed place for several|a game that is over|'before'"
 )
 
 

@@ -12,6 +12,7 @@ import gamms
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.rules import Conflicts, by_priority, discover, last_team
 from gamms.scenario import Scenario
+from gamms.sensor.ground import MapSensor
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2**40]
@@ -168,12 +169,15 @@ def test_nodes_are_discovered_as_in_games_that_are_played_alone(given, order, sa
         "near": {"type": "RANGE", "sensor_range": 12.0},
         "watch": {"type": "AGENT_RANGE", "sensor_range": 9.0},
         "tower": {"type": "AGENT_RANGE", "at": 7, "sensor_range": 11.0},
+        "ahead": {"type": "ARC", "sensor_range": 15.0, "fov": 1.5},
+        "arc": {"type": "AGENT_ARC", "sensor_range": 25.0, "fov": 1.0},
     }
     walkers = {"count": 3, "strategy": "gamms.strategies:random_walk"}
     teams = {"red": {**walkers, "sensors": ["near", "tower"]}, "blue": {**walkers, "sensors": ["watch"]}}
+    teams["green"] = {**walkers, "count": 2, "sensors": ["ahead", "arc"]}
     nodes = {"nodes": {3: "flag", 12: "decoy", 20: None, 24: [1]}}
     rules = [rule("discover", **nodes, **given), OUT, rule("payoff", table={"discover": {"team": 2}})]
-    scenario = scene(rules, sensors=looks, teams=teams, settings={"order": order})
+    scenario = scene(rules, sensors=looks, teams=teams, settings={"order": order and [*order, ["green"]]})
     same_as_one_by_one(scenario, SEEDS)
     with scenario.batch(2) as games:
         games.step()
@@ -189,10 +193,13 @@ def test_teams_without_agents_discover_nothing():
 
 
 def test_what_sensors_show_that_have_no_array_form_is_discovered_one_by_one():
-    looks = {"near": {"type": "AGENT_ARC", "sensor_range": 12.0, "fov": 1.0}}
-    teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}}
-    with scene([rule("discover", nodes=[3])], sensors=looks, teams=teams).batch(1) as games:
-        assert "the sensor 'near'" in games.slow
+    class Mine(MapSensor):
+        pass
+
+    with scene([rule("discover", nodes=[3])]).build(seed=1) as ctx:
+        ctx.agent.get_agent("red_1").register_sensor("mine", Mine(ctx, "mine", gamms.sensor.SensorType.RANGE, 5.0))
+        with ctx.game.batch(1) as games:
+            assert "the sensor 'mine' of agent 'red_1', which is of a class of its own" in games.slow
 
 
 @pytest.mark.parametrize("flags", [{"red": 6, "blue": 18}, {"red": 6, "blue": 6}, {"green": 12, "red": 3}])

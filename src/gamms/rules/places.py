@@ -339,20 +339,20 @@ class _Places:
 
 
 class _Views:
-    """Which of some nodes the sensors of agents show: from the air, or a node, found when an agent is first there."""
+    """Which of some nodes the sensors of agents show: those that do not move are asked when an agent is first there."""
 
     def __init__(self, turn: ArrayTurn, hidden: IntArray) -> None:
         self._roster, self._streets = turn.roster, turn.streets
         self._ids = turn.streets.ids(hidden)
         self._places = _Places(self._ids, turn.streets.columns.xy[hidden])
         self._sensors: list[list[ISensor]] = [[] for _ in turn.roster.agents]  # of each agent, that look from nodes
-        in_air: dict[Hashable, tuple[Look, list[int]]] = {}  # how sensors look from the air, and who carries them
+        moving: dict[Hashable, tuple[Look, list[int]]] = {}  # how others look that turn or fly, and who carries them
         for number, agent in enumerate(turn.roster.agents):
             for sensor in getattr(agent, "sensors", {}).values():
                 look = _look_of(sensor, agent)
-                if not isinstance(look, str) and look.quat is not None:
-                    key = type(look), look.radius, look.place, look.quat, look.fov, look.height
-                    in_air.setdefault(key, (look, []))[1].append(number)
+                if not isinstance(look, str) and (look.turns or look.quat is not None):
+                    key = type(look), look.radius, look.place, look.cone, look.quat, look.fov, look.height
+                    moving.setdefault(key, (look, []))[1].append(number)
                 else:
                     self._sensors[number].append(sensor)
         x, y = turn.streets.axes
@@ -360,9 +360,9 @@ class _Views:
         beside = np.flatnonzero(is_beside)  # those that are where these nodes are: a sensor that shows nodes shows both
         are_same = (x[beside, None] == x[hidden]) & (y[beside, None] == y[hidden])
         own = np.eye(len(hidden), dtype=np.bool_)
-        self._in_air = [
+        self._moving = [
             (look, np.array(carriers), *((hidden, own) if isinstance(look, AgentLook) else (beside, are_same)))
-            for look, carriers in in_air.values()
+            for look, carriers in moving.values()
         ]
         self._number = np.full((len(turn.roster.names), turn.streets.num_nodes), -1)
         self._seen = np.zeros((1, len(hidden)), np.bool_)  # one row at least, for -1 is looked up, too
@@ -370,16 +370,14 @@ class _Views:
     def seen(self, turn: ArrayTurn, looks: BoolArray) -> BoolArray:
         """Return which nodes agents that look have in view, (games, agents, nodes)."""
         found = self._from_nodes(turn.node, looks)
-        for look, carriers, rows, are_same in self._in_air:
+        for look, carriers, rows, are_same in self._moving:
             at, i = np.nonzero(looks[:, carriers])
-            agents = carriers[i]
-            several = [np.repeat(column, len(rows)) for column in (at, agents)]
-            seen = turn.see_from_air(look, several[0], several[1], np.tile(rows, len(at))).reshape(len(at), len(rows))
-            found[at, agents] |= (seen[:, :, None] & are_same).any(axis=1)
+            seen = turn.nodes_in_view(look, at, carriers[i], rows)
+            found[at, carriers[i]] |= (seen[:, :, None] & are_same).any(axis=1)
         return found
 
     def _from_nodes(self, node: IntArray, looks: BoolArray) -> BoolArray:
-        """Return the same of sensors that look from nodes."""
+        """Return the same of sensors that show the same from a node."""
         agents = np.broadcast_to(np.arange(node.shape[1]), node.shape)
         new = np.flatnonzero(looks & (self._number[agents, node] < 0))
         pairs = np.unique(agents.ravel()[new] * self._number.shape[1] + node.ravel()[new])
@@ -400,9 +398,8 @@ def _why_not_looked(agents: Iterable[IAgent]) -> str | None:
     for agent in agents:
         for name, sensor in getattr(agent, "sensors", {}).items():
             look = _look_of(sensor, agent)
-            why = look if isinstance(look, str) else "turns with its agent" if look.turns else None
-            if why is not None:
-                return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
+            if isinstance(look, str):
+                return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}"
     return None
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue
-from gamms.game.batch.columns import some_rows
+from gamms.game.batch.columns import places_of, some_rows
 from gamms.game.batch.flights import Flyers
 from gamms.game.batch.sight_lines import SightLines, Spots
 from gamms.game.batch.state import GameArrays
@@ -418,7 +418,7 @@ def _covered_from_air(world: World, look: AgentLook, at: IntArray, looking: IntA
         x0, y0 = (np.full(1, place) for place in look.place[:2])
     x, y = world.state.streets.axes
     which, rows = _around(x0, y0, (x, y), look.radius)
-    kept = are_seen_from_air(world, look, (at[which], looking[which]), rows)
+    kept = _are_seen_from_air(world, look, (at[which], looking[which]), rows)
     which, rows = which[kept], rows[kept]
     if look.place is None:
         return which, rows
@@ -426,7 +426,40 @@ def _covered_from_air(world: World, look: AgentLook, at: IntArray, looking: IntA
     return np.repeat(np.arange(len(at)), len(rows)), np.tile(rows, len(at))
 
 
-def are_seen_from_air(world: World, look: Look, looking: tuple[IntArray, IntArray], rows: IntArray) -> BoolArray:
+def nodes_in_view(world: World, look: Look, looking: tuple[IntArray, IntArray, IntArray], rows: IntArray) -> BoolArray:
+    """Return which nodes are in view of sensors that look from the air, or turn with their agents, (looks, nodes).
+
+    Args:
+        world: where agents are.
+        look: of the sensors.
+        looking: the games of the view, the agents of the roster that look, and the rows of their nodes, (looks,) each.
+        rows: of the nodes, (nodes,) each once.
+    """
+    at, agents, here = looking
+    shape = len(at), len(rows)
+    if look.quat is not None:
+        which = np.repeat(np.arange(shape[0]), shape[1])
+        seen = _are_seen_from_air(world, look, (at[which], agents[which]), np.tile(rows, shape[0]))
+        return seen.reshape(shape)
+    shared, streets, found = world.state.shared, world.state.streets, np.zeros(shape, np.bool_)
+    key = "around", type(look), look.radius, look.cone, look.height
+    if key not in shared:
+        from_node = look.covers if isinstance(look, AgentLook) else look.from_node
+        shared[key] = KnownViews(streets, NodeLook(look.radius, from_node=from_node))
+    place, (x, y) = places_of(rows, streets.num_nodes), streets.axes
+    ends, around = shared[key].of(here)
+    which = np.repeat(np.arange(shape[0]), np.diff(ends))
+    which, around = which[place[around] >= 0], around[place[around] >= 0]
+    if look.cone is not None:
+        where = here[which]
+        those, offsets = (world.games[at[which]], agents[which], where), (x[around] - x[where], y[around] - y[where])
+        is_ahead = in_turned_cone(world.state, those, offsets, look.cone)
+        which, around = which[is_ahead], around[is_ahead]
+    found[which, place[around]] = True
+    return found
+
+
+def _are_seen_from_air(world: World, look: Look, looking: tuple[IntArray, IntArray], rows: IntArray) -> BoolArray:
     """Return which nodes are in view of sensors in the air, (looks,).
 
     Args:

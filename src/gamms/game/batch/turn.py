@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import once, places_of, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.moves_of_turn import MovesOfTurn
-from gamms.game.batch.reports import Look, World, are_seen_from_air
+from gamms.game.batch.reports import Look, World, nodes_in_view
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, NotTakenUp, routes_of
@@ -239,9 +239,19 @@ class ArrayTurn(MovesOfTurn):
             return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
         return flyers.agents, flyers.xyz[self.games]
 
-    def see_from_air(self, look: Look, at: IntArray, agents: IntArray, nodes: IntArray) -> BoolArray:
-        """Return which nodes, by rows, agents have in view with a sensor that looks from the air, (looks,)."""
-        return are_seen_from_air(World(self._state, self.games), look, (at, agents), nodes)
+    def nodes_in_view(self, look: Look, at: IntArray, agents: IntArray, nodes: IntArray) -> BoolArray:
+        """Return which nodes agents have in view with a sensor that looks from the air or turns with them.
+
+        Args:
+            look: of the sensor.
+            at: (looks,) the games of this turn.
+            agents: (looks,) the numbers of those that look.
+            nodes: rows, (nodes,) each once.
+
+        Returns:
+            (looks, nodes)
+        """
+        return nodes_in_view(World(self._state, self.games), look, (at, agents, self.node[at, agents]), nodes)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""
