@@ -7,6 +7,7 @@ from batch_scenes import WALK, plain, scene
 import gamms
 from gamms.errors import BadValue
 from gamms.rules import Conflicts, tag
+from gamms.strategies import first, mix, random_walk, stay
 
 DRONE = {"count": 2, "type": "aerial", "speed": 12.0, "altitude": 5.0, "strategy": WALK}
 
@@ -54,6 +55,10 @@ HOLD = {"rule": "hold", "with": {"nodes": [6, 7, 8, 12], "turns": 1, "ends": Fal
 FUEL = {"rule": "resource", "with": {"name": "fuel", "start": 40, "per_metre": 1, "recharge": {12: 30}}}
 TAG = {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "hops": 1, "air": True}}
 BACK = {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "hops": 2, "air": True}}
+
+
+def test_agents_that_fly_by_a_mix_of_strategies_are_played_in_arrays(same_as_one_by_one):
+    same_as_one_by_one(flying(), [1, 2], {"air": lambda ctx: mix(0.6, climb(ctx), first(random_walk, stay))})
 
 
 @pytest.mark.parametrize("rules", [(), (CAPTURE, HOLD), (FUEL, TAG, BACK)])

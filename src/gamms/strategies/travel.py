@@ -11,7 +11,7 @@ from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.device_view import DeviceView
-from gamms.game.batch.forms import FLIES
+from gamms.game.batch.forms import FLIES, flies
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
@@ -290,11 +290,15 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
 
     passing = all(getattr(getattr(option, "array_form", None), MAY_SKIP, False) for option in options)
     offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing, is_portable=True)
+    setattr(strategy, FLIES, all(map(flies, options)))
     return strategy
 
 
-def _first_in_arrays(*forms_and_view: Any) -> IntArray:
+def _first_in_arrays(*forms_and_view: Any) -> Tensor:
     *forms, view = forms_and_view
+    if view.flies:  # those for agents that fly always set an action
+        flights: FloatArray = forms[0](view)
+        return flights
     actions = no_actions(view)
     for form in forms:
         actions = asked(view, actions, form, actions < 0)
@@ -321,11 +325,14 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
         options[drawn_fraction(state, "mix") < chance](state)
 
     offer_form(strategy, _mix_in_arrays, chance, parts=options, is_portable=True)
+    setattr(strategy, FLIES, all(map(flies, options)))
     return strategy
 
 
-def _mix_in_arrays(chance: float, b: ArrayStrategy, a: ArrayStrategy, view: ArrayView) -> IntArray:
+def _mix_in_arrays(chance: float, b: ArrayStrategy, a: ArrayStrategy, view: ArrayView) -> Tensor:
     is_a = view.draw.random() < chance
+    if view.flies:
+        return np.where(is_a[..., None], a(view.only(is_a)), b(view.only(~is_a)))
     return asked(view, asked(view, no_actions(view), a, is_a), b, ~is_a)
 
 
