@@ -136,8 +136,8 @@ class TurnMoves:
 
         All moves lead along one edge, or none.
         """
-        ours, there = self.order.of_side(a).pick, self.order.of_side(b).pick(self.ends)
-        nodes = {*ours(self.ends), *ours(self.starts)} if crossing else set(ours(self.ends))
+        ours, there = self.order.of_side(a), self.order.of_side(b).of(self.ends)
+        nodes = {*ours.of(self.ends), *ours.of(self.starts)} if crossing else set(ours.of(self.ends))
         return not nodes.isdisjoint(there)
 
     def are_single_steps(self, block: AgentBlock, a: Hashable, b: Hashable) -> bool:

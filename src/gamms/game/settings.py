@@ -369,9 +369,10 @@ class RuleSet:
         was_called = False
         while rules:
             for named in rules:
-                if named.phase == phase and (self.rules is seen or named in self.rules):
+                _, rule, when = named
+                if when == phase and (self.rules is seen or named in self.rules):
                     try:
-                        named.rule(self._ctx)
+                        rule(self._ctx)
                     except Exception as error:
                         _add_place(error, named, phase, state)
                         raise

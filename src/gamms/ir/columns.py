@@ -272,10 +272,14 @@ class Selection:
         rows: which.
     """
 
-    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks: turns).
+    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks: turns). What has slots
+    # is read at once, also where there is a dict for what is cached.
+
+    __slots__ = ("__dict__", "_gather", "_others", "_pick", "_places", "rows")
 
     def __init__(self, rows: list[int]) -> None:
         self.rows = rows
+        self._pick: Callable[[Sequence[Any]], Iterable[Any]] | None = None
         self._places: list[int] = []  # of columns of this size: where `moved` has their values
         self._others: list[int] = []  # the other rows of such columns
         self._gather: Callable[[Sequence[Any]], Iterable[Any]] = tuple
@@ -298,14 +302,14 @@ class Selection:
         """The rows as an array."""
         return np.array(self.rows, np.int64)
 
-    @cached_property
-    def pick(self) -> Callable[[Sequence[Any]], Iterable[Any]]:
-        """The function that picks these rows of a list."""
-        return _picker(self.rows)
-
     def of(self, column: Sequence[Any]) -> Any:
         """Return what the column holds in these rows: a list, or a view of an array."""
-        return [*self.pick(column)] if type(column) is list else np.asarray(column).take(self.array).data
+        if type(column) is not list:
+            return np.asarray(column).take(self.array).data
+        pick = self._pick
+        if pick is None:
+            pick = self._pick = _picker(self.rows)
+        return [*pick(column)]
 
     def moved(self, node: list[Any], previous: list[Any], values: Sequence[Any]) -> tuple[list[Any], list[Any]]:
         """Return the columns of nodes and previous nodes once those in these rows are others; the given ones go."""
@@ -316,7 +320,8 @@ class Selection:
             values = [*values, *[node[row] for row in self._others]]
             for row in self._others:
                 node[row] = previous[row]
-        return [*self._gather(values)], node
+        gather = self._gather
+        return [*gather(values)], node
 
     def _fit(self, size: int) -> None:
         """Find the other rows of columns of a size, and how such a column is gathered from the values of both."""
