@@ -161,7 +161,7 @@ def test_as_many_agents_as_fill_a_block_draw_as_alone():
 
 
 @pytest.mark.parametrize("is_team", [False, True])
-def test_what_an_agent_draws_from_stays_when_others_die_and_come_and_is_new_with_another_seed(grid, is_team):
+def test_what_an_agent_draws_from_stays_when_others_die_and_come_and_with_another_seed(grid, is_team):
     held = {}
 
     def strategy(state):
@@ -184,7 +184,7 @@ def test_what_an_agent_draws_from_stays_when_others_die_and_come_and_is_new_with
             ctx.game.step()
             change()
         ctx.game.step()
-    assert [draw is held["red_1"][0][0] for draw, *_ in held["red_1"]] == [True] * 4 + [False]
+    assert [draw is held["red_1"][0][0] for draw, *_ in held["red_1"]] == [True] * 5
     assert [team for _, team, _ in held["red_3"]] == ["red"] * 3 + ["blue"] * 2
     assert {name: len(drawn) for name, drawn in held.items()} == dict.fromkeys(("red_1", "red_3"), 5) | {
         "red_0": 1,

@@ -64,6 +64,10 @@ class DrawTable:
         self._names.append(name)
         return len(self._names) - 1
 
+    def rekey(self, seed: int) -> None:
+        """Let all draws follow from another seed from now on; those of each agent need to know, too."""
+        self.seed, self.turn, self.row, self._of_names = seed, -1, [], 0
+
     def begin_turn(self, turn: int) -> None:
         """Set `row` to the first draws in a turn."""
         at, count = turn - self._begin, len(self._names)
@@ -124,6 +128,10 @@ class Draws:
         """Go on from a mark of this turn."""
         self._turn = -1 if mark is None else self._clock.turn
         self._count = mark or 0
+
+    def rekey(self) -> None:
+        """Draw by the seed that the table has now."""
+        self._turn = self._keyed_turn = -1
 
     def bits(self) -> int:
         """Return 64 random bits."""
@@ -291,6 +299,10 @@ class TurnGenerator(Generator):
         self._seed, self._clock, self._name = seed, clock, name
         self._turn = -1
         self._begin: Any = None
+
+    def rekey(self, seed: int) -> None:
+        """Draw by another seed from now on."""
+        self._seed, self._turn, self._begin = seed, -1, None
 
     def seek(self) -> None:
         """Begin the stream of this turn."""

@@ -174,6 +174,13 @@ class AgentSlot:
         """Return what it has drawn in this turn, for `go_to`."""
         return self._draws and self._draws.mark(), self._rng and self._rng.mark()
 
+    def rekey(self, seed: int) -> None:
+        """Draw by another seed, which the table has already."""
+        if self._draws is not None:
+            self._draws.rekey()
+        if self._rng is not None:
+            self._rng.rekey(seed)
+
     def go_to(self, marks: tuple[Any, Any]) -> None:
         """Go on drawing from marks of this turn."""
         draws, rng = marks
@@ -336,6 +343,13 @@ class SlotMaker:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
 
+    def rekey(self, slots: Iterable[AgentSlot]) -> None:
+        """Let the agents of these slots, all that were made last, draw by the seed that the context has now."""
+        if self._table is not None:
+            self._table.rekey(self._ctx.seed)
+        for slot in slots:
+            slot.rekey(self._ctx.seed)
+
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
     ) -> tuple[Sequence[AgentSlot], Succession | None]:
@@ -350,7 +364,7 @@ class SlotMaker:
         """
         agents, seed, block, table = self._ctx.agent, self._ctx.seed, self._ctx.agent.block, self._table
         are_lazy, made, since = isinstance(before, LazySlots), made_slots(before), None
-        if table is None or version is None or table.seed != seed or len(table) > 2 * len(made) + _FEW_GONE:
+        if table is None or version is None or len(table) > 2 * len(made) + _FEW_GONE:
             table, made = DrawTable(seed, self._state), ()
         elif are_lazy == block.has_arrays:
             since = block.structure.since(version)

@@ -428,7 +428,8 @@ class GameInternals(Guarded):
     @refused_while_deciding
     def restart_streams(self, *, is_other_seed: bool) -> None:
         """Start what agents and the global generators draw again from the seed that the context has now."""
-        self.state.stream_version += is_other_seed
+        if is_other_seed:
+            self._parts.turns.restart_streams()
         self._parts.global_random.forget()
 
     @refused_while_deciding

@@ -130,6 +130,10 @@ class TurnEngine:
         finally:
             self._phase.agent = None
 
+    def restart_streams(self) -> None:
+        """Let agents draw by the seed that the context has now."""
+        self._slots.rekey(() if self._order is None else made_slots(self._order.slots))
+
     def close(self) -> None:
         """Close the event loop, if one was opened."""
         if self._loop is not None:
@@ -260,8 +264,7 @@ class TurnEngine:
 
     def _play_in_parts(self, order: TurnOrder, observers: list[Observer], rules: RuleSet) -> None:
         """Let the agents of each part decide and move."""
-        state = self._state
-        first = state.parts_played or 0
+        state, first = self._state, self._state.parts_played or 0
         turn = self._play_part(order, first, observers, rules)
         if order.has_parts:
             state.moves = self._play_later_parts(turn, first, observers, rules)
@@ -332,8 +335,7 @@ class TurnEngine:
         slots = turn.slots
         for i in part.members:
             name = slots[i].name
-            why = refusals.moves.get(name)
-            if why:
+            if why := refusals.moves.get(name):
                 self._stop(turn, [i], "; ".join(sorted(why)))
             for kind, reasons in sorted(refusals.deeds.get(name, {}).items()):
                 message = f"{kind}: {'; '.join(sorted(reasons))}"

@@ -227,7 +227,7 @@ class GameState:
         parts_played: of a turn that is under way how many parts have moved, in a fork for agents that decide in it;
             None: it is between two turns.
         has_begun: whether a turn was played since the game was created, reset or resumed.
-        stream_version: changes whenever all random streams begin again.
+        stream_version: changes whenever counts and memories are other objects, and all random streams begin again.
         histories: of each log, for snapshots.
         shared_logs: those logs that are the ones of another game and were not read yet.
     """
