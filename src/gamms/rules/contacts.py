@@ -52,7 +52,6 @@ class Nearness(NamedTuple):
 
 
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
-Test = Callable[[IAgent], object]  # whether an agent is on a side
 Place = int | Position  # where an agent counts as being: a node id; (x, y, z) of one that flies, where that is measured
 Leg = tuple[int, int, float, float]  # ids of the nodes that an edge leads from and to; from when until when
 _Distances = dict[tuple[Place, Place], float]
