@@ -248,7 +248,7 @@ def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     assert np.array_equal(both, is_asked & [expected, lower])
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_fast_form_agrees_on_whole_towns(seed):
     rng = np.random.default_rng(seed)
     grain = (0.0, 1.0, 10.0)[seed % 3]

@@ -26,7 +26,7 @@ def recording(tmp_path):
 
 @pytest.fixture
 def shown(monkeypatch):
-    """How many turns had been shown when the window was closed, after sixty frames."""
+    """How many turns had been shown when the window was closed, after thirty frames."""
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     from gamms.visual.window.engine import WindowEngine
@@ -39,7 +39,7 @@ def shown(monkeypatch):
         if len(engine.ctx.graph.columns().xy):
             in_view.append(is_in_view(engine))
         frames.append(engine.ctx.record.is_replaying)
-        if len(frames) == 60:
+        if len(frames) == 30:
             turns.append(engine.overlay.turns)
             assert all(in_view)
             engine.quit()

@@ -292,7 +292,7 @@ def test_the_window_of_a_game_that_is_over_stays_open_at_the_end_of_the_program(
     with a_game(screen, case) as player:
         window = find()
         assert player.stdout.readline() == "done False\n"
-        assert {player.stdout.readline() for _ in range(20)} == {"frame\n"}
+        assert {player.stdout.readline() for _ in range(8)} == {"frame\n"}
         close(screen, window)
         assert (player.wait(60), player.stderr.read()) == (0, "")
 
