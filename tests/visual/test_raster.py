@@ -17,7 +17,7 @@ from gamms.visual.backends.pygame_backend import Canvas, stamp
 from gamms.visual.backends.raster import painted
 from gamms.visual.backends.svg import svg
 from gamms.visual.camera import FAINTEST_PX, Camera
-from gamms.visual.drawing import Commands
+from gamms.visual.drawing import Commands, Disc
 
 WHITE = (255, 255, 255, 255)
 IN_PIXELS = Camera(100, 50, 0.0, 50.0, 1.0)  # world x, y is pixel x, 50 - y
@@ -223,6 +223,21 @@ def test_circles_out_of_sight_are_left_out_and_no_others(circles, view):
         alone.append(one)
     seen = [pixels(commands, camera)[:, :, 1] < 255 for commands in alone]
     assert ((pixels(together, camera)[:, :, 1] < 255) == np.any(seen, axis=0)).all()
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 1.2, 4.0])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.6, -0.8)])
+def test_a_disc_is_painted_in_the_larger_of_its_sizes(scale, shift):
+    disc, camera = Disc(9.0, 10.0, RED, (0, 0, 255), 1.5), Camera(60, 60, -30.1 / scale, 30.1 / scale, scale)
+    places, moves = np.array([(0.0, 0.0), (3.25, 8.0)]), np.array([shift, (0.0, 0.0)])
+    both, larger = Commands(), Commands()
+    both.add_discs(places, [disc], np.zeros(2, np.int64), moves)
+    radius = max(9.0, 10.0 / scale)
+    for (x, y), (right, down) in zip(places.tolist(), moves.tolist(), strict=True):
+        at = [(x + right * radius, y - down * radius)]
+        larger.add_circles(at, radius, disc.edge, disc.edge_px)
+        larger.add_circles(at, radius, disc.color)
+    assert np.array_equal(pixels(both, camera), pixels(larger, camera))
 
 
 def test_stamps_look_the_same_when_they_are_painted_again():

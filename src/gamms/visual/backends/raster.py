@@ -30,6 +30,7 @@ _OPAQUE = 255
 _STEPS = 4  # places within a pixel at which a stamp can be
 _BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # of a stamp's radius, width, reach, two steps, red, green and blue
 _NEXT = 4  # circles make a disc
+_SAME = 1e-3  # of its radius: how far apart both sizes of a disc are at most
 _EDGES_PX = 1.2  # the smooth edges of two circles, and what their radii are rounded by
 
 
@@ -143,6 +144,7 @@ class _Circles:
         self.shift[is_moved] = commands.points[commands.offsets[rows[is_moved]] + 1]
         self.size, self.width, self.color = commands.size[rows], commands.width[rows], commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
+        self._discs = self._first_of_discs()
         self._seen: tuple[float, tuple[np.ndarray[Any, Any], ...]] | None = None  # at the scale that was shown last
         self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
         self.largest_px, self.widest_px, self.farthest_px = (
@@ -170,7 +172,27 @@ class _Circles:
         """Return centres, shifts, radii in pixels, widths and colours of those that can be seen at a scale."""
         radius = self.size * np.where(self.is_in_world, scale, 1.0)
         seen = (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
+        # NOTE: a disc is painted in the larger of its sizes: a quarter of the stamps (a window with 10,000 agents).
+        smaller = self._discs + (radius[self._discs] >= radius[self._discs + 1])
+        seen[smaller] = seen[smaller + 2] = False
         return tuple(column[seen] for column in (self.centers, self.shift, radius, self.width, self.color))
+
+    def _first_of_discs(self) -> IntArray:
+        """Return the first row of each opaque disc as `Commands.add_discs` adds it, in world units and in pixels."""
+        i = np.arange(len(self.size) - 3) if len(self.size) > 3 else np.zeros(0, np.int64)
+        i = i[self.is_in_world[i] & self.is_in_world[i + 2] & ~self.is_in_world[i + 1] & ~self.is_in_world[i + 3]]
+        i = i[(self.width[i] == self.width[i + 1]) & (self.width[i + 2] == 0.0) & (self.width[i + 3] == 0.0)]
+        i = i[(self.size[i] == self.size[i + 2]) & (self.size[i + 1] == self.size[i + 3])]
+        i = i[(self.color[i, 3] == _OPAQUE) & (self.color[i + 2, 3] == _OPAQUE)]
+        for row in (0, 2):
+            i = i[(self.color[i + row] == self.color[i + row + 1]).all(axis=1)]
+        for column in (self.centers, self.shift):
+            i = i[((column[i] == column[i + 2]) & (column[i + 1] == column[i + 3])).all(axis=1)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = self.shift[i + 1] * (self.size[i] / self.size[i + 1])[:, None] * (1.0, -1.0)
+            is_one = np.abs(self.centers[i] - self.centers[i + 1] - away) <= _SAME * self.size[i, None]
+        first: IntArray = i[is_one.all(axis=1)]
+        return first
 
 
 def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]:
