@@ -23,12 +23,12 @@ from gamms.errors import BadFile, BadValue, GammsError, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
 from gamms.graph.obstacles import Obstacles, checked_face
-from gamms.graph.store import ClosedEdges, GraphStore
+from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
 from gamms.ir.deflated import Array
 from gamms.ir.geometry import points_of
-from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
+from gamms.ir.graph import ClosedEdges, CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.scenery import Scenery, no_scenery
 from gamms.limits import Allowance

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.graph.obstacles import Obstacles
-from gamms.graph.store import Cache, ClosedEdges, GraphStore
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.graph.store import Cache, GraphStore
+from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.scenery import Scenery
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.map_storage import IMapStorage, IPackedGraph, LeftOut, packed_graphs
+from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -192,6 +193,15 @@ class MapStorage(Guarded, IMapStorage):
         """Return the ids of the edges, in their order, and those that are closed."""
         edges = self._store.edges
         return edges.array("ids")[edges.living()], self._store.closed
+
+    def reopened(self) -> tuple[GraphColumns, RouteQueries]:
+        """Return the graph on which closed roads are open, behind all other edges, and its routes."""
+        from gamms.graph.graph import Graph
+
+        graph, closed = Graph(self._store.fork()), self._store.closed
+        for id in [id for id in closed if self._store.edges.index.row(id) < 0]:
+            graph.add_edge(dict(closed[id]))
+        return graph.columns(), graph.routes
 
     @refused_while_deciding
     def place_stream(self) -> "Generator":

@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable
 from copy import deepcopy
 from itertools import islice
 from math import isfinite
@@ -19,7 +19,7 @@ from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
 from gamms.graph.tables import Closed, EdgeTable, NodeTable, joined, kept
-from gamms.ir.graph import FloatArray, GraphColumns, read_only
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given, read_only
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
@@ -29,7 +29,6 @@ _SHARE = 8  # when one node in so many was asked for, the neighbourhoods of all 
 _LATE = ("edges", "indexes", "closed", "revision", "_columns")  # attributes that say which edges there are
 _GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
-ClosedEdges = Mapping[int, Mapping[str, Any]]
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
 
@@ -226,9 +225,8 @@ class GraphStore:
         edges, node_ids, closed = self.edges, self.nodes.ids, dict(self.closed)
         for id in ids:
             row = edges.find(id)
-            ends = {"source": node_ids[edges.sources[row]], "target": node_ids[edges.targets[row]]}
-            shape = {"linestring": edges.polylines[row]} if row in edges.polylines else {}
-            closed[id] = {**edges.attributes_of(row), "id": id, **ends, "length": edges.lengths[row], **shape}
+            ends, line = (node_ids[edges.sources[row]], node_ids[edges.targets[row]]), edges.polylines.get(row)
+            closed[id] = edge_as_given(id, ends, edges.lengths[row], line, edges.attributes_of(row))
             self._drop_edge(row)
         self.closed = closed
         self.revision += 1

@@ -10,6 +10,7 @@ import numpy as np
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 RowArray = np.ndarray[Any, np.dtype[np.integer[Any]]]  # row numbers of any width
+ClosedEdges = Mapping[int, Mapping[str, Any]]  # id -> edge, see `edge_as_given`
 V = TypeVar("V")
 
 A = TypeVar("A", bound=np.ndarray[Any, Any])
@@ -180,6 +181,14 @@ class GraphColumns:
     edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
     revision: int
     crs: str | None
+
+
+def edge_as_given(
+    id: int, ends: tuple[int, int], length: float, line: FloatArray | None, attributes: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return an edge as `add_edge` takes it: with the ids of its ends, a polyline or None, and other attributes."""
+    shape = {} if line is None else {"linestring": line}
+    return {**attributes, "id": id, "source": ends[0], "target": ends[1], "length": length, **shape}
 
 
 def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edges: IntArray) -> GraphColumns:

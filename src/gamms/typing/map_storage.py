@@ -1,12 +1,13 @@
 """Contracts of maps, which are a graph and its obstacles, as bytes and as snapshots; for engines, not for programs."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.plugins import Registry
+from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -99,9 +100,7 @@ class IMapStorage(ABC):
         """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
 
     @abstractmethod
-    def restore_when_read(
-        self, before: Any, edges: Callable[[], GraphColumns] | None, closed: Mapping[int, Mapping[str, Any]]
-    ) -> None:
+    def restore_when_read(self, before: Any, edges: Callable[[], GraphColumns] | None, closed: ClosedEdges) -> None:
         """Restore the graph of a snapshot, which may have other edges, once edges are asked for.
 
         Args:
@@ -115,8 +114,15 @@ class IMapStorage(ABC):
         """Whether roads were closed, opened or removed since `restore_when_read`; None: the map changed otherwise."""
 
     @abstractmethod
-    def roads(self) -> tuple[IntArray, Mapping[int, Mapping[str, Any]]]:
+    def roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of the edges, in their order, and those that are closed, as `restore_when_read` takes them."""
+
+    @abstractmethod
+    def reopened(self) -> tuple[GraphColumns, RouteQueries]:
+        """Return the graph on which closed roads are open, behind all other edges, and its routes.
+
+        Edges that are closed and whose ids others have are not there.
+        """
 
     @abstractmethod
     def restart_stream(self) -> None:
