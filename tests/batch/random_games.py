@@ -298,6 +298,7 @@ class Drawn:
     reserved: dict | None = None
     default_action: object = None  # where strategies may raise
     flights: dict | None = None  # of some agents, which fly
+    closed: set = frozenset()  # numbers of streets that are closed at the start
 
     @property
     def moves_before(self):
@@ -345,6 +346,7 @@ class Drawn:
                 between = [(x + 0.4, y - 0.3), (x1 - 0.2, y1 + 0.7)][: number % 3]
                 edge["linestring"] = [(x, y), *between, (x1, y1)]
             ctx.graph.graph.add_edge({"id": number * 7 % 71, **edge})
+        ctx.graph.close_roads([number * 7 % 71 for number in self.closed if number < len(self.streets)])
         for number, is_upright, height in self.walls:
             x, y = number % 7 + 0.5, number // 7 - 0.5
             ends = ((x, y), (x, y + 1)) if is_upright else ((x, y), (x + 1, y))
@@ -446,4 +448,5 @@ def games(draw, how=tuple(MOTIONS), in_air=False):
         reserved={agents[min(agents)][0]: ["b9", "y9", "z9"]},
         default_action=default_action,
         flights=draw(flights) if in_air else None,
+        closed=draw(st.sets(st.integers(0, 40), max_size=4)),
     )

@@ -79,12 +79,10 @@ def rash(state):
 # what it would have known of the turns before the batch.
 LEAVE = re.compile(
     "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
-    "changes roads(, where agents go by metres| where agents are about to move)|comes with another team, kind or speed|"
+    "comes with another team, kind or speed|"
     r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
 )
-ONE_BY_ONE = re.compile(
-    "closed since the start|draws for several|draws at a fixed place for several|a game that is over|'before'"
-)
+ONE_BY_ONE = re.compile("draws for several|draws at a fixed place for several|a game that is over|'before'")
 
 
 def attentive(state, *more):

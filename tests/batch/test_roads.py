@@ -21,11 +21,17 @@ def dig(ctx):
         ctx.graph.open_roads(ctx.graph.closed_roads[1:2])
 
 
-def check(scenario, strategies=None, rules=(dig,)):
-    """Check that games in which other roads are closed stay in arrays, and are those that are played alone."""
+def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), turns=0):
+    """Check that games in which other roads are closed stay in arrays, and are those that are played alone.
+
+    The first of the rules is one of the phase; the games begin after some turns, with closed edges.
+    """
     with scenario.build(seed=1, strategies=strategies) as ctx:
+        ctx.graph.close_roads(closed)
         for rule in rules:
-            ctx.game.add(rule)
+            ctx.game.add(rule, phase=phase if rule is rules[0] else "after")
+        for _ in range(turns):
+            ctx.game.step()
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
             while not games.is_over.all():
                 games.step()
@@ -44,6 +50,7 @@ def check(scenario, strategies=None, rules=(dig,)):
         ({}, {"legal": "any"}),
         ({"speed": 2.5}, {}),
         ({"speed": 0.7}, {"order": [["red"], ["blue"]]}),
+        ({"speed": 7.0}, {"speed_unit": "metres"}),
     ],
 )
 @pytest.mark.parametrize("strategy", ["chase", "flee"])
@@ -52,6 +59,62 @@ def test_games_in_which_other_roads_are_closed_stay_in_arrays(speed, settings, s
     team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"], **speed}
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
     check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings))
+
+
+def undermine(ctx):
+    """Close or remove the edge that an agent is on, or its next one, and open what was closed."""
+    draw, graph = ctx.stream("undermine", ctx.game.turn), ctx.graph
+    on = [agent.edge[2] for agent in ctx.game.agents if agent.edge is not None]
+    edges = on or [*graph.graph.get_edges()]
+    chosen = edges[int(draw.integers(len(edges)))]
+    if draw.random() < 0.2:
+        graph.graph.remove_edge(chosen)
+    else:
+        graph.close_roads([chosen])
+    if draw.random() < 0.5:
+        graph.open_roads(graph.closed_roads[::2])
+
+
+def tell(ctx):
+    """Note how agents have moved."""
+    for name, move in ctx.game.moves.items():
+        ctx.game.emit("went", agent=name, path=[*move.path], legs=[[*leg] for leg in move.legs])
+
+
+@pytest.mark.parametrize(
+    ("phase", "settings"),
+    [
+        ("before", {"speed_unit": "metres"}),
+        ("after", {"speed_unit": "metres", "decide": "arrival"}),
+        ("deeds", {"speed_unit": "metres", "decide": "arrival", "order": [["blue"], ["red"]]}),
+        ("deeds", {"order": [["red"], ["blue"]]}),
+        ("deeds", {}),
+    ],
+)
+def test_agents_stop_where_their_way_is_closed_and_leave_edges_that_are(phase, settings):
+    speed = {"speed": 7.0 if settings.get("speed_unit") else 2.5}
+    teams = {"red": {"count": 3, "strategy": "gamms.strategies:random_walk", **speed}}
+    teams["blue"] = {"count": 3, "strategy": {"function": "gamms.strategies:patrol", "with": {"nodes": [0, 12, 20]}}}
+    teams["blue"] |= speed
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 4.0, "then": "respawn"}}
+    fuel = {"rule": "resource", "with": {"name": "fuel", "start": 400, "per_metre": 0.5}}
+    scenario = scene([tag, fuel], teams=teams, settings=settings, conflicts={"capacity": 1})
+    results = check(scenario, rules=(undermine, tell), phase=phase)
+    assert any(result.agents[name]["blocked"] for result in results for name in result.agents)
+
+
+@pytest.mark.parametrize(("settings", "turns"), [({}, 5), ({"speed_unit": "metres"}, 0)])
+def test_games_begin_with_closed_roads_that_are_opened_later(settings, turns):
+    def reopen(ctx):
+        if ctx.game.turn in (7, 9):
+            ctx.graph.open_roads(ctx.graph.closed_roads[ctx.seed % 2 :: 2])
+
+    team = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"], "speed": 7.0 if settings else 2}
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}
+    scenario = scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings)
+    results = check(scenario, rules=(reopen, dig), closed=range(2, 30, 2), turns=turns)
+    assert len({tuple(sorted(result.scores.items())) for result in results}) > 1
 
 
 def test_what_is_worked_out_for_maps_may_be_forgotten(monkeypatch):

@@ -65,6 +65,7 @@ class MovesOfOneGame:
     Attributes:
         roster: the agents.
         streets: as given.
+        columns: of the graph.
         node, ends: (1, agents) rows of the nodes where moves begin and end.
         alive: (1, agents), all.
         places: None: they begin and end on nodes.
@@ -77,6 +78,7 @@ class MovesOfOneGame:
 
     def __init__(self, turn: "TurnMoves", streets: Streets, seed: int, number: int, shared: dict[Any, Any]) -> None:
         self.roster, self.streets, self._seed, self._turn, self._shared = turn.order, streets, seed, number, shared
+        self.columns = streets.columns
         self.node = streets.rows(np.asarray(turn.starts, np.int64))[None]
         self.ends = streets.rows(np.asarray(turn.ends, np.int64))[None]
         self.alive = np.ones(self.node.shape, np.bool_)

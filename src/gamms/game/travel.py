@@ -329,8 +329,11 @@ class Travel:
         return place
 
     def is_going(self, place: Progress) -> bool:
-        """Whether an agent is on its way along an edge that is there."""
-        return place.motion in (Motion.FORWARD, Motion.BACK) and self.roads.on(place.edge) is not None
+        """Whether an agent is on its way along an edge that is there, or back where one may turn round on it."""
+        road = self.roads.on(place.edge)
+        if road is None or place.motion == Motion.BACK:
+            return road is not None and self.roads.back(road) is not None
+        return place.motion == Motion.FORWARD
 
     # -- ways -----------------------------------------------------------------------------------------------------
 
@@ -399,7 +402,7 @@ class Travel:
         if place is None or road is None:
             return self._legal_from(roads, here, speed, 0.0)
         ahead, behind = roads.turns(road, 1.0 - place.share, speed), roads.turns(road, place.share, speed)
-        if self._settings.decide == "arrival" and place.motion in (Motion.FORWARD, Motion.BACK):
+        if self._settings.decide == "arrival" and self.is_going(place):
             next_node, begun = (here, behind) if place.motion is Motion.BACK else (place.target, ahead)
             return self._legal_from(roads, next_node, speed, begun)
         ends = [(place.target, ahead), *([] if roads.back(road) is None else [(here, behind)])]

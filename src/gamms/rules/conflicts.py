@@ -157,7 +157,7 @@ class Conflicts:
 
         Where none is larger than 1 they are booleans.
         """
-        graph, on_edges = turn.streets.columns, self._of_edges
+        graph, on_edges = turn.columns, self._of_edges
         rows = limits.rows(graph.node_ids, graph.node_attributes)
         if turn.places is not None:
             of_edges = np.full(len(graph.edge_ids), UNLIMITED)

@@ -9,7 +9,7 @@ import numpy as np
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.streets import Streets
-from gamms.ir.graph import IntArray, RowArray
+from gamms.ir.graph import GraphColumns, IntArray, RowArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 
@@ -52,6 +52,10 @@ class MovesTurn(Protocol):
     @property
     def streets(self) -> Streets:
         """The graph."""
+
+    @property
+    def columns(self) -> GraphColumns:
+        """The graph with all edges that places may be."""
 
     @property
     def node(self) -> IntArray:
@@ -113,7 +117,7 @@ class MovesInArrays:
     """
 
     def __init__(self, turn: MovesTurn, ends: IntArray, rank: ArrayResolver, *, per_team: bool) -> None:
-        edges = 0 if turn.places is None else len(turn.streets.columns.edge_ids)
+        edges = 0 if turn.places is None else len(turn.columns.edge_ids)
         self.turn, self.rank, self._nodes = turn, rank, turn.streets.num_nodes + edges
         self._per_team = per_team
         self.starts, self.ends = turn.node if turn.places is None else turn.places, ends

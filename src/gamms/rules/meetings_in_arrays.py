@@ -11,9 +11,10 @@ import numpy as np
 from gamms import kernels
 from gamms.game.batch.columns import joined_rows, some_rows
 from gamms.game.batch.movement import Legs, Paths
+from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.streets import Streets
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.meetings import TIME_SLACK, with_rim
 
@@ -41,6 +42,7 @@ class _Pieces(NamedTuple):
         node: rows of nodes; what is there for those on edges means nothing.
         begin, end: shares of the edges.
         since, until: of the turn.
+        back: rows of the edges by which one turned round on these; -1: by none.
     """
 
     at: IntArray
@@ -51,6 +53,12 @@ class _Pieces(NamedTuple):
     end: FloatArray
     since: FloatArray
     until: FloatArray
+    back: IntArray
+
+    def street(self, columns: GraphColumns) -> IntArray:
+        """Return of each edge and the one back the row of that with the lower id, which is that of their street."""
+        ids = columns.edge_ids
+        return np.where((self.back >= 0) & (ids[self.back] < ids[self.edge]), self.back, self.edge)
 
 
 def _on_edges(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
@@ -61,10 +69,11 @@ def _on_edges(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
         counts &= is_last & (legs.end > 0.0) & (legs.end < 1.0)
     which = np.nonzero(counts)
     at, agents = which[:2]
+    edge, back = legs.edge[which], legs.back[which]
     begin, end, since, until = (column[which] for column in (legs.begin, legs.end, legs.since, legs.until))
     if not passing:
         begin, since, until = end, np.ones(len(at)), np.ones(len(at))
-    return _Pieces(at, agents, legs.edge[which], turn.node[at, agents], begin, end, since, until)
+    return _Pieces(at, agents, edge, turn.node[at, agents], begin, end, since, until, back)
 
 
 def in_air_of(turn: ArrayTurn, sides: Sides) -> tuple[IntArray, FloatArray] | None:
@@ -75,10 +84,11 @@ def in_air_of(turn: ArrayTurn, sides: Sides) -> tuple[IntArray, FloatArray] | No
 
 
 def _pieces(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
-    visits = turn.visits(turn.alive, passing=passing)
-    none = np.zeros(len(visits.at))
-    on_nodes = _Pieces(*visits[:2], np.full(len(none), -1), visits.nodes, none, none, visits.begin, visits.end)
-    return joined_rows([on_nodes, _on_edges(turn, legs, passing=passing)])
+    visits, on_edges = turn.visits(turn.alive, passing=passing), _on_edges(turn, legs, passing=passing)
+    none, nothing = np.zeros(len(visits.at)), np.full(len(visits.at), -1)
+    on_nodes = _Pieces(*visits[:2], nothing, visits.nodes, none, none, visits.begin, visits.end, nothing)
+    states = turn.movement.all_roads.states(on_edges.edge, turn.games[on_edges.at])
+    return joined_rows([on_nodes, some_rows(on_edges, np.flatnonzero(states != REMOVED))])
 
 
 def node_at(turn: ArrayTurn, paths: Paths, where: tuple[IntArray, IntArray], time: FloatArray) -> IntArray:
@@ -95,11 +105,11 @@ def node_at(turn: ArrayTurn, paths: Paths, where: tuple[IntArray, IntArray], tim
 
 def on_streets(turn: ArrayTurn, paths: Paths, legs: Legs, sides: Sides, *, passing: bool) -> Met:
     """Return the pairs that are at one place of a street at one time, as `meetings.on_edges` does."""
-    pieces, movement = _on_edges(turn, legs, passing=passing), turn.movement
+    pieces, columns = _on_edges(turn, legs, passing=passing), turn.movement.columns
     at, agents, begin, end = pieces.at, pieces.agents, pieces.begin, pieces.end
-    is_ahead = movement.is_ahead[pieces.edge]
     ours, theirs = of_sides(turn, agents, sides)
-    keys = at * len(movement.street) + movement.street[pieces.edge]
+    street = pieces.street(columns)
+    is_ahead, keys = street == pieces.edge, at * len(columns.edge_ids) + street
     i, j = equal_keys(keys[ours], keys[theirs])
     i, j = ours[i], theirs[j]
     first, last = np.maximum(pieces.since[i], pieces.since[j]), np.minimum(pieces.until[i], pieces.until[j])
@@ -403,13 +413,13 @@ class _ByPaths:
         self._turn, self._limit, self._near = turn, limit, near
         self.keys = pieces.at * len(turn.roster.names) + pieces.agents
         self.since, self.until = pieces.since, pieces.until
-        by, columns, edge, on_edge = turn.movement, turn.streets.columns, pieces.edge, pieces.edge >= 0
+        columns, edge, on_edge, street = turn.movement.columns, pieces.edge, pieces.edge >= 0, pieces.street
         self._length = np.where(on_edge, columns.lengths[edge], 0.0)
-        self._street = np.where(on_edge, by.street[edge], -1)
+        self._street = np.where(on_edge, street(columns), -1)
         shares = pieces.begin, pieces.end
-        self._places = [np.where(by.is_ahead[edge], share, 1.0 - share) for share in shares]
+        self._places = [np.where(self._street == edge, share, 1.0 - share) for share in shares]
         source, target = columns.sources[edge], columns.targets[edge]
-        may_turn = on_edge & (by.back[edge] >= 0) & (source != target)
+        may_turn = on_edge & (pieces.back >= 0) & (source != target)
         # By which node one leaves, and by which one comes, at the source and at the target of an edge; -1: by none.
         self._exits = np.where(may_turn, source, -1), np.where(on_edge, target, pieces.node)
         self._entries = np.where(on_edge, source, pieces.node), np.where(may_turn, target, -1)
@@ -419,7 +429,7 @@ class _ByPaths:
         """Yield pairs of agents, among which are all that are near each other: by the nodes on their ways."""
         turn, legs = self._turn, paths.legs
         assert legs is not None  # noqa: S101 - see above
-        ends = np.where(legs.edge >= 0, turn.streets.columns.targets[legs.edge], turn.node[..., None])
+        ends = np.where(legs.edge >= 0, turn.movement.columns.targets[legs.edge], turn.node[..., None])
         nodes = np.concatenate((turn.node[..., None], paths.nodes, ends), axis=-1)
         size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs) * nodes.shape[-1] ** 2))
         for first in range(0, len(nodes), size):

@@ -13,6 +13,7 @@ from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
@@ -351,12 +352,21 @@ def _lengths_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> Flo
         total = np.zeros(ends.shape)
         for number in range(legs.edge.shape[-1]):  # one leg after the other, as they are summed up for one agent
             edge, begin, end = legs.edge[..., number], legs.begin[..., number], legs.end[..., number]
-            total += np.where(edge >= 0, np.abs(end - begin) * turn.streets.columns.lengths[edge], 0.0)
+            total += np.where(edge >= 0, np.abs(end - begin) * _lengths_of_edges(turn, edge), 0.0)
         return total
     nodes, total = turn.paths.nodes, np.zeros(ends.shape)
     for number in range(nodes.shape[-1] - 1):
         total += _edges_in_arrays(turn, nodes[..., number], nodes[..., number + 1])
     return total
+
+
+def _lengths_of_edges(turn: ArrayTurn, edge: IntArray) -> FloatArray:
+    """Return how long edges are that agents have gone along, (games, agents); removed ones: from end to end."""
+    columns, lengths = turn.movement.columns, turn.movement.columns.lengths[edge]
+    is_removed = np.nonzero(turn.movement.all_roads.states(edge, turn.games[:, None]) == REMOVED)
+    for place, row in zip(zip(*is_removed, strict=True), edge[is_removed].tolist(), strict=True):
+        lengths[place] = dist(*columns.xy[[columns.sources[row], columns.targets[row]]].tolist())
+    return lengths
 
 
 def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:

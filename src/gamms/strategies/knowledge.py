@@ -444,7 +444,8 @@ def moves_to_agents(view: ArrayView, seen: Seen, targets: IntArray, fallback: Ar
     _, first = np.unique(seen.at[pairs] * targets.shape[1] + seen.viewers[pairs], return_index=True)
     pairs = pairs[first]
     its = view.games[seen.at[pairs]], seen.others[pairs]
-    on = (by.edge[its] >= 0) & (view.streets.columns.sources[by.edge[its]] == seen.nodes[pairs])
+    edge = by.on_edge(its)
+    on = (edge >= 0) & (by.columns.sources[edge] == seen.nodes[pairs])
     pairs, its = pairs[on], (its[0][on], its[1][on])
     which = seen.at[pairs], seen.viewers[pairs]
     actions = no_actions(view)
@@ -460,30 +461,27 @@ def _actions_to_places(
     view: ArrayView, by: ByMetres, which: tuple[IntArray, IntArray], its: tuple[IntArray, IntArray]
 ) -> IntArray:
     """Return the actions that lead agents of a view to others that are on edges; -1: no path."""
-    columns, streets, me = view.streets.columns, view.streets, view.numbers(which)
-    edge, own, here = by.edge[its], by.edge[me], view.node[which]
+    columns, streets, me = by.columns, view.streets, view.numbers(which)
+    edge, own, here = by.on_edge(its), by.on_edge(me), view.node[which]
     source, end, length, gone = columns.sources[edge], columns.targets[edge], columns.lengths[edge], by.offsets(its)
     behind, ahead, offset = columns.sources[own], columns.targets[own], by.offsets(me)
     is_same, is_opposite = (behind == source) & (ahead == end), (behind == end) & (ahead == source)
     meets = (own >= 0) & (is_same | is_opposite)  # both are on one street
     passed = np.where(behind == source, offset, length - offset)
-    returns = streets.action_to(end, source)
+    leads, returns = by.all_roads.are_next(source, end, me[0]), by.all_roads.are_next(end, source, me[0])
     best = np.full((4, len(edge)), np.inf)  # metres; ids of where the way begins, and of where it comes to the edge
     entries = np.zeros(len(edge), np.int64)
     for start, begun, is_here in ((here, offset, True), (ahead, columns.lengths[own] - offset, False)):
-        for first, last, rest, action in (
-            (source, end, gone, streets.action_to(source, end)),
-            (end, source, length - gone, returns),
-        ):
-            may = (action != -1) & (is_here | (own >= 0))
-            far = np.where(may, begun + view.routes().distances(start, first) + rest, np.inf)
+        for first, last, rest, is_open in ((source, end, gone, leads), (end, source, length - gone, returns)):
+            may = is_open & (is_here | (own >= 0))
+            far = np.where(may, begun + view.routes().distances(start, first, at=which[0]) + rest, np.inf)
             option = np.stack((far, *(streets.ids(rows).astype(np.float64) for rows in (start, first, last))))
             differs = option != best
             at = differs.argmax(axis=0)
             columns_of = np.arange(len(edge))
             is_better = differs.any(axis=0) & (option[at, columns_of] < best[at, columns_of])
             best[:, is_better] = option[:, is_better]
-            entries[is_better] = by.along(streets.offsets[first] + action, np.full(len(edge), is_here))[is_better]
+            entries[is_better] = by.along(first, last, np.full(len(edge), is_here))[is_better]
     actions = np.where(best[0] < np.inf, entries, -1)
     some = np.flatnonzero(meets)
     there = which[0][some], which[1][some]

@@ -121,7 +121,8 @@ def _walk_in_arrays(view: ArrayView) -> Tensor:
     actions, counts = np.zeros(on_edge.shape, np.int64), np.ones(on_edge.shape, np.int64)
     counts[off] = view.movement.counts(view.movement.choices(view.node[off], view.numbers(off)))
     actions[off] = view.only(~on_edge).draw.below(counts)[off]
-    actions[which] = view.towards(view.streets.columns.targets[view.edge[which]], which)
+    movement = view.movement
+    actions[which] = view.towards(movement.columns.targets[movement.on_edge(view.numbers(which))], which)
     return actions
 
 

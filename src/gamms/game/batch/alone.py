@@ -10,19 +10,19 @@ import numpy as np
 
 from gamms.arguments import as_context, as_function_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.begun import BEGINS, Begins
+from gamms.game.batch.begun import BEGINS, Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import FLIES, F, form_declared
 from gamms.game.batch.given import flown
-from gamms.game.batch.movement import Anywhere, Movement, Noted, Paths, Places
+from gamms.game.batch.movement import Anywhere, Movement, Paths, Places
 from gamms.game.batch.moves_of_turn import Visits
+from gamms.game.batch.one_by_one import Noted
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
-from gamms.game.batch.travel import movement_of
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
@@ -323,8 +323,7 @@ class _TurnOfOne(ArrayTurn):
         is_one_edge = game.legal == "any" or not any(paced)
         are_all_at_once = len(game.order or ()) < 2
         self._by_metres = game.speed_unit != "edges"
-        if is_one_edge and are_all_at_once and not self._by_metres:
-            state.change_roads = self._roads_changed
+        state.change_roads = self._roads_changed
         super().__init__(state, np.zeros(1, np.int64))
         self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
         self._number = {name: number for number, name in enumerate(roster.names)}

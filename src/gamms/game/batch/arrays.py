@@ -10,7 +10,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
-from gamms.game.batch.begun import Beginning
+from gamms.game.batch.begun import Beginning, movement_of
 from gamms.game.batch.channels import Outbox, Radio
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, preparing
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -24,13 +24,12 @@ from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Movement, Moves
 from gamms.game.batch.moves_of_turn import TurnPart
 from gamms.game.batch.reports import DELAYS
-from gamms.game.batch.roads import ClosedEdges, OpenRoads
 from gamms.game.batch.rule_fork import NoRow, OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies
 from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
-from gamms.game.batch.travel import ByMetres, movement_of
+from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayView
 from gamms.game.batch.why_not import as_prepared, teams_asked, why_not_decided
@@ -39,7 +38,7 @@ from gamms.game.messages import ANTENNA, Scene
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
 from gamms.ir.game_state import PHASES
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
@@ -54,7 +53,7 @@ class ArrayEngine:
     """
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
-        self._game, movement = game, movement_of(game, roster)
+        self._game, movement = game, movement_of(game, roster, may_reopen=True)
         first = movement.streets.rows(start)
         has_space = roster.flies.any() or any(map(looks_from_the_air, roster.agents))
         flyers = Flyers(game, roster, movement.streets, first) if has_space else None
@@ -86,10 +85,7 @@ class ArrayEngine:
         self._here = self._made_forms(game)
         if self._here.asked is not None:
             self.state.note_blocked = self._here.asked.note_blocked
-        if movement.may_lose_roads:
-            closed = game.ctx.graph.storage.roads()[1]
-            self.state.roads = OpenRoads(movement.streets, closed, len(seeds))
-            self.state.change_roads = self._change_roads
+        self.state.change_roads = self._change_roads
         self._beginning = Beginning(game, self.state)
         self._publish_facts(game.facts)
 
@@ -134,8 +130,6 @@ class ArrayEngine:
 
     def _take_roads(self, game: int, edge_ids: IntArray, closed: ClosedEdges) -> str | None:
         """Let a game have the edges that a rule has left open, in their order; return why that is not possible."""
-        if not self.state.movement.may_lose_roads:
-            return "it changes roads, where agents go by metres"
         try:
             roads = self.state.roads.map_with(edge_ids, closed)
         except BadValue as error:
@@ -275,8 +269,8 @@ class ArrayEngine:
             if members is not None:
                 is_member = np.isin(np.arange(len(is_given)), members)
                 part = TurnPart(number, len(self._parts), members)
-            asked = turn.alive & is_member
-            course = None
+            asked, course = turn.alive & is_member, None
+            self._leave_closed_edges(turn, asked)
             if self._arriving is not None:
                 course = self._course(turn, self._arriving, asked)
                 asked = asked & ~self._arriving.is_going(turn.games)
@@ -295,6 +289,22 @@ class ArrayEngine:
             self._play_part(turn, moves, in_conflict, [one.without(illegal) for one in deeds], part)
         if len(turn.games):
             self._finish(turn, asking.outboxes)
+
+    def _leave_closed_edges(self, turn: ArrayTurn, asked: BoolArray) -> None:
+        """Put agents, (games, agents), whose edges were closed on the nodes that they had passed last."""
+        state, by = self.state, self.state.movement
+        if state.roads.are_all_open or not len(by.edge):
+            return
+        which = turn.games[:, None], np.arange(by.edge.shape[1])
+        at, agents = np.nonzero(asked & (by.edge[which] >= 0) & (by.on_edge(which) < 0))
+        games, columns = turn.games[at], by.columns
+        ends = (columns.node_ids[rows[by.edge[games, agents]]].tolist() for rows in (columns.sources, columns.targets))
+        named = [*zip(games.tolist(), agents.tolist(), *ends, strict=True)]
+        by.clear(games, agents)
+        state.now.clear()
+        if state.note_blocked is not None:
+            for game, agent, source, target in named:
+                state.note_blocked(game, agent, f"the edge from node {source} to node {target} was closed")
 
     def _course(self, turn: ArrayTurn, by: ByMetres, members: BoolArray) -> Arrivals:
         """Return the course of a turn in which agents decide at arrivals."""
@@ -351,9 +361,10 @@ class ArrayEngine:
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, is_refused, None)
             moves = turn.refused(moves, is_refused)
+            changes = self.state.roads.changes[turn.games]
             for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
-            moves = turn.left_of(moves)
+            moves = turn.left_of(moves, changes)
         if in_conflict is None and self._here.has_conflicts:
             turn.places, ends = self.state.movement.ends(moves)
             stops, context = self._here.conflicts, self._here.context

@@ -10,9 +10,9 @@ import numpy as np
 
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
 from gamms.game.batch.columns import some_rows
-from gamms.game.batch.movement import Illegal, Legs, Moves, Steps
+from gamms.game.batch.movement import Illegal, Legs, Moves, Steps, motion_along
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.travel import ByMetres, Trip, motion_along
+from gamms.game.batch.travel import ByMetres, Trip
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.travel import LEAST, MOST
 from gamms.ir.graph import FloatArray, IntArray
@@ -59,7 +59,8 @@ class Arrivals:
         self._begun = begun = by.edge[turn.games], by.share[turn.games], by.motion[turn.games]
         edge, share, self._motion = begun[0].flatten(), begun[1].flatten(), begun[2].flatten()
         self._node = turn.node.flatten()  # that each has passed last
-        self._leg = Legs(edge, share, share.copy(), np.zeros(len(edge)), np.ones(len(edge)))  # that each is on
+        none = np.full(len(edge), -1)
+        self._leg = Legs(edge, none, share, share.copy(), np.zeros(len(edge)), np.ones(len(edge)))  # that each is on
         self._arrives = np.zeros(len(edge), np.bool_)  # at the end of it
         self._places = np.where(edge >= 0, len(by.streets.counts) + edge, self._node)  # as conflicts compare them
         self._times = np.zeros(len(edge), np.int64)  # how often each has arrived
@@ -186,7 +187,7 @@ class Arrivals:
     def _read_legs(self) -> None:
         """Take the legs that agents are on now."""
         for rows, _, *columns in self._trip.legs[self._num_read :]:
-            for column, values in zip(self._leg, columns, strict=True):
+            for column, values in zip((self._leg.edge, *self._leg[2:]), columns, strict=True):
                 column[rows] = values
             self._motion[rows] = motion_along(self._leg.end[rows] - self._leg.begin[rows])
         self._num_read = len(self._trip.legs)

@@ -6,9 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from gamms.game.batch.columns import PlayedGame, agents_of
+from gamms.game.batch.by_edges import ByEdges
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of
+from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.reach import TravelTerms
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays
+from gamms.game.batch.travel import ByMetres
 from gamms.game.slots import COUNTED
+from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.progress import Motion
 from gamms.typing import AgentType, IAgent
@@ -17,6 +22,21 @@ Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 """Returns what the array form of a rule keeps of the game of a context: key -> name -> an array of one game."""
 BEGINS = "begin_arrays"  # the attribute of rules that has such a function
 _MOST_EXACT = 1 << 53  # scores in arrays are floats
+
+
+def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False) -> Movement:
+    """Return how the agents of a game go, where roads may be opened, too, that are closed now, or where not."""
+    settings, graph = game.settings(), game.ctx.graph
+    streets, closed = Streets(graph.columns(), graph.routes), graph.storage.roads()[1] if may_reopen else {}
+    whole = Streets(*graph.storage.reopened()) if closed else None
+    speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
+    if settings["legal"] == "any":
+        return Anywhere(streets, whole, closed)
+    if settings["speed_unit"] != "edges":
+        return ByMetres(streets, speeds, TravelTerms.of(game, whole or streets), whole, closed)
+    if speeds.count(None) == len(speeds):
+        return Movement(streets, whole, closed)
+    return ByEdges(streets, speeds, whole, closed)
 
 
 class Beginning:
@@ -96,8 +116,6 @@ def why_not_begun(game: PlayedGame) -> Iterator[str]:
         yield "agents that were deleted"
     if not game.turn:
         return
-    if game.ctx.graph.storage.snapshot().closed:
-        yield "roads that are closed since the start"
     if any(one.phase == "before" for one in game.rules):
         yield "rules of the phase 'before', which need to know the last moves"
     yield from _why_not_placed(game)
@@ -105,7 +123,7 @@ def why_not_begun(game: PlayedGame) -> Iterator[str]:
 
 def _why_not_placed(game: PlayedGame) -> Iterator[str]:
     by_metres, block = game.settings()["speed_unit"] != "edges", game.ctx.agent.block
-    has_node = game.ctx.graph.graph.has_node
+    has_node, (edges, closed) = game.ctx.graph.graph.has_node, game.ctx.graph.storage.roads()
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row, started = block.row_of(agent.name), game.internals.start_of(agent)
         place = block.progress[row]
@@ -113,6 +131,8 @@ def _why_not_placed(game: PlayedGame) -> Iterator[str]:
             yield f"agent {agent.name!r}, which has been where no node is any more"
         if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
             yield f"agent {agent.name!r}, which is on an edge as no agent of such a game"
+        elif by_metres and place is not None and place.edge not in closed and place.edge not in edges:
+            yield f"agent {agent.name!r}, which is on an edge that was removed"
 
 
 def remembers(game: PlayedGame, agent: IAgent) -> bool:

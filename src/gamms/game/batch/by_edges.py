@@ -10,7 +10,7 @@ from gamms.game.batch.movement import AIMS, BY_HOPS, ENDLESS, LIMITED, Movement,
 from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import SLACK, ResolvedAction, edges_within
 from gamms.game.streets import Streets
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 
@@ -23,12 +23,13 @@ class ByEdges(Movement):
     """Agents that go along several edges in a turn, or parts of one, by their speeds in edges.
 
     A choice is what `Legality.reachable` returns: without a speed that of the node where an agent is, which has its
-    number; for a speed, an entry of `streets.targets` (where the agent is, and the neighbour to which it has covered
+    number; for a speed, an entry of `whole.targets` (where the agent is, and the neighbour to which it has covered
     part of the edge, or itself), and what that part adds. Those are found when they are first asked for.
 
     Args:
         streets: of the map.
         speeds: of the agents in the order of the roster; None: along one edge.
+        whole, closed: see `Movement`.
 
     Attributes:
         begun: (games, agents) the row of the node to which an agent has covered part of the edge; -1: to none.
@@ -40,28 +41,31 @@ class ByEdges(Movement):
     _on_maps: tuple[IntArray, IntArray]
     remembers = ("begun", "covered")
 
-    def __init__(self, streets: Streets, speeds: Sequence[float | None]) -> None:
-        super().__init__(streets)
+    def __init__(
+        self,
+        streets: Streets,
+        speeds: Sequence[float | None],
+        whole: Streets | None = None,
+        closed: ClosedEdges | None = None,
+    ) -> None:
+        super().__init__(streets, whole, closed)
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([0.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(self._speeds, return_inverse=True)
-        self._learn_streets()
+        self._sources = np.repeat(np.arange(streets.num_nodes), self.whole.counts)
+        self._keys = len(self._kinds) * _REACHES * len(self.whole.targets)
+        self._forget()
         self.begin((0, len(speeds)))
 
     def on(self, roads: RoadMap) -> Self:
         """Return how the same agents go in games that have a map of their own."""
         own = super().on(roads)
-        own._learn_streets()
+        own._forget()
         return own
-
-    def _learn_streets(self) -> None:
-        streets = self.streets
-        self._sources = np.repeat(np.arange(len(streets.counts)), streets.counts)
-        self._keys = len(self._kinds) * _REACHES * len(streets.targets)
-        self._forget()
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents."""
+        super().begin(shape)
         self.begun, self.covered = np.full(shape, -1), np.zeros(shape)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
@@ -87,11 +91,11 @@ class ByEdges(Movement):
         return found
 
     def _choices_by_speed(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
-        entries, kind = len(self.streets.targets), self._kind_of[agents] * _REACHES
+        entries, kind = len(self.whole.targets), self._kind_of[agents] * _REACHES
         ahead = self._ahead(node, games, agents)
         on = np.flatnonzero(ahead >= 0)
-        keys = kind * entries + self.streets.offsets[node]
-        keys[on] += self.streets.action_to(node[on], ahead[on])
+        keys = kind * entries + self.whole.offsets[node]
+        keys[on] += self.whole.action_to(node[on], ahead[on])
         speed = self._speeds[agents[on]]
         more = np.floor(edges_within(speed + self.covered[games[on], agents[on]])) - np.floor(edges_within(speed))
         keys[on] += more.astype(np.int64) * entries
@@ -125,17 +129,8 @@ class ByEdges(Movement):
         """Return the rows of the nodes to which agents on nodes have covered part of edges that are open; -1: none."""
         found = self.begun[games, agents]
         on = np.flatnonzero(found >= 0)
-        found[on[~self._are_next(node[on], found[on], games[on])]] = -1
+        found[on[~self.all_roads.are_next(node[on], found[on], games[on])]] = -1
         return found
-
-    def _are_next(self, node: IntArray, targets: IntArray, games: IntArray) -> BoolArray:
-        """Return which edges are open, from nodes to others, in games."""
-        if self.roads is None:
-            return self.streets.action_to(node, targets) >= 0
-        ends, rows = self.roads.legal_of(node, games)
-        counts = np.diff(ends)
-        is_it = rows == np.repeat(targets, counts)
-        return np.bincount(np.repeat(np.arange(len(node)), counts)[is_it], minlength=len(node)) > 0
 
     def are_plain(self, agents: IntArray) -> bool:
         """Whether none of some agents has a speed."""
@@ -174,10 +169,10 @@ class ByEdges(Movement):
 
         These are nodes next to the agent, then those in reach of it, then those along the begun edge.
         """
-        streets, nodes = self.streets, len(self.streets.counts)
-        kind, entry = np.divmod(keys, len(streets.targets))
+        nodes = self.whole.num_nodes
+        kind, entry = np.divmod(keys, len(self.whole.targets))
         kind, more = np.divmod(kind, _REACHES)
-        here, ahead = self._sources[entry], streets.targets[entry]
+        here, ahead = self._sources[entry], self.whole.targets[entry]
         hops = np.floor(edges_within(self._kinds[kind])).astype(np.int64)
         runs, near = self._near(here, games)
         parts = [
@@ -193,11 +188,12 @@ class ByEdges(Movement):
 
     def most_legal(self, limit: int) -> int:
         """Return how many nodes are legal at most; where no speed is a fraction, no agent has begun an edge."""
-        most, entries = 1, len(self.streets.targets)
+        most, entries = 1, len(self.whole.targets)
+        are_open = np.flatnonzero(self.streets.action_to(self._sources, self.whole.targets) >= 0)
         for kind, speed in enumerate(self._kinds.tolist()):
             if speed == np.inf:
                 return len(self.streets.counts)
-            begun = np.arange(entries) if speed % 1.0 else self.streets.offsets[:-1]
+            begun = are_open if speed % 1.0 else self.whole.offsets[:-1]
             for first in range(0, len(begun), _AT_ONCE):
                 at, _ = self._reached((kind * _REACHES + 1) * entries + begun[first : first + _AT_ONCE])
                 most = max(most, int(np.bincount(at).max(initial=1)))
@@ -279,7 +275,7 @@ class ByEdges(Movement):
         """Follow ways of some agents for a turn: by the number of edges, or by their lengths."""
         tables, games = {True: self.ways(None), False: self.ways("length")}, those[0]
         ahead, covered, speed = self._ahead(way.here, *those), self.covered[those], self._speeds[those[1]]
-        first, is_next = way.targets.copy(), by_hops & self._are_next(way.here, way.targets, games)
+        first, is_next = way.targets.copy(), by_hops & self.all_roads.are_next(way.here, way.targets, games)
         for is_short, table in tables.items():
             some = np.flatnonzero(~is_next & (by_hops == is_short))
             first[some] = table.following(way.here[some], way.targets[some], at=games[some])

@@ -115,6 +115,7 @@ class GameForms:
     def stopped(self, name: str, form: Stopping, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         """Return which agents a check or conflicts stop, likewise."""
         stopped = self._play(("check", name), turn, lambda part, games: form(part, ends[games]))
+        turn.find_roads()
         return np.zeros(ends.shape, np.bool_) if stopped is None else stopped
 
     def _play(

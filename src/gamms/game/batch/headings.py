@@ -51,7 +51,7 @@ class Headings:
         far = np.where(goes, far, 1.0)
         follows, by, which = np.isnan(fixed[:, 0]), self._movement, (games, agents)
         cos, sin = np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
-        on = np.flatnonzero(follows & (by.edge[which] >= 0)) if len(by.edge) else ()
+        on = np.flatnonzero(follows & (by.on_edge(which) >= 0))
         if len(on):
             sign = np.where(by.motion[which][on] == Motion.BACK, -1.0, 1.0)
             _, _, x, y = by.lines.at(by.edge[which][on], by.share[which][on])

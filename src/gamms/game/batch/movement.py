@@ -17,7 +17,7 @@ from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.legality import ResolvedAction
 from gamms.game.streets import Streets
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
@@ -47,11 +47,13 @@ class Legs(NamedTuple):
 
     Attributes:
         edge: rows of edges; -1: there is no such leg.
+        back: rows of the edges by which one turned round on each when the turn was played; -1: by none.
         begin, end: shares of the edge.
         since, until: of the turn.
     """
 
     edge: IntArray
+    back: IntArray
     begin: FloatArray
     end: FloatArray
     since: FloatArray
@@ -70,7 +72,7 @@ class Legs(NamedTuple):
         last = (waits + count)[..., None]
         is_first, is_last = (steps == 0) & waits[..., None], (steps == last) & stays[..., None]
         which = np.clip(steps - waits[..., None], 0, np.maximum(count - 1, 0)[..., None])
-        begin, end, since, until = (np.take_along_axis(column, which, axis=-1) for column in self[1:])
+        begin, end, since, until = (np.take_along_axis(column, which, axis=-1) for column in self[2:])
         counts = (steps < last) | is_last
         columns = [
             np.where(is_last, end, begin),
@@ -78,8 +80,8 @@ class Legs(NamedTuple):
             np.where(is_first, 0.0, np.where(is_last, (number + 1) / parts, (number + since) / parts)),
             np.where(is_first, number / parts, np.where(is_last, 1.0, (number + until) / parts)),
         ]
-        edge = np.where(counts, np.take_along_axis(self.edge, which, axis=-1), -1)
-        return Legs(edge, *(np.where(counts, column, 0.0) for column in columns))
+        edge, back = (np.where(counts, np.take_along_axis(column, which, axis=-1), -1) for column in self[:2])
+        return Legs(edge, back, *(np.where(counts, column, 0.0) for column in columns))
 
 
 class Steps(NamedTuple):
@@ -93,6 +95,19 @@ class Steps(NamedTuple):
     def those(self, which: BoolArray | IntArray) -> "Steps":
         """Return some of them."""
         return some_rows(self, which)
+
+
+def last_motion(legs: Legs) -> IntArray:
+    """Return how agents move on the last of their legs, (games, agents)."""
+    last = np.maximum((legs.edge >= 0).sum(axis=-1) - 1, 0)[..., None]
+    if not legs.edge.shape[-1]:
+        return np.full(last.shape[:-1], Motion.STOPPED)
+    return motion_along(np.take_along_axis(legs.end - legs.begin, last, axis=-1)[..., 0])
+
+
+def motion_along(way: FloatArray) -> IntArray:
+    """Return how agents move that cover such shares of an edge; see `ir.progress.Motion`."""
+    return np.where(way > 0.0, Motion.FORWARD, np.where(way < 0.0, Motion.BACK, Motion.STOPPED))
 
 
 class Illegal(NamedTuple):
@@ -194,7 +209,7 @@ class Paths(NamedTuple):
         columns += [column.copy() for column in own[2:8]]
         if self.legs is not None:
             more[-1] = 0, max(0, most_legs - self.legs.edge.shape[-1])
-            columns += [np.pad(one, more, constant_values=0 if i else -1) for i, one in enumerate(self.legs)]
+            columns += [np.pad(one, more, constant_values=-1 if one.dtype.kind == "i" else 0) for one in self.legs]
         return self._made(columns)
 
     def staying(self, which: BoolArray, node: IntArray) -> "Paths":
@@ -206,8 +221,10 @@ class Paths(NamedTuple):
         found = self._replace(nodes=nodes, times=times, lengths=lengths, stays=stays, waits=waits, rests=rests)
         if self.legs is None or self.edge is None:
             return found
-        edge, *others = (np.where(which[..., None], -1 if i == 0 else 0.0, one) for i, one in enumerate(self.legs))
-        return found._replace(legs=Legs(edge, *others), edge=np.where(which, -1, self.edge))
+        edge, back, *others = self.legs
+        of_stay = which[..., None]
+        legs = Legs(np.where(of_stay, -1, edge), back, *(np.where(of_stay, 0.0, column) for column in others))
+        return found._replace(legs=legs, edge=np.where(which, -1, self.edge))
 
     def without_starts(self, which: BoolArray) -> "Paths":
         """Return these paths, but of some agents, (games, agents), without their first nodes."""
@@ -279,7 +296,7 @@ class Moves(NamedTuple):
         on_edge = edge >= 0
         stands = [np.where(on_edge, values, 0.0) for values in (share, share, 0.0, 1.0)]
         if legs.edge.shape[-1]:
-            for column, values in zip(legs, (edge, *stands), strict=True):
+            for column, values in zip((legs.edge, *legs[2:]), (edge, *stands), strict=True):
                 column[..., 0] = np.where(stopped, values, column[..., 0])
         ends_on: IntArray = np.where(stopped, edge, -1 if paths.edge is None else paths.edge)
         stays, rests = paths.stays & ~(stopped & on_edge), paths.rests & ~(stopped & on_edge)
@@ -320,34 +337,52 @@ class Movement:
 
     Args:
         streets: of the map.
+        whole: of the map on which closed roads are open, too, behind all others; None: none is closed.
+        closed: these roads.
 
     Attributes:
+        streets, whole, closed: as given.
+        all_roads: which are open in each game.
         idle: the action of agents that decide nothing.
         is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
         leaves_nodes: whether agents may be elsewhere than on nodes.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
-        may_lose_roads: whether rules may close roads in some games.
         roads: of the games; None: in all of them those are open that are in `streets`.
+        row_of: (all edges,) their rows in `streets`; None: they have the same.
     """
 
     idle = 0
-    is_plain, leaves_nodes, may_lose_roads = True, False, True
+    is_plain, leaves_nodes = True, False
+    all_roads: OpenRoads
     remembers: tuple[str, ...] = ()
     roads: OpenRoads | None = None
-    _whole: "Movement | None" = None  # of the map at the start, where this is of another one
+    row_of: IntArray | None = None
+    _at_start: "Movement | None" = None  # on the map of the start, where this is on another one
 
-    def __init__(self, streets: Streets) -> None:
-        self.streets = streets
-        self.edge = self.street = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
+    def __init__(self, streets: Streets, whole: Streets | None = None, closed: ClosedEdges | None = None) -> None:
+        self.streets, self.whole, self.closed = streets, streets if whole is None else whole, closed or {}
+        self.edge = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
         self.share, self.motion, self.now = np.zeros((0, 0)), np.zeros((0, 0), np.int64), np.zeros(0)
-        self.back: IntArray = np.zeros(0, np.int64)
-        self.is_ahead: BoolArray = np.zeros(0, np.bool_)
         self._tables: dict[str | None, RouteTable] = {}
+
+    @property
+    def columns(self) -> GraphColumns:
+        """The graph whose edges have the rows of `edge`: all that may be open in a game."""
+        return self.whole.columns
 
     @cached_property
     def lines(self) -> Lines:
-        """The polylines of the edges."""
-        return Lines(self.streets.columns)
+        """The polylines of these edges."""
+        return Lines(self.columns)
+
+    def on_edge(self, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the rows of the edges that agents are on, in games by metres; -1: on a node, or a closed edge."""
+        if not len(self.edge):
+            return np.full(np.broadcast_shapes(which[0].shape, which[1].shape), -1)
+        edge: IntArray = self.edge[which]
+        if self.all_roads.are_all_open:
+            return edge
+        return np.where(self.all_roads.states(edge, which[0]) > 0, -1, edge)
 
     @cached_property
     def width(self) -> int:
@@ -356,8 +391,8 @@ class Movement:
         Raises:
             BadValue: more than 4096.
         """
-        if self._whole is not None:
-            return self._whole.width
+        if self._at_start is not None:
+            return self._at_start.width
         most = self.most_legal(_MOST_ACTIONS)
         if most > _MOST_ACTIONS:
             raise BadValue(
@@ -369,7 +404,9 @@ class Movement:
     def on(self, roads: RoadMap) -> Self:
         """Return how the same agents go in games that have a map of their own."""
         own = copy(self)
-        own.roads, own.streets, own._tables, own._whole = None, roads.streets, {}, self
+        own.roads, own.streets, own._tables, own._at_start = None, roads.streets, {}, self
+        own.row_of = np.full(len(self.columns.edge_ids), -1)
+        own.row_of[roads.rows] = np.arange(len(roads.rows))
         vars(own).pop("width", None)
         return own
 
@@ -379,6 +416,7 @@ class Movement:
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
+        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, shape[0])
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents have covered nothing of an edge."""
@@ -530,68 +568,3 @@ class Anywhere(Movement):
     ) -> IntArray:
         """Return the actions that lead to nodes, which are all legal."""
         return self.action_to(node, targets)
-
-
-class Noted(Movement):
-    """Agents of games that are played by the turn engine, which says of each where it may go.
-
-    A choice is the number of a game and an agent.
-
-    Args:
-        movement: how the agents go.
-    """
-
-    def __init__(self, movement: Movement) -> None:
-        super().__init__(movement.streets)
-        self._movement, self.leaves_nodes = movement, movement.leaves_nodes
-        self.is_plain = movement.is_plain  # while no agent was noted by itself
-        self._noted = set[int]()  # agents that were
-        self.begin((0, 0))
-
-    @cached_property
-    def width(self) -> int:
-        """How many actions there are; see `Movement`."""
-        return self._movement.width
-
-    def begin(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for so many games and agents, all of which stay."""
-        self._agents, self.now = shape[1], np.zeros(shape[0])
-        self._count, self._nodes = np.ones(shape[0] * shape[1], np.int64), np.zeros((shape[0] * shape[1], 1), np.int64)
-
-    def note(self, game: int, agent: int, legal: IntArray, now: float = 0.0) -> None:
-        """Note where an agent of a game may go, rows of nodes, at a time of the turn."""
-        number, most = game * self._agents + agent, len(legal)
-        self._widen(most)
-        self.is_plain = False
-        self._noted.add(agent)
-        self.now[game] = now
-        self._count[number], self._nodes[number, :most] = most, legal
-
-    def note_plain(self, game: int, node: IntArray) -> None:
-        """Note that the agents of a game, on these nodes, may go along one edge."""
-        rows, legal = slice(game * self._agents, (game + 1) * self._agents), self.streets.legal[node]
-        self._widen(legal.shape[1])
-        self._count[rows], self._nodes[rows, : legal.shape[1]] = self.streets.counts[node], legal
-
-    def are_plain(self, agents: IntArray) -> bool:
-        """Whether none of some agents was noted by itself."""
-        return self._noted.isdisjoint(agents.tolist())
-
-    def _widen(self, most: int) -> None:
-        """Make the columns of legal nodes so wide for each agent."""
-        more = most - self._nodes.shape[1]
-        if more > 0:
-            self._nodes = np.pad(self._nodes, ((0, 0), (0, more)))
-
-    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents."""
-        games, agents = which
-        return np.broadcast_to(games * self._agents + agents, node.shape)
-
-    def counts(self, choices: IntArray) -> IntArray:
-        """Return how many nodes are legal."""
-        return self._count[choices]
-
-    def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
-        """Return the rows of legal nodes by their numbers."""
-        return self._nodes[choices, actions]

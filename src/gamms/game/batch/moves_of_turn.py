@@ -11,9 +11,9 @@ from gamms.arguments import as_array
 from gamms.game.batch.columns import lock, places_of, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.flights import Flights
-from gamms.game.batch.movement import Illegal, Moves, Paths
+from gamms.game.batch.movement import Anywhere, Illegal, Moves, Paths
 from gamms.game.batch.state import Failure, GameArrays
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 
 _READ_ONLY = ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
@@ -92,6 +92,11 @@ class MovesOfTurn:
         self.failures: list[Failure] = []
         self._find_agents()
 
+    @property
+    def columns(self) -> GraphColumns:
+        """The graph with all edges that agents may be on in a game."""
+        return self._state.movement.columns
+
     def find_roads(self) -> None:
         """Take the maps of the games, of which rules may have closed roads."""
         self.streets, self.movement, self._shared = self._state.world(self.games)
@@ -161,8 +166,13 @@ class MovesOfTurn:
         self.ends, self.paths, self.flights = left.ends, left.paths, left.flights
         return left
 
-    def left_of(self, moves: Moves) -> Moves:
-        """Return the moves of agents that rules have not put elsewhere or out of the game; these stay."""
+    def left_of(self, moves: Moves, changes: IntArray) -> Moves:
+        """Return the moves of agents that rules have not put elsewhere or out of the game, on open roads; others stay.
+
+        Args:
+            moves: of all agents.
+            changes: (games,) how often roads were closed or opened before these rules.
+        """
         was_put, edge = self.node != self.starts, self._state.movement.edge
         if len(edge):  # by metres: of those that were put on the node they had passed last, too
             begun, share = moves.before
@@ -170,7 +180,29 @@ class MovesOfTurn:
             moves = moves._replace(before=(np.where(has_left, -1, begun), np.where(has_left, 0.0, share)))
             was_put = was_put | has_left
         flights = moves.flights and moves.flights.of_living(self.alive)
-        return moves._replace(starts=self.node, flights=flights).without(~self.alive | was_put)
+        moves = moves._replace(starts=self.node, flights=flights).without(~self.alive | was_put)
+        state, games = self._state, self.games
+        is_other = state.roads.changes[games] != changes
+        if not is_other.any():
+            return moves
+        stopped = self._are_closed(moves) & moves.goes & is_other[:, None]
+        state.counts["blocked"][games] += stopped
+        if state.note_blocked is not None:
+            for at, agent in np.argwhere(stopped).tolist():
+                state.note_blocked(int(games[at]), agent, "its way was closed")
+        return moves.without(stopped)
+
+    def _are_closed(self, moves: Moves) -> BoolArray:
+        """Return which agents, (games, agents), go along roads that are not open any more."""
+        roads, found, paths = self._state.roads, np.zeros(moves.ends.shape, np.bool_), moves.as_paths()
+        if paths.legs is not None:
+            np.any(roads.states(paths.legs.edge, self.games[:, None, None]) > 0, axis=-1, out=found)
+        elif not isinstance(self._state.movement, Anywhere):
+            nodes = paths.nodes
+            at = np.nonzero(nodes[..., :-1] != nodes[..., 1:])
+            is_closed = ~roads.are_next(nodes[at], nodes[..., 1:][at], self.games[at[0]])
+            found[at[0][is_closed], at[1][is_closed]] = True
+        return found
 
     def move(self, moves: Moves, in_conflict: BoolArray | None, part: TurnPart | None = None) -> None:
         """Move agents, of a part of the turn or all, and note which, (games, agents), conflicts have stopped."""

@@ -2,20 +2,20 @@
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
-from gamms.game.batch.movement import Anywhere, Noted, Places
+from gamms.game.batch.movement import Anywhere, Movement, Places
 from gamms.game.batch.sight import noted_sensors
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.travel import movement_of
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.hidden_state import HiddenState
@@ -261,7 +261,7 @@ class OneByOneEngine:
                 found[sensor] = others, state.streets.rows(nodes)
             state.sighted[number, i] = found
 
-    def _note_legal(self, noted: Noted, number: int, nodes: IntArray) -> None:
+    def _note_legal(self, noted: "Noted", number: int, nodes: IntArray) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay."""
         revision = self._game.ctx.graph.graph.revision
         is_known, names = revision is not None and revision == self._revision, self._roster.names
@@ -349,3 +349,69 @@ def _reported(report: Sensed, ctx: HostContext) -> list[tuple[str, int]]:
     places = [] if report.places is None else report.places.tolist()
     nodes = [ctx.graph.graph.nearest_node(*at[:2]) if isinstance(at, list) else at for at in places]
     return [*zip(names, nodes, strict=True)]
+
+
+class Noted(Movement):
+    """Agents of games that are played by the turn engine, which says of each where it may go.
+
+    A choice is the number of a game and an agent.
+
+    Args:
+        movement: how the agents go.
+    """
+
+    def __init__(self, movement: Movement) -> None:
+        super().__init__(movement.streets)
+        self._movement, self.leaves_nodes = movement, movement.leaves_nodes
+        self.is_plain = movement.is_plain  # while no agent was noted by itself
+        self._noted = set[int]()  # agents that were
+        self.begin((0, 0))
+
+    @cached_property
+    def width(self) -> int:
+        """How many actions there are; see `Movement`."""
+        return self._movement.width
+
+    def begin(self, shape: tuple[int, int]) -> None:
+        """Reserve memory for so many games and agents, all of which stay."""
+        super().begin(shape)
+        self._agents, self.now = shape[1], np.zeros(shape[0])
+        self._count, self._nodes = np.ones(shape[0] * shape[1], np.int64), np.zeros((shape[0] * shape[1], 1), np.int64)
+
+    def note(self, game: int, agent: int, legal: IntArray, now: float = 0.0) -> None:
+        """Note where an agent of a game may go, rows of nodes, at a time of the turn."""
+        number, most = game * self._agents + agent, len(legal)
+        self._widen(most)
+        self.is_plain = False
+        self._noted.add(agent)
+        self.now[game] = now
+        self._count[number], self._nodes[number, :most] = most, legal
+
+    def note_plain(self, game: int, node: IntArray) -> None:
+        """Note that the agents of a game, on these nodes, may go along one edge."""
+        rows, legal = slice(game * self._agents, (game + 1) * self._agents), self.streets.legal[node]
+        self._widen(legal.shape[1])
+        self._count[rows], self._nodes[rows, : legal.shape[1]] = self.streets.counts[node], legal
+
+    def are_plain(self, agents: IntArray) -> bool:
+        """Whether none of some agents was noted by itself."""
+        return self._noted.isdisjoint(agents.tolist())
+
+    def _widen(self, most: int) -> None:
+        """Make the columns of legal nodes so wide for each agent."""
+        more = most - self._nodes.shape[1]
+        if more > 0:
+            self._nodes = np.pad(self._nodes, ((0, 0), (0, more)))
+
+    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the numbers of the choices of agents."""
+        games, agents = which
+        return np.broadcast_to(games * self._agents + agents, node.shape)
+
+    def counts(self, choices: IntArray) -> IntArray:
+        """Return how many nodes are legal."""
+        return self._count[choices]
+
+    def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
+        """Return the rows of legal nodes by their numbers."""
+        return self._nodes[choices, actions]

@@ -105,8 +105,8 @@ class World:
 
     def spots(self, at: IntArray, agents: IntArray) -> Spots:
         """Return where some agents are."""
-        (x, y), edge, which = self.axes, self.state.movement.edge, (at, agents)
-        on_edge = edge[self.games[at], agents] >= 0 if len(edge) else np.zeros(len(at), np.bool_)
+        (x, y), which = self.axes, (at, agents)
+        on_edge = self.state.movement.on_edge((self.games[at], agents)) >= 0
         return Spots(self.node[which], on_edge, x[which], y[which])
 
 

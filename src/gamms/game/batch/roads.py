@@ -5,7 +5,7 @@ whole map, such as ways, is worked out for each map that is asked for, and share
 """
 
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, NoReturn
 from weakref import WeakValueDictionary
@@ -13,15 +13,16 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_ids
+from gamms.arguments import as_ids, as_known
 from gamms.errors import BadValue, UnknownName
 from gamms.game.streets import Streets
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, with_edges
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, edge_as_given, with_edges
+from gamms.ir.obstacles import BoolArray
 
 _MOST_BYTES = 1 << 28  # of what is worked out for maps, but for tables of ways, which are shared among batches
 _EDGE_BYTES = 200  # of that for an edge of one map; 74 measured on a grid, 200 on streets with names
 _OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that are the same where roads are closed
-ClosedEdges = Mapping[int, Mapping[str, Any]]
+CLOSED, REMOVED = 1, 2  # edges that are not open
 
 
 class NeedsOneMap(BadValue):
@@ -29,28 +30,29 @@ class NeedsOneMap(BadValue):
 
 
 class RoadMap:
-    """A map on which roads are closed, or were and are open again.
+    """A map on which other roads are open than at the start.
 
     Args:
-        whole: the streets of the map on which all roads are open that were at the start.
-        number: of the map in its batch; 0 is the whole one.
-        gone: the rows of edges there that are not in their place here, ascending.
-        opened: the rows of those of them that were opened again, which come after all others.
+        roads: of all games.
+        number: of the map in its batch; 0 is that of the start.
+        gone: the rows of edges of the start that are not in their place here, ascending.
+        opened: the rows of edges that were opened, those of the start again, which come after all others.
         closed: id -> edge, of all that are closed.
 
     Attributes:
         shared: what was worked out for this map; see `GameArrays`.
-        nodes, choices: (patched,) the rows of the nodes from which others are legal than on the whole map, ascending,
-            and the numbers of what is legal there; see `OpenRoads`.
+        nodes, choices: (patched,) the rows of the nodes from which others are legal than at the start, ascending, and
+            the numbers of what is legal there; see `OpenRoads`.
+        is_wider: whether roads are open that were closed at the start.
     """
 
     nodes: IntArray
     choices: IntArray
 
-    def __init__(
-        self, whole: Streets, number: int, gone: Sequence[int], opened: Sequence[int], closed: ClosedEdges
-    ) -> None:
-        self._whole, self.number, self.gone, self.opened, self.closed = whole, number, gone, opened, closed
+    def __init__(self, roads: "OpenRoads", number: int, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> None:
+        self._whole, self._at_start, self.number = roads.whole, len(roads.streets.columns.edge_ids), number
+        self.gone, self.opened, self.closed = gone, opened, closed
+        self.is_wider = bool((opened >= self._at_start).any())
         self.shared: dict[Hashable, Any] = {}
         self.world: Any = None  # of the games that have it; see `GameArrays.world`
 
@@ -63,14 +65,17 @@ class RoadMap:
     @property
     def key(self) -> Hashable:
         """What is equal for equal maps."""
-        return tuple(self.gone), tuple(self.opened), tuple(self.closed)
+        return self.gone.tobytes(), self.opened.tobytes(), tuple(self.closed)
 
     @property
     def rows(self) -> IntArray:
-        """The rows on the whole map of the edges that are open here, in their order."""
-        is_there = np.ones(len(self._whole.columns.edge_ids), np.bool_)
-        is_there[list(self.gone)] = False
-        return np.append(np.flatnonzero(is_there), np.array(self.opened, np.int64))
+        """The rows of the edges that are open here, in their order."""
+        return np.append(np.delete(np.arange(self._at_start), self.gone), self.opened)
+
+    @property
+    def touched(self) -> IntArray:
+        """The rows of the edges that are not as at the start: gone from their place, or opened."""
+        return np.union1d(self.gone, self.opened)
 
     @cached_property
     def streets(self) -> Streets:
@@ -83,23 +88,35 @@ class RoadMap:
         offsets, out_edges = kernels.group_rows(columns.sources[rows], len(columns.node_ids))
         return with_edges(columns, rows, offsets, out_edges)
 
-    def find_legal(self) -> dict[int, tuple[int, ...]]:
-        """Return the nodes from which others are legal than on the whole map, ascending, and what is legal there."""
-        columns, streets = self._whole.columns, self._whole
-        gone, later, found = set(self.gone), dict[int, list[int]](), dict[int, tuple[int, ...]]()
-        for edge in self.opened:
-            later.setdefault(int(columns.sources[edge]), []).append(edge)
-        for node in np.unique(columns.sources[list(self.gone)]).tolist():
-            edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]].tolist()
-            ways = [edge for edge in edges if edge not in gone] + later.get(node, [])
-            legal = tuple(dict.fromkeys([node, *columns.targets[ways].tolist()]))
+    def ranks(self, rows: IntArray) -> IntArray:
+        """Return numbers that ascend as edges follow each other here; -1: an edge is not open."""
+        order = np.argsort(self.opened, kind="stable")
+        place = kernels.rows_of(self.opened, rows, order)
+        is_there = (rows < self._at_start) & (kernels.rows_of(self.gone, rows) < 0)
+        return np.where(place >= 0, len(self._whole.columns.edge_ids) + place, np.where(is_there, rows, -1))
+
+    def find_legal(self, streets: Streets) -> dict[int, tuple[int, ...]]:
+        """Return the nodes from which others are legal than at the start, ascending, and what is legal there."""
+        columns, found = self._whole.columns, dict[int, tuple[int, ...]]()
+        for node in np.unique(columns.sources[self.touched]).tolist():
+            legal = (node, *columns.targets[open_from(columns, node, self.ranks)].tolist())
+            legal = tuple(dict.fromkeys(legal))
             if legal != tuple(streets.targets[streets.offsets[node] : streets.offsets[node + 1]].tolist()):
                 found[node] = legal
         return found
 
 
+def open_from(columns: GraphColumns, node: int, ranks: Callable[[IntArray], IntArray]) -> IntArray:
+    """Return the rows of the edges that are open from a node, in their order; see `RoadMap.ranks`."""
+    edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
+    rank = ranks(edges)
+    order = np.argsort(rank, kind="stable")
+    found: IntArray = edges[order[rank[order] >= 0]]
+    return found
+
+
 class _OpenWays:
-    """The ways of a map on which roads are closed."""
+    """The ways of a map on which other roads are open."""
 
     def __init__(self, whole: Streets, roads: RoadMap) -> None:
         self._whole, self._roads = whole, roads
@@ -118,37 +135,43 @@ class _OpenWays:
 class OpenRoads:
     """The roads of all games of a batch.
 
-    What is legal for agents on nodes has a number, a *choice*: that of the node where the map is as it is at the start,
-    and one above where other nodes are legal.
+    Edges have the rows of `whole`, which are those of the start where they were open then. What is legal for agents on
+    nodes has a number, a *choice*: that of the node where the map is as it is at the start, and one above where other
+    nodes are legal.
 
     Args:
         streets: of the map at the start.
-        closed: the edges that are closed there.
+        whole: of the map on which those are open, too, that were closed then, behind all others.
+        closed: the edges that were.
         games: how many there are.
 
     Attributes:
-        streets: as given.
-        number: (games,) the number of the map of each; 0: all roads are open that were at the start.
+        streets, whole: as given.
+        number: (games,) the number of the map of each; 0: that of the start.
         are_closed: whether that is not so in all games.
+        are_wider: (games,) whether roads are open that were closed at the start.
+        changes: (games,) how often roads were closed or opened.
         shared: what was worked out for all maps, and follows from none alone.
     """
 
-    def __init__(self, streets: Streets, closed: ClosedEdges, games: int) -> None:
-        self.streets, self._closed, self.are_closed = streets, closed, False
-        self.number = np.zeros(games, np.int64)
+    def __init__(self, streets: Streets, whole: Streets, closed: ClosedEdges, games: int) -> None:
+        self.streets, self.whole, self._closed, self.are_closed = streets, whole, closed, False
+        self.number, self.changes = np.zeros((2, games), np.int64)
+        self.are_wider = np.zeros(games, np.bool_)
         self._maps: list[RoadMap | None] = [None] * games
         self._known: WeakValueDictionary[Hashable, RoadMap] = WeakValueDictionary()
         self._used: OrderedDict[int, RoadMap] = OrderedDict()
         self._last = 0  # the number of the last map that was made
-        self._nodes = len(streets.columns.node_ids)
+        self._nodes, self._at_start = streets.num_nodes, len(streets.columns.edge_ids)
         self._numbers: dict[tuple[int, ...], int] = {}  # what is legal, the own node first -> the choice
         self._first, self._count = list[int](), list[int]()  # of these choices, in `_flat`
         self._flat: list[int] = []
         self._arrays: tuple[IntArray, IntArray, IntArray] | None = None
-        self._keys: IntArray | None = None  # of games and nodes from which others are legal, ascending
-        self._choice_of = np.zeros(0, np.int64)  # of these
         self._order: IntArray | None = None
         self.shared: dict[Hashable, Any] = {}
+        self.changes_in_all = 0
+        self._choices = ValuesOfMaps(self, self._nodes, _legal_on)
+        self._states = ValuesOfMaps(self, len(whole.columns.edge_ids), self._states_on)
 
     def use(self, roads: RoadMap) -> None:
         """Note that a map is asked for what is worked out for it; those that were not for longest forget it."""
@@ -163,10 +186,29 @@ class OpenRoads:
 
     def put(self, games: IntArray, roads: RoadMap | None) -> None:
         """Let games have a map."""
+        self.changes[games] += 1
+        if roads is None and not self.are_closed:
+            return
         for game in games.tolist():
             self._maps[game] = roads
-        self.number[games], self._keys = 0 if roads is None else roads.number, None
+        self.number[games] = 0 if roads is None else roads.number
+        self.are_wider[games] = roads is not None and roads.is_wider
+        self.changes_in_all += 1
         self.are_closed = bool(self.number.any())
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return what lets all games have again the maps that they have now."""
+        maps, columns = [*self._maps], (self.number, self.changes, self.are_wider)
+        copies = [column.copy() for column in columns]
+
+        def undo() -> None:
+            self._maps[:] = maps
+            for column, values in zip(columns, copies, strict=True):
+                column[:] = values
+            self.are_closed = bool(self.number.any())
+            self.changes_in_all += 1
+
+        return undo
 
     def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
         """Yield the maps that some games have, and the places of those that have each."""
@@ -178,69 +220,97 @@ class OpenRoads:
     # -- maps -------------------------------------------------------------------------------------------------------
 
     def map_with(self, edge_ids: IntArray, closed: ClosedEdges) -> RoadMap | None:
-        """Return the map with these edges, in their order, of those that are there at the start; None: that is it.
+        """Return the map with these edges, in their order; None: it is that of the start.
 
         Raises:
-            BadValue: there are others.
+            BadValue: one is opened that was closed at the start while another edge had its id.
         """
-        rows, ids = self._rows_of(edge_ids), self.streets.columns.edge_ids
-        if (rows < 0).any():
-            raise BadValue("it opens roads that were closed at the start")
-        falls = np.flatnonzero(np.diff(rows) < 0)
-        in_place = int(falls[0]) + 1 if len(falls) else len(rows)
-        is_gone = np.ones(len(ids), np.bool_)
-        is_gone[rows[:in_place]] = False
-        return self._made(np.flatnonzero(is_gone).tolist(), rows[in_place:].tolist(), closed)
+        rows = self._rows_of(edge_ids)
+        opened = np.array([id for id in self._closed if id not in closed], np.int64)
+        if (self._rows_of(opened) < self._at_start).any():
+            raise BadValue("it opens roads that were closed at the start, and whose ids other edges had")
+        is_later = (np.diff(rows, prepend=-1) < 0) | (rows >= self._at_start)
+        in_place = int(is_later.argmax()) if is_later.any() else len(rows)
+        gone = np.delete(np.arange(self._at_start), rows[:in_place])
+        if not len(gone) and in_place == len(rows) and [*closed] == [*self._closed]:
+            return None
+        roads = RoadMap(self, self._last + 1, gone, rows[in_place:], closed)
+        known = self._known.get(roads.key)
+        if known is None:
+            self._last += 1
+            known = self._known[roads.key] = roads
+            legal = roads.find_legal(self.streets)
+            roads.nodes = np.array([*legal], np.int64)
+            roads.choices = np.array([self._choice(one) for one in legal.values()], np.int64)
+        return known
 
     def changed(self, roads: RoadMap | None, edges: Sequence[int], *, is_open: bool) -> RoadMap | None:
         """Return a map on which roads, ids of edges, are closed or opened, too, as `ctx.graph` does it.
 
         Raises:
             UnknownName (KeyError): there is no such edge, or it is not closed.
-            BadValue: it was closed at the start.
+            BadValue: see `map_with`.
         """
-        ids = [*dict.fromkeys(as_ids(edges, "edges"))]
+        ids, columns = [*dict.fromkeys(as_ids(edges, "edges"))], self.whole.columns
         closed = dict(self._closed if roads is None else roads.closed)
-        gone, opened = ([], []) if roads is None else ([*roads.gone], [*roads.opened])
-        columns = self.streets.columns
-        rows: list[int] = self._rows_of(np.array(ids, np.int64)).tolist()
+        rows = self._rows_of(np.array(ids, np.int64))
+        there = np.arange(self._at_start) if roads is None else roads.rows
         if is_open:
-            for id, row in zip(ids, rows, strict=True):
-                if id not in closed:
-                    raise UnknownName("closed edge", id, tuple(closed))
-                if row < 0:
-                    raise BadValue("it opens roads that were closed at the start: open those that were closed later.")
-                del closed[id]
-            return self._made(gone, opened + rows, closed)
-        there, closing = {row: place for place, row in enumerate(opened)}, set(rows)
-        are_closed = set(gone).difference(opened)
-        for id, row in zip(ids, rows, strict=True):
-            if row < 0 or row in are_closed:
+            for id in ids:
+                closed.pop(as_known(id, "closed edge", closed))
+            return self.map_with(np.append(columns.edge_ids[there], np.array(ids, np.int64)), closed)
+        rank = self.ranks_on(roads, rows)
+        for id, row, one in zip(ids, rows.tolist(), rank.tolist(), strict=True):
+            if row < 0 or one < 0:
                 raise UnknownName("edge", id)
-        in_order = sorted(rows, key=lambda row: (row in there, there.get(row, row)))
-        closed |= {int(columns.edge_ids[row]): _edge_of(columns, row) for row in in_order}
-        left = [row for row in opened if row not in closing]
-        return self._made(sorted({*gone, *rows}), left, closed)
+        closed |= {int(columns.edge_ids[row]): _edge_of(columns, row) for row in rows[np.argsort(rank)].tolist()}
+        return self.map_with(columns.edge_ids[there[~np.isin(there, rows)]], closed)
 
     def _rows_of(self, edge_ids: IntArray) -> IntArray:
-        known = self.streets.columns.edge_ids
+        known = self.whole.columns.edge_ids
         if self._order is None:
             self._order = np.argsort(known, kind="stable")
         return kernels.rows_of(known, edge_ids, self._order)
 
-    def _made(self, gone: list[int], opened: list[int], closed: ClosedEdges) -> RoadMap | None:
-        """Return a map, the same object for the same."""
-        if not gone and not opened:
-            return None
-        roads = RoadMap(self.streets, self._last + 1, gone, opened, closed)
-        known = self._known.get(roads.key)
-        if known is None:
-            self._last += 1
-            known = self._known[roads.key] = roads
-            legal = roads.find_legal()
-            roads.nodes = np.array([*legal], np.int64)
-            roads.choices = np.array([self._choice(one) for one in legal.values()], np.int64)
-        return known
+    def ranks_on(self, roads: RoadMap | None, rows: IntArray) -> IntArray:
+        """Return what `RoadMap.ranks` does; None: on the map of the start."""
+        return np.where(rows < self._at_start, rows, -1) if roads is None else roads.ranks(rows)
+
+    # -- edges ------------------------------------------------------------------------------------------------------
+
+    def _states_on(self, roads: RoadMap | None) -> tuple[IntArray, IntArray]:
+        """Return the edges that are not open on a map, and of each whether it was closed or removed."""
+        rows, closed = self.not_open_on(roads), self._closed if roads is None else roads.closed
+        are_closed = [id in closed for id in self.whole.columns.edge_ids[rows].tolist()]
+        return rows, np.where(np.array(are_closed, np.bool_), CLOSED, REMOVED)
+
+    def not_open_on(self, roads: RoadMap | None) -> IntArray:
+        """Return the rows of the edges that are not open on a map, ascending; None: on that of the start."""
+        later = np.arange(self._at_start, len(self.whole.columns.edge_ids))
+        return later if roads is None else np.setdiff1d(np.append(roads.gone, later), roads.opened)
+
+    def states(self, edges: IntArray, games: IntArray) -> IntArray:
+        """Return whether edges, by rows, are not open in games, which broadcast with them: `CLOSED`, `REMOVED`, or 0.
+
+        That of the row -1, which is none, is 0.
+        """
+        if self.are_all_open:
+            return np.zeros(np.broadcast_shapes(edges.shape, games.shape), np.int64)
+        return np.where(edges >= 0, self._states.at(np.maximum(edges, 0), games, 0), 0)
+
+    @property
+    def are_all_open(self) -> bool:
+        """Whether no edge is closed in any game."""
+        return not self.are_closed and self.whole is self.streets
+
+    def are_next(self, node: IntArray, targets: IntArray, games: IntArray) -> BoolArray:
+        """Return which nodes are legal from others, (pairs,), in games."""
+        if not self.are_closed:
+            return self.streets.action_to(node, targets) >= 0
+        ends, rows = self.legal_of(node, games)
+        counts = np.diff(ends)
+        is_it = rows == np.repeat(targets, counts)
+        return np.bincount(np.repeat(np.arange(len(node)), counts)[is_it], minlength=len(node)) > 0
 
     # -- what is legal ----------------------------------------------------------------------------------------------
 
@@ -257,17 +327,7 @@ class OpenRoads:
 
     def choices(self, node: IntArray, games: IntArray) -> IntArray:
         """Return the choices of agents that are on these nodes, in these games, which broadcast to the nodes."""
-        if self._keys is None:
-            maps = [(game, roads) for game, roads in enumerate(self._maps) if roads is not None and len(roads.nodes)]
-            self._keys = np.concatenate(
-                [np.zeros(0, np.int64), *(game * self._nodes + one.nodes for game, one in maps)]
-            )
-            self._choice_of = np.concatenate([np.zeros(0, np.int64), *(one.choices for _, one in maps)])
-        if not len(self._keys):
-            return node
-        keys = games * self._nodes + node
-        places = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        return np.where(self._keys[places] == keys, self._choice_of[places], node)
+        return self._choices.at(node, games, node)
 
     def _table(self) -> tuple[IntArray, IntArray, IntArray]:
         if self._arrays is None:
@@ -307,11 +367,52 @@ class OpenRoads:
 
 
 def _edge_of(columns: GraphColumns, row: int) -> dict[str, Any]:
-    """Return an edge as `add_edge` takes it."""
-    node_ids, given = columns.node_ids, {name: of[row] for name, of in columns.edge_attributes.items() if row in of}
-    ends = {"source": node_ids.item(columns.sources[row]), "target": node_ids.item(columns.targets[row])}
-    shape = {"linestring": columns.polylines[row]} if row in columns.polylines else {}
-    return given | {"id": columns.edge_ids.item(row), **ends, "length": columns.lengths.item(row), **shape}
+    given = {name: of[row] for name, of in columns.edge_attributes.items() if row in of}
+    ends = columns.node_ids.item(columns.sources[row]), columns.node_ids.item(columns.targets[row])
+    return edge_as_given(columns.edge_ids.item(row), ends, columns.lengths.item(row), columns.polylines.get(row), given)
+
+
+def _legal_on(roads: RoadMap | None) -> tuple[IntArray, IntArray]:
+    none = np.zeros(0, np.int64)
+    return (none, none) if roads is None else (roads.nodes, roads.choices)
+
+
+class ValuesOfMaps:
+    """Numbers of nodes or edges on maps, where they are others than at the start.
+
+    Args:
+        roads: of all games.
+        size: how many nodes or edges there are.
+        find: returns the rows for which a map has others, ascending, and the numbers; None: the map of the start.
+    """
+
+    def __init__(
+        self, roads: OpenRoads, size: int, find: Callable[[RoadMap | None], tuple[IntArray, IntArray]]
+    ) -> None:
+        self._roads, self._size, self._find = roads, size, find
+        self._made_for = -1
+        self._of_map: dict[int, tuple[IntArray, IntArray]] = {}  # of those that games have
+        self._keys, self._values = np.zeros((2, 0), np.int64)  # by the number of the map and the row, ascending
+
+    def _make(self) -> None:
+        number, first = np.unique(self._roads.number, return_index=True)
+        known, self._of_map = self._of_map, {}
+        for one, game in zip(number.tolist(), first.tolist(), strict=True):
+            self._of_map[one] = known.get(one) or self._find(self._roads.of(game))
+        keys = [one * self._size + rows for one, (rows, _) in self._of_map.items()]
+        self._keys = np.concatenate([np.zeros(0, np.int64), *keys])
+        self._values = np.concatenate([np.zeros(0, np.int64), *(values for _, values in self._of_map.values())])
+        self._made_for = self._roads.changes_in_all
+
+    def at(self, rows: IntArray, games: IntArray, otherwise: IntArray | int) -> IntArray:
+        """Return the numbers of rows in games, of one shape; `otherwise` where they are as at the start."""
+        if self._made_for != self._roads.changes_in_all:
+            self._make()
+        if not len(self._keys):
+            return otherwise if isinstance(otherwise, np.ndarray) else np.full(rows.shape, otherwise)
+        keys = self._roads.number[games] * self._size + rows
+        places = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        return np.where(self._keys[places] == keys, self._values[places], otherwise)
 
 
 # -- where maps differ ------------------------------------------------------------------------------------------------

@@ -42,17 +42,11 @@ def shared_routes(streets: Streets, weight: str | None) -> "RouteTable":
     return found
 
 
-def of_asked(ask: Callable[[IntArray, IntArray], Any], sources: IntArray, targets: IntArray, asked: BoolArray) -> Any:
+def of_asked(ask: Callable[..., Any], sources: IntArray, targets: IntArray, asked: BoolArray, **at: IntArray) -> Any:
     """Return what a table answers to those that are asked, and 0 to the others; all broadcast to one shape."""
-    wanted = as_array(asked, "asked", "booleans")
-    starts, ends, which = as_one_shape(
-        {
-            "sources": as_array(sources, "sources", "integers"),
-            "targets": as_array(targets, "targets", "integers"),
-            "asked": wanted,
-        }
-    )
-    answers = ask(starts[which], ends[which])
+    named = {name: as_array(one, name, "integers") for name, one in (("sources", sources), ("targets", targets))}
+    starts, ends, which, *rest = as_one_shape({**named, "asked": as_array(asked, "asked", "booleans"), **at})
+    answers = ask(starts[which], ends[which], **{name: one[which] for name, one in zip(at, rest, strict=True)})
     found = np.zeros(which.shape, answers.dtype)
     found[which] = answers
     return found

@@ -13,7 +13,8 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.game.batch.roads import OpenRoads, RoadMap, refuse_several_maps
-from gamms.game.batch.routes import RouteTable, shared_routes
+from gamms.game.batch.routes import RouteTable, of_asked, shared_routes
+from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
@@ -41,15 +42,8 @@ class RoutesOfMaps:
     ) -> FloatArray:
         """Return how far it is from nodes to others in games; see `RouteTable`."""
         if asked is not None:
-            named = {
-                name: as_array(one, name, "integers") for name, one in (("sources", sources), ("targets", targets))
-            }
-            starts, ends, which, at = as_one_shape(
-                named | {"asked": as_array(asked, "asked", "booleans"), "at": self._as_places(at)}
-            )
-            found = np.zeros(which.shape)
-            found[which] = self.distances(starts[which], ends[which], at=at[which])
-            return found
+            answers: FloatArray = of_asked(self.distances, sources, targets, asked, at=self._as_places(at))
+            return answers
         given = self._as_given(sources, targets, at)
         far: FloatArray = self._answers(
             tuple(one.ravel() for one in given),
@@ -104,29 +98,43 @@ class RoutesOfMaps:
     ) -> Any:
         """Return what the ways say of queries, and tables of their maps of those where ways are searched too near."""
         starts, ends, games = queries
-        whole, found = self._table(None), np.empty(len(starts), kind)
-        for some in whole.ready(starts, ends):
-            ways = _Ways(whole, self._changed, starts[some], ends[some], games[some], self._roads)
-            found[some] = ask(ways)
-            unsure = np.arange(len(starts))[some][~ways.are_known]
-            for roads, places in self._roads.by_map(games[unsure]):
-                rows = unsure[places]
-                found[rows] = ask_table(self._table(roads), starts[rows], ends[rows])
+        found, are_wider = np.empty(len(starts), kind), self._roads.are_wider[games]
+        for is_wider in np.unique(are_wider).tolist():
+            those, base = np.flatnonzero(are_wider == is_wider), self._base(is_wider=is_wider)
+            for part in base.ready(starts[those], ends[those]):
+                some = those[part]
+                ways = _Ways(base, self._changed, starts[some], ends[some], games[some], self._roads)
+                found[some] = ask(ways)
+                unsure = some[~ways.are_known]
+                for roads, places in self._roads.by_map(games[unsure]):
+                    rows = unsure[places]
+                    found[rows] = ask_table(self._table(roads), starts[rows], ends[rows])
         return found
+
+    def _base(self, *, is_wider: bool) -> RouteTable:
+        """Return the tables of the map of the start, or of the one on which those roads are open that were closed."""
+        return self._known("wider routes", self._roads.whole) if is_wider else self._table(None)
 
     def _table(self, roads: RoadMap | None) -> RouteTable:
         """Return the tables of a map."""
-        known: dict[Any, Any] = self._roads.shared if roads is None else roads.shared
+        if roads is None:
+            return self._known("routes", self._roads.streets)
+        self._roads.use(roads)
         key = "routes", self._weight
-        if roads is not None:
-            self._roads.use(roads)
-        if key not in known:
-            known[key] = shared_routes(self._roads.streets if roads is None else roads.streets, self._weight)
-        table: RouteTable = known[key]
+        if key not in roads.shared:
+            roads.shared[key] = shared_routes(roads.streets, self._weight)
+        table: RouteTable = roads.shared[key]
+        return table
+
+    def _known(self, key: str, streets: Streets) -> RouteTable:
+        known = self._roads.shared
+        if (key, self._weight) not in known:
+            known[key, self._weight] = shared_routes(streets, self._weight)
+        table: RouteTable = known[key, self._weight]
         return table
 
     def _changed(self, roads: RoadMap | None) -> "_Changed":
-        """Return the arcs of a map that are others than those of the whole one."""
+        """Return the arcs of a map that are others than those of the one whose tables are asked."""
         if roads is None:
             none = np.zeros(0, np.int64)
             return _Changed(none, none, none, np.zeros(0))
@@ -137,15 +145,15 @@ class RoutesOfMaps:
         return found
 
     def _found_changed(self, roads: RoadMap) -> "_Changed":
-        streets, arcs = self._roads.streets, self._table(None).arcs
+        streets, arcs = self._roads.whole, self._base(is_wider=roads.is_wider).arcs
         columns, nodes = streets.columns, streets.num_nodes
-        closed = np.setdiff1d(np.array(roads.gone, np.int64), np.array(roads.opened, np.int64))
-        ways = columns.targets * nodes + columns.sources
-        changed = np.unique(ways[closed])
+        ways, shut = columns.targets * nodes + columns.sources, self._roads.not_open_on(roads)
+        if not roads.is_wider:
+            shut = shut[shut < len(self._roads.streets.columns.edge_ids)]
+        changed = np.unique(ways[shut])
         starts, ends = np.divmod(changed, max(nodes, 1))
-        is_open = np.ones(len(ways), np.bool_)
-        is_open[closed] = False
-        others = np.flatnonzero(is_open & np.isin(ways, changed))  # parallel ones
+        others = np.flatnonzero(np.isin(ways, changed))  # parallel ones
+        others = others[roads.ranks(others) >= 0]
         weights = np.full(len(changed), np.inf)
         np.minimum.at(weights, np.searchsorted(changed, ways[others]), streets.weights(self._weight)[others])
         entries, runs = kernels.chosen_runs(arcs.offsets, starts)
@@ -241,7 +249,8 @@ class _Ways:
         kept = np.flatnonzero(is_there & np.isfinite(weights))
         counts = np.bincount(before[kept], minlength=len(rows))
         self._graph = kernels.Arcs(np.append(0, np.cumsum(counts)), after[kept], weights[kept])
-        self._before, self._roots = before[kept], self._places(np.arange(len(others)) * nodes + targets)[0]
+        self._before = np.append(before[kept], 0)  # the last one for nodes that no arc leads to
+        self._roots = self._places(np.arange(len(others)) * nodes + targets)[0]
         self._far = kernels.shortest_distances(self._graph, self._roots)
         limit = np.zeros(len(others))
         np.maximum.at(limit, lines, far)

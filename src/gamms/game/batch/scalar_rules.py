@@ -14,7 +14,6 @@ from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.flights import InAir
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
-from gamms.game.batch.roads import ClosedEdges
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -23,7 +22,7 @@ from gamms.game.legality import ResolvedAction
 from gamms.game.result import Collector
 from gamms.game.settings import NamedRule
 from gamms.ir.agents import Position
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.text import as_code
@@ -124,6 +123,7 @@ class RuleContext:
             stopped[at, [fork.number[name] for name in fork.losers()]] = True
 
         self._each(turn, "conflicts", "the conflict resolver", act)
+        turn.find_roads()
         return stopped
 
     def collect(self, turn: ArrayTurn) -> None:
@@ -160,7 +160,7 @@ class RuleContext:
                 act(fork, at)
                 if not decides:
                     self._own[game] = fork.taken(at, turn)
-                    self._take_map(game, phase)
+                    self._take_map(game)
             except NoRow as error:
                 by = self.fork.calling or named
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {by}.")
@@ -177,13 +177,12 @@ class RuleContext:
             # those too that have ended in this turn, for the numbers that they got are not their own
             self._leave(turn.games.tolist(), named, NeedsTurnEngine("it draws from the global random"))
 
-    def _take_map(self, game: int, phase: str) -> None:
+    def _take_map(self, game: int) -> None:
         """Let a game have the roads that were left open in it."""
         changed = self.fork.taken_roads()
         if changed is not None:
-            why = None if phase in ("before", "after") else "it changes roads where agents are about to move"
             self.fork.calling = self.fork.changed_map_by
-            why = why or self._take_roads(game, *changed)
+            why = self._take_roads(game, *changed)
             if why is not None:
                 raise LeavesArrays(why)
 

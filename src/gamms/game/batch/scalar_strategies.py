@@ -234,7 +234,7 @@ class ScalarStrategies:
 
     def note_stopped(self, turn: ArrayTurn, stopped: BoolArray, ends: IntArray | None) -> None:
         """Note that agents, (games, agents), were stopped by conflicts on the way to places; None: by rules."""
-        columns = self._state.streets.columns
+        columns = self._state.movement.columns
         for at, agent in np.argwhere(stopped).tolist():
             place = 0 if ends is None else int(ends[at, agent]) - len(columns.node_ids)
             end = columns.node_ids.item(place) if place < 0 else EdgePlace(columns.edge_ids.item(place))
@@ -494,7 +494,7 @@ class ScalarStrategies:
     def _locate(self, nodes: list[int], games: IntArray, found: Seen, is_exact: BoolArray) -> None:
         """Have nodes that are shown say where on edges agents are, if those who look, (viewers,), see that exactly."""
         which, movement = (games[found.at], found.others), self._state.movement
-        on = np.flatnonzero(is_exact[found.viewers] & (movement.edge[which] >= 0))
+        on = np.flatnonzero(is_exact[found.viewers] & (movement.on_edge(which) >= 0))
         places = movement.places(found.nodes[on], (which[0][on], which[1][on]))
         columns = (one.tolist() for one in (on, *places))
         for i, edge, offset, xy in zip(*columns, strict=True):

@@ -17,7 +17,7 @@ from gamms.game.batch.flights import Flights, Flyers
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
-from gamms.game.batch.roads import OpenRoads, RoadMap, StreetsOfMaps
+from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.decisions import COUNT_OF
@@ -274,7 +274,7 @@ class GameArrays:
         self.node = start.copy()
         self.apart: dict[int, str] = {}
         self.observed_apart: GameArrays | None = None
-        self.roads = OpenRoads(movement.streets, {}, games)
+        self.roads = movement.all_roads
         self._of_maps: World | None = None  # of games that have several maps
         self.change_roads: Callable[[IntArray, tuple[int, ...], bool], None] | None = None
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
@@ -353,9 +353,8 @@ class GameArrays:
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Let games have a map on which other roads are open; None: that of the start."""
-        if roads is not None or self.roads.are_closed:
-            self.roads.put(games, roads)
-            self.movement.roads = self.roads if self.roads.are_closed else None
+        self.roads.put(games, roads)
+        self.movement.roads = self.roads if self.roads.are_closed else None
 
     def world(self, games: IntArray) -> World:
         """Return where agents of some games go."""
@@ -468,6 +467,7 @@ class GameArrays:
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
         names = [(those, {*those}) for those in (*by_name, self.kept, self._makers)]
         over, facts, undo_events = [*self.over], dict(self.facts), self.events.checkpoint()
+        undo_roads = self.roads.checkpoint()
         num_errors = [len(errors) for errors in self.errors]
 
         def undo() -> None:
@@ -480,6 +480,8 @@ class GameArrays:
             self.facts.clear()
             self.facts.update(facts)
             undo_events()
+            undo_roads()
+            self.movement.roads = self.roads if self.roads.are_closed else None
             for errors, number in zip(self.errors, num_errors, strict=True):
                 del errors[number:]
 

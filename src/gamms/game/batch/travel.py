@@ -4,19 +4,17 @@ All numbers are worked out by the same operations in the same order as there, so
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
 from gamms.errors import NoPath
-from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.movement import (
     AIMS,
     ENDLESS,
     LIMITED,
     STOP,
-    Anywhere,
     Illegal,
     Legs,
     Movement,
@@ -24,16 +22,17 @@ from gamms.game.batch.movement import (
     Paths,
     Places,
     Steps,
+    last_motion,
 )
-from gamms.game.batch.reach import Reach, TravelTerms, edges_back
+from gamms.game.batch.reach import EdgesBetween, Reach, TravelTerms
+from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import SHORT
 from gamms.game.streets import Streets
 from gamms.game.travel import ROUNDED, SLACK, no_end, one_way
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.typing import AgentType
 from gamms.typing.game import Leg
 
 _ALONG = 1 << 62  # actions from here on lead to an end of an edge, and along it; see `ByMetres.along`
@@ -46,43 +45,52 @@ class ByMetres(Movement):
         streets: of the map.
         speeds: of the agents in the order of the roster; None: along one edge in a turn.
         terms: by what they travel.
+        whole, closed: see `Movement`.
 
     Attributes:
         edge: (games, agents) the rows of the edges that agents are on; -1: they are on their nodes.
         share: (games, agents) of the edge that is behind them.
         motion: (games, agents) how they move there, see `ir.progress.Motion`.
         now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
-        sources: of the entries of `streets.targets`.
-        back: (edges,) the row of the edge by which one turns round on each; -1: none.
-        street: (edges,) a number that an edge and the one back have in common.
-        is_ahead: (edges,) which edges lead in the direction of their streets.
     """
 
-    is_plain, leaves_nodes, may_lose_roads = False, True, False
+    is_plain, leaves_nodes = False, True
     remembers = ("edge", "share", "motion")
     idle = STOP
 
-    def __init__(self, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:
-        super().__init__(streets)
+    def __init__(
+        self,
+        streets: Streets,
+        speeds: Sequence[float | None],
+        terms: TravelTerms,
+        whole: Streets | None = None,
+        closed: ClosedEdges | None = None,
+    ) -> None:
+        super().__init__(streets, whole, closed)
         self.terms = terms
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)
-        columns, nodes, ids = streets.columns, len(streets.counts), streets.columns.edge_ids
-        ways = columns.sources * nodes + columns.targets
-        order = np.lexsort((np.arange(len(ways)), terms.costs, ways))
-        self._ways, first = np.unique(ways[order], return_index=True)
-        self._cheapest = order[first]
-        self.back = edges_back(columns, ways, nodes)
-        street = np.where(self.back >= 0, np.minimum(ids, ids[self.back]), ids)
-        self.street: IntArray = np.unique(street, return_inverse=True)[1]
-        self.is_ahead: BoolArray = street == ids
-        self.sources = np.repeat(np.arange(nodes), streets.counts)
-        self._reach = Reach(streets, self._kinds, self.takes)
         self.begin((0, len(speeds)))
+
+    @cached_property
+    def _between(self) -> EdgesBetween:
+        return EdgesBetween(self.all_roads, self.terms.costs)
+
+    @cached_property
+    def _reach(self) -> Reach:
+        return Reach(self.all_roads, self._kinds, self.takes)
+
+    def on(self, roads: RoadMap) -> Self:
+        """Return how the same agents go in games that have a map of their own."""
+        _ = self._between, self._reach, self.lines  # which all maps share
+        return super().on(roads)
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
+        super().begin(shape)
+        for name in ("_between", "_reach"):
+            vars(self).pop(name, None)
         self.edge, self.share, self.motion = np.full(shape, -1), np.zeros(shape), np.zeros(shape, np.int64)
         self.now = np.zeros(shape[0])
 
@@ -92,7 +100,7 @@ class ByMetres(Movement):
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
         """Let an agent be on an edge in some games."""
-        self.edge[games, agent] = np.flatnonzero(self.streets.columns.edge_ids == place.edge)[0]
+        self.edge[games, agent] = np.flatnonzero(self.columns.edge_ids == place.edge)[0]
         self.share[games, agent], self.motion[games, agent] = place.share, place.motion
 
     def take_out(self, games: IntArray, agents: IntArray) -> None:
@@ -105,8 +113,11 @@ class ByMetres(Movement):
 
     def is_going(self, games: IntArray) -> BoolArray:
         """Return which agents of games where agents decide at arrivals are on their way, and are not asked now."""
-        going: BoolArray = (self.edge[games] >= 0) & (self.motion[games] != Motion.STOPPED)
-        return going & self.terms.decides_at_arrivals
+        which = games[:, None], np.arange(self.edge.shape[1])
+        edge, motion = self.on_edge(which), self.motion[which]
+        may_go = (motion != Motion.BACK) | (self.backs(edge, which[0]) >= 0)
+        going: BoolArray = (edge >= 0) & (motion != Motion.STOPPED) & may_go & self.terms.decides_at_arrivals
+        return going
 
     def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
         """Return where on edges agents are."""
@@ -121,34 +132,34 @@ class ByMetres(Movement):
         found: dict[tuple[int, int], tuple[list[Leg], Progress | None]] = {}
         if paths.legs is None or paths.edge is None or paths.motion is None:
             return found
-        motion, columns = paths.motion.tolist(), self.streets.columns
-        ids, backs = columns.edge_ids.tolist(), self.back.tolist()
-        rows = paths.legs.edge
-        for at, agent, number in np.argwhere(rows >= 0).tolist():
-            row = int(rows[at, agent, number])
-            begin, end, since, until = (column[at, agent, number].item() for column in paths.legs[1:])
+        motion, columns = paths.motion.tolist(), self.columns
+        ids = columns.edge_ids.tolist()
+        for at, agent, number in np.argwhere(paths.legs.edge >= 0).tolist():
+            row, back, begin, end, since, until = (column[at, agent, number].item() for column in paths.legs)
             source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
-            back = None if backs[row] < 0 else ids[backs[row]]
-            leg = Leg(source, target, ids[row], begin, end, since, until, back)
+            leg = Leg(source, target, ids[row], begin, end, since, until, None if back < 0 else ids[back])
             ended = self._place(row, end, motion[at][agent]) if paths.edge[at, agent] >= 0 else None
             found[at, agent] = [*found.get((at, agent), ([],))[0], leg], ended
         return found
 
     def _place(self, row: int, share: float, motion: int) -> Progress:
-        columns = self.streets.columns
+        columns = self.columns
         source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
         return Progress(source, target, share, int(columns.edge_ids[row]), Motion(motion))
 
     def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
         """Return the places where moves begin and end: nodes, and behind them edges."""
-        nodes = len(self.streets.counts)
-        pairs = (moves.starts, moves.before[0]), (moves.ends, moves.progress[0])
+        nodes, paths = self.streets.num_nodes, moves.as_paths()
+        begun, ended = moves.before[0], moves.progress[0]
+        if paths.legs is not None and paths.edge is not None:  # those on closed edges that are not asked stay off them
+            begun, ended = np.where((paths.legs.edge >= 0).any(axis=-1), begun, -1), paths.edge
+        pairs = (moves.starts, begun), (moves.ends, ended)
         starts, ends = (np.where(edge >= 0, nodes + edge, node) for node, edge in pairs)
         return starts, ends
 
     def takes(self, edges: IntArray, share: Any, speed: Any) -> FloatArray:
         """Return how many turns a share of some edges takes at speeds."""
-        terms, metres = self.terms, share * self.streets.columns.lengths[edges]
+        terms, metres = self.terms, share * self.columns.lengths[edges]
         with np.errstate(divide="ignore", invalid="ignore"):
             by_speed = np.where(metres == 0.0, 0.0, metres / np.abs(speed * terms.turn_seconds))  # a speed may be -0.0
         if terms.seconds is None:
@@ -156,22 +167,27 @@ class ByMetres(Movement):
         found: FloatArray = np.maximum(by_speed, share * terms.seconds[edges] / terms.turn_seconds)
         return found
 
-    def cheapest(self, starts: IntArray, ends: IntArray) -> IntArray:
-        """Return the rows of the cheapest edges between nodes next to each other."""
-        return self._cheapest[np.searchsorted(self._ways, starts * len(self.streets.counts) + ends)]
+    def cheapest(self, starts: IntArray, ends: IntArray, games: IntArray) -> IntArray:
+        """Return the rows of the cheapest edges between nodes next to each other in games."""
+        return self._between.cheapest(starts, ends, games)
+
+    def backs(self, edges: IntArray, games: IntArray) -> IntArray:
+        """Return the rows of the edges by which one turns round on others, -1 among them, in games; -1: none."""
+        return self._between.backs(edges, games)
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the numbers of the choices of agents; those of agents on edges are found one by one, which is slow."""
-        edge, kind = self.edge[which], np.broadcast_to(self._kind_of[which[1]], node.shape)
+        edge, games = np.broadcast_to(self.on_edge(which), node.shape), np.broadcast_to(which[0], node.shape)
+        kind = np.broadcast_to(self._kind_of[which[1]], node.shape)
         left = np.broadcast_to(1.0 - self.now[which[0]], node.shape)
         found, on_node = np.zeros(node.shape, np.int64), np.nonzero(edge < 0)
-        found[on_node] = self._reach.from_nodes(node[on_node], kind[on_node], left[on_node])
+        found[on_node] = self._reach.from_nodes(node[on_node], kind[on_node], left[on_node], games[on_node])
         on = np.nonzero(edge >= 0)
         if len(on[0]):
-            games, agents = (np.broadcast_to(one, node.shape)[on] for one in which)
-            found[on] = self._on_edges(node[on], (games, agents), kind[on])
+            agents = np.broadcast_to(which[1], node.shape)[on]
+            found[on] = self._on_edges(node[on], (games[on], agents), kind[on])
         return found
 
     def counts(self, choices: IntArray) -> IntArray:
@@ -187,21 +203,22 @@ class ByMetres(Movement):
         return self._reach.most(limit)
 
     def _on_edges(self, here: IntArray, which: tuple[IntArray, IntArray], kind: IntArray) -> IntArray:
-        """Return the choices of agents that are on edges; see `Travel.reachable`."""
-        edge, share, motion = self.edge[which], self.share[which], self.motion[which]
+        """Return the choices of agents that are on open edges; see `Travel.reachable`."""
+        edge, share, motion, games = self.edge[which], self.share[which], self.motion[which], which[0]
         near, around, speed = self._reach.near, self._reach.around, self._kinds[kind]
-        goes_on = (motion != Motion.STOPPED) & self.terms.decides_at_arrivals
+        has_back = self.backs(edge, games) >= 0
+        goes_on = (motion != Motion.STOPPED) & ((motion != Motion.BACK) | has_back) & self.terms.decides_at_arrivals
         takes = self.takes(edge, 1.0 - share, speed), self.takes(edge, share, speed)
-        ways = self.streets.columns.targets[edge], *takes, self.back[edge] >= 0, goes_on, motion == Motion.BACK
-        rows = (column.tolist() for column in (here, kind, ~np.isnan(speed), *ways))
+        ways = self.columns.targets[edge], *takes, has_back, goes_on, motion == Motion.BACK
+        rows = (column.tolist() for column in (games, here, kind, ~np.isnan(speed), *ways))
         found = list[dict[int, float]]()
-        for start, number, is_paced, target, ahead, behind, has_back, is_on, is_back in zip(*rows, strict=True):
-            ends = [(target, ahead), (start, behind)] if has_back else [(target, ahead)]
+        for game, start, number, is_paced, target, ahead, behind, turns, is_on, is_back in zip(*rows, strict=True):
+            ends, roads = [(target, ahead), (start, behind)] if turns else [(target, ahead)], self.all_roads.of(game)
             ends = [ends[-1] if is_back else ends[0]] if is_on else ends
             nodes = [end for end, _ in reversed(ends)]
             if is_on or is_paced:  # else it goes to one of the ends
-                nodes += [node for end, _ in ends for node in near(end)]
-                nodes += [node for end, begun in ends for node in around(end, number, begun)]
+                nodes += [node for end, _ in ends for node in near(end, roads)]
+                nodes += [node for end, begun in ends for node in around(end, number, begun, roads)]
             found.append(dict.fromkeys(nodes, 0.0))
         return self._reach.add(found)
 
@@ -212,32 +229,29 @@ class ByMetres(Movement):
     ) -> IntArray:
         """Return the actions that lead agents towards nodes; -1: no path."""
         games, agents = which
-        has_speed, table = self._is_paced[agents], self.routes("length")
+        has_speed, table, edge = self._is_paced[agents], self.ways("length"), self.on_edge(which)
         found = np.full(node.shape, -1)
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
-        edge = self.edge[games, agents]
+        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed, at=games[~has_speed])
         stopped = np.flatnonzero(~has_speed & (edge >= 0) & (found >= 0))  # just before a node, by a conflict
         if len(stopped):
             those = games[stopped], agents[stopped]
             found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], those, allowed)
-        ends = self.streets.columns.targets[edge]
-        has_path = np.isfinite(table.distances(node, targets))
+        has_path, on = np.isfinite(table.distances(node, targets, at=games)), edge >= 0
         if allowed is not None:
             some = np.flatnonzero(has_speed & has_path)
             found[some] = self._as_far_as_allowed(node[some], targets[some], (games[some], agents[some]), allowed)
             return found
-        on = edge >= 0
-        has_path[on] |= np.isfinite(table.distances(ends[on], targets[on]))
+        has_path[on] |= np.isfinite(table.distances(self.columns.targets[edge[on]], targets[on], at=games[on]))
         return np.where(has_speed, np.where(has_path, AIMS + targets, -1), found)
 
     def _next_legal(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
     ) -> IntArray:
         """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
-        choices, table, goes_on = self.choices(node, which), self.routes("length"), np.ones(len(node), np.bool_)
+        choices, table, goes_on = self.choices(node, which), self.ways("length"), np.ones(len(node), np.bool_)
         found = np.where(self.action_to(choices, targets) >= 0, targets, node)
         while goes_on.any():
-            ahead = table.following(found, targets)
+            ahead = table.following(found, targets, at=which[0])
             goes_on &= (found != targets) & (self.action_to(choices, ahead) >= 0)
             goes_on &= True if allowed is None else allowed[ahead]
             found = np.where(goes_on, ahead, found)
@@ -247,11 +261,11 @@ class ByMetres(Movement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray
     ) -> IntArray:
         """Return the actions that lead to targets that are legal, and to others along nodes of the shortest path."""
-        table, limit, at = self.routes("length"), np.zeros(len(node), np.int64), node
+        table, limit, at = self.ways("length"), np.zeros(len(node), np.int64), node
         is_legal = self.action_to(self.choices(node, which), targets) >= 0
         goes_on = ~is_legal & (node != targets)
         while goes_on.any():
-            at = np.where(goes_on, table.following(at, targets), at)
+            at = np.where(goes_on, table.following(at, targets, at=which[0]), at)
             goes_on &= allowed[at]
             limit += goes_on
             goes_on &= at != targets
@@ -259,18 +273,18 @@ class ByMetres(Movement):
 
     def first_nodes(self, node: IntArray, actions: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the nodes that agents name first who decide such actions; -1: none."""
-        edge, ends = self.edge[which], self.streets.columns.targets
+        edge, ends = self.on_edge(which), self.columns.targets
         named = np.where(actions == STOP, np.where(edge < 0, node, -1), actions % AIMS)
         found = np.where(actions < _ALONG, named, np.where(actions % 2 > 0, node, ends[edge]))
         some = np.flatnonzero((actions >= AIMS * LIMITED) & (actions < _ALONG))
-        found[some] = self.routes("length").following(node[some], found[some])
+        found[some] = self.ways("length").following(node[some], found[some], at=which[0][some])
         some = np.flatnonzero(actions < STOP)
         found[some] = self.nodes(self.choices(node[some], (which[0][some], which[1][some])), actions[some])
         return found
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
         """Return where agents are."""
-        columns, edge, share = self.streets.columns, self.edge[which], self.share[which]
+        columns, edge, share = self.columns, self.on_edge(which), self.share[which]
         xy, ids = columns.xy[node].copy(), np.full((*node.shape, 3), -1)
         on = np.nonzero(edge >= 0)
         rows = edge[on]
@@ -281,18 +295,19 @@ class ByMetres(Movement):
 
     def offsets(self, which: tuple[IntArray, IntArray]) -> FloatArray:
         """Return how far along their edges agents are, map units."""
-        edge = self.edge[which]
-        return np.where(edge >= 0, self.share[which] * self.streets.columns.lengths[edge], 0.0)
+        edge = self.on_edge(which)
+        return np.where(edge >= 0, self.share[which] * self.columns.lengths[edge], 0.0)
 
-    def along(self, entries: IntArray, is_from_node: BoolArray) -> IntArray:
+    def along(self, starts: IntArray, ends: IntArray, is_from_node: BoolArray) -> IntArray:
         """Return the actions that lead to the start of an edge, and along it.
 
         Args:
-            entries: of the edges, in `streets.targets`.
+            starts: rows of the nodes that the edges lead from.
+            ends: likewise, to.
             is_from_node: whether the way begins at the node that was passed last; else at the end of the agent's edge.
                 None of them is that of the agent's edge, or the one back: there it goes towards one of its ends.
         """
-        return _ALONG + 2 * entries + is_from_node
+        return _ALONG + 2 * (starts * self.streets.num_nodes + ends) + is_from_node
 
     # -- moves ----------------------------------------------------------------------------------------------------
 
@@ -302,20 +317,21 @@ class ByMetres(Movement):
         nodes = [tuple([leg.target if leg.end else leg.source for leg in legs]) for legs in ends]
         pairs = zip(actions, nodes, strict=True)
         moves = super().moves_of([action._replace(path=action.path[:1] + passed) for action, passed in pairs])
-        row, paths = {one: i for i, one in enumerate(self.streets.columns.edge_ids.tolist())}, moves.as_paths()
+        row, paths = {one: i for i, one in enumerate(self.columns.edge_ids.tolist())}, moves.as_paths()
         shape = len(actions), max(len(action.legs) for action in actions)
-        legs = Legs(np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
+        legs = Legs(np.full(shape, -1), np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
         edge, share = np.full(len(actions), -1), np.zeros(len(actions))
         for i, action in enumerate(actions):
             paths.times[i, 1 : 1 + len(ends[i])] = [leg.until for leg in ends[i]]
             for number, leg in enumerate(action.legs):
-                for column, value in zip(legs, (row[leg.edge], *leg[3:7]), strict=True):
+                back = -1 if leg.back is None else row[leg.back]
+                for column, value in zip(legs, (row[leg.edge], back, *leg[3:7]), strict=True):
                     column[i, number] = value
             if action.progress is not None:
                 edge[i], share[i] = row[action.progress.edge], action.progress.share
         stays = np.asarray((legs.edge < 0).all(axis=-1))
         waits = np.zeros_like(stays)
-        paths = paths._replace(legs=legs, edge=edge, motion=_motion(legs), stays=stays, waits=waits, rests=edge < 0)
+        paths = paths._replace(legs=legs, edge=edge, motion=last_motion(legs), stays=stays, waits=waits, rests=edge < 0)
         return moves._replace(goes=(legs.begin != legs.end).any(axis=-1), paths=paths, progress=(edge, share))
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
@@ -348,10 +364,10 @@ class Trip:
     """
 
     def __init__(self, by: ByMetres, node: IntArray, games: IntArray) -> None:
-        self._by, self._shape, self._games = by, node.shape, games
+        self._by, self._shape, self._games = by, node.shape, np.repeat(games, node.shape[1])
         self._agents = np.tile(np.arange(node.shape[1]), len(games))
-        self._starts, self.here, self._begun = node.ravel(), node.flatten(), by.edge[games].ravel()
-        self._from = by.share[games].ravel()
+        self._starts, self.here, self._before = node.ravel(), node.flatten(), by.edge[games].ravel()
+        self._begun, self._from = by.on_edge((self._games, self._agents)), by.share[games].ravel()
         self._is_paced = by._is_paced[self._agents]
         self._speed = by._speeds[self._agents]
         number = len(self.here)
@@ -378,7 +394,7 @@ class Trip:
         some = actions < STOP
         chosen = rows[some]
         if len(chosen):
-            who = np.repeat(self._games, self._shape[1])[chosen], self._agents[chosen]
+            who = self._games[chosen], self._agents[chosen]
             self._aim(chosen, by.nodes(by.choices(self.here[chosen], who), actions[some]))
         some = (actions >= AIMS) & (actions < AIMS * LIMITED)
         self._aim(rows[some], actions[some] - AIMS)
@@ -393,17 +409,18 @@ class Trip:
 
     def _aim(self, rows: IntArray, targets: IntArray) -> None:
         """Let agents go towards nodes; those on an edge by the shorter way."""
-        by, columns = self._by, self._by.streets.columns
+        by, columns = self._by, self._by.columns
         on_node = self.edge[rows] < 0
         away = rows[on_node & (targets != self.here[rows])]
         self._goal[rows], self.goes[away] = targets, True
         rows, targets = rows[~on_node], targets[~on_node]
         if not len(rows):
             return
-        edge, share, here = self.edge[rows], self.share[rows], self.here[rows]
-        end, may_turn, table = columns.targets[edge], by.back[edge] >= 0, by.routes(by.terms.weight)
-        ahead = (1.0 - share) * by.terms.costs[edge] + table.distances(end, targets)
-        behind = np.where(may_turn, share * by.terms.costs[edge] + table.distances(here, targets), np.inf)
+        edge, share, here, games = self.edge[rows], self.share[rows], self.here[rows], self._games[rows]
+        end, may_turn, table = columns.targets[edge], by.backs(edge, games) >= 0, by.ways(by.terms.weight)
+        ahead = (1.0 - share) * by.terms.costs[edge] + table.distances(end, targets, at=games)
+        behind = share * by.terms.costs[edge] + table.distances(here, targets, at=games)
+        behind = np.where(may_turn, behind, np.inf)
         is_end, is_here = targets == end, (targets == here) & may_turn
         self._is_back[rows] = ~is_end & (is_here | (behind < ahead))
         has_way, is_paced = is_end | is_here | (ahead < np.inf) | (behind < np.inf), self._is_paced[rows]
@@ -418,31 +435,31 @@ class Trip:
 
     def _follow(self, rows: IntArray, ways: IntArray) -> None:
         """Let agents go to an edge by the shortest way by length, and along it."""
-        by, here = self._by, self.here[rows]
-        entry, is_from_node = np.divmod(ways, 2)
-        first = by.sources[entry]
-        self._last[rows] = last = by.streets.targets[entry]
-        ahead = np.where(first == here, last, by.routes("length").following(here, first))
+        by, here, games = self._by, self.here[rows], self._games[rows]
+        pair, is_from_node = np.divmod(ways, 2)
+        first, last = np.divmod(pair, by.streets.num_nodes)
+        self._last[rows] = last
+        ahead = np.where(first == here, last, by.ways("length").following(here, first, at=games))
         self._set_off(rows, first, ahead, is_from_node > 0)
 
     def _follow_for(self, rows: IntArray, most: IntArray, targets: IntArray) -> None:
         """Let agents go along the shortest ways by length from their nodes, to so many nodes."""
-        ahead = self._by.routes("length").following(self.here[rows], targets)
+        ahead = self._by.ways("length").following(self.here[rows], targets, at=self._games[rows])
         self._set_off(rows, targets, ahead, np.ones(len(rows), np.bool_))
         self._left[rows] = most - ((self.edge[rows] >= 0) & ~self._is_back[rows])
 
     def _set_off(self, rows: IntArray, goals: IntArray, ahead: IntArray, are_from_nodes: BoolArray) -> None:
         """Let agents go by length to nodes; those on an edge turn back whose ways lead from their nodes elsewhere."""
-        by, streets, here = self._by, self._by.streets, self.here[rows]
+        by, columns, here, games = self._by, self._by.columns, self.here[rows], self._games[rows]
         self._goal[rows], self._by_length[rows] = goals, True
         edge = self.edge[rows]
-        end, on_edge = streets.columns.targets[edge], edge >= 0
+        end, on_edge = columns.targets[edge], edge >= 0
         is_back = on_edge & are_from_nodes & (ahead != end)
         self._is_back[rows] = is_back
-        is_illegal = is_back & (by.back[edge] < 0)
+        is_illegal = is_back & (by.backs(edge, games) < 0)
         self.goes[rows[~is_illegal]] = True
         for i in np.flatnonzero(is_illegal).tolist():
-            source, target = streets.columns.node_ids[[here[i], end[i]]].tolist()
+            source, target = columns.node_ids[[here[i], end[i]]].tolist()
             self._refuse(int(rows[i]), str(one_way(source, target)))
 
     def _refuse(self, row: int, message: str) -> None:
@@ -468,7 +485,8 @@ class Trip:
             if self._by.terms.decides_at_arrivals:
                 return
             at, following = self._next_nodes(rows, steps.node)
-            edge, rows = self._by.cheapest(steps.node[at], following), rows[at]
+            rows, start = rows[at], steps.node[at]
+            edge = self._by.cheapest(start, following, self._games[rows])
             steps = Steps(edge, np.zeros(len(rows)), np.ones(len(rows)), following)
 
     def covers(self, rows: IntArray, steps: Steps) -> BoolArray:
@@ -479,7 +497,7 @@ class Trip:
     def _ends(self, rows: IntArray, steps: Steps) -> tuple[FloatArray, FloatArray]:
         """Return when agents are at the ends of their steps, and where on their edges those are that the turn stops."""
         now, share = self.now[rows], np.abs(steps.end - steps.begin)
-        metres = share * self._by.streets.columns.lengths[steps.edge]
+        metres = share * self._by.columns.lengths[steps.edge]
         with np.errstate(divide="ignore", invalid="ignore"):
             endless = np.where(metres > 0.0, (1.0 - now) / metres, 0.0)
             paced = self._by.takes(steps.edge, share, self._speed[rows])
@@ -494,10 +512,11 @@ class Trip:
         on_edge, is_back, here = self.edge[rows] >= 0, self._is_back[rows], self.here[rows]
         edge, node = self.edge[rows], here.copy()
         ahead = on_edge & ~is_back
-        node[ahead] = self._by.streets.columns.targets[edge[ahead]]
+        node[ahead] = self._by.columns.targets[edge[ahead]]
         off = np.flatnonzero(~on_edge)
         at, following = self._next_nodes(rows[off], here[off], is_first=True)
-        edge[off[at]], node[off[at]] = self._by.cheapest(here[off[at]], following), following
+        edge[off[at]] = self._by.cheapest(here[off[at]], following, self._games[rows[off[at]]])
+        node[off[at]] = following
         begin = np.where(on_edge, self.share[rows], 0.0)
         return Steps(edge, begin, np.where(on_edge & is_back, 0.0, 1.0), node)
 
@@ -511,7 +530,8 @@ class Trip:
         for by_length, weight in ((True, "length"), (False, self._by.terms.weight)):
             some = np.flatnonzero(goes_on & ~is_there & (self._by_length[rows] == by_length))
             if len(some):
-                following[some] = self._by.routes(weight).following(node[some], self._goal[rows[some]])
+                goals, games = self._goal[rows[some]], self._games[rows[some]]
+                following[some] = self._by.ways(weight).following(node[some], goals, at=games)
         at = np.flatnonzero(goes_on)
         self._left[rows[at]] -= 1
         return at, following[at]
@@ -543,8 +563,8 @@ class Trip:
             edge[rows, place] = edges
             for column, values in zip(others, columns, strict=True):
                 column[rows, place] = values
-        begin, end, since, until = (column.reshape(*shape, wide) for column in others)
-        legs = Legs(edge.reshape(*shape, wide), begin, end, since, until)
+        back = self._by.backs(edge, self._games[:, None])
+        legs = Legs(*(column.reshape(*shape, wide) for column in (edge, back, *others)))
         most = int(self._passed.max(initial=1))
         nodes, times = np.repeat(self._starts[:, None], most, axis=1), np.full((number, most), np.inf)
         times[:, 0] = 0.0
@@ -565,35 +585,11 @@ class Trip:
             rests,
             legs,
             edge_at_end,
-            np.where(self._stops_short.reshape(shape), Motion.STOPPED, _motion(legs)),
+            np.where(self._stops_short.reshape(shape), Motion.STOPPED, last_motion(legs)),
         )
         ends, starts = last.reshape(shape), self._starts.reshape(shape)
-        before = self._begun.reshape(shape), self._from.reshape(shape)
-        after = edge_at_end, self.share.reshape(shape)
+        before, share = self._before.reshape(shape), self._from.reshape(shape)
+        is_closed = (before >= 0) & (self._begun.reshape(shape) < 0)  # of those that are not asked: they keep it
+        after = np.where(is_closed, before, edge_at_end), self.share.reshape(shape)
         goes = (legs.begin != legs.end).any(axis=-1)
-        return Moves(starts, ends, goes, paths, after, before, tuple(self.illegal))
-
-
-def _motion(legs: Legs) -> IntArray:
-    """Return how agents move on the last of their legs, (games, agents)."""
-    last = np.maximum((legs.edge >= 0).sum(axis=-1) - 1, 0)[..., None]
-    if not legs.edge.shape[-1]:
-        return np.full(last.shape[:-1], Motion.STOPPED)
-    return motion_along(np.take_along_axis(legs.end - legs.begin, last, axis=-1)[..., 0])
-
-
-def motion_along(way: FloatArray) -> IntArray:
-    """Return how agents move that cover such shares of an edge; see `ir.progress.Motion`."""
-    return np.where(way > 0.0, Motion.FORWARD, np.where(way < 0.0, Motion.BACK, Motion.STOPPED))
-
-
-def movement_of(game: PlayedGame, roster: Roster) -> Movement:
-    """Return how the agents of a game go."""
-    settings, graph = game.settings(), game.ctx.graph
-    streets = Streets(graph.columns(), graph.routes)
-    speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
-    if settings["legal"] == "any":
-        return Anywhere(streets)
-    if settings["speed_unit"] != "edges":
-        return ByMetres(streets, speeds, TravelTerms.of(game))
-    return Movement(streets) if speeds.count(None) == len(speeds) else ByEdges(streets, speeds)
+        return Moves(starts, ends, goes, paths, after, (before, share), tuple(self.illegal))

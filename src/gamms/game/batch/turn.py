@@ -214,7 +214,7 @@ class ArrayTurn(MovesOfTurn):
 
         Raises:
             UnknownName (KeyError): there is no such edge in one of them.
-            BadValue: agents go by metres, or are about to move.
+            BadValue: the games are played on a device.
         """
         self._change_roads(at, edges, is_open=False)
 
@@ -224,12 +224,9 @@ class ArrayTurn(MovesOfTurn):
 
     def _change_roads(self, at: IntArray, edges: Sequence[int], *, is_open: bool) -> None:
         change = self._state.change_roads
-        if change is None or self._is_moving:
-            raise BadValue(
-                "Roads are opened and closed in arrays of NumPy, where agents go from node to node, and by rules of "
-                "the phases 'before' and 'after'."
-            )
-        if len(at):
+        if change is None:
+            raise BadValue("Roads are opened and closed in arrays of NumPy alone: make the batch without xp=.")
+        if len(at) and len(edges):
             change(self.games[self._places(at)], tuple(edges), is_open)
 
     def in_air(self) -> tuple[IntArray, FloatArray]:

@@ -226,8 +226,8 @@ class ArrayView(Mapping[str, Any]):
     @property
     def edge(self) -> IntArray:
         """The rows of the edges that agents are on, in games by metres, (games, agents); -1: they are on nodes."""
-        known = self.movement.edge
-        return known[np.ix_(self.games, self.agents)] if len(known) else np.broadcast_to(-1, self.node.shape)
+        row_of, edge = self.movement.row_of, self.movement.on_edge(self.numbers(np.s_[:, :]))
+        return edge if row_of is None else np.where(edge >= 0, row_of[edge], -1)
 
     def only(self, asked: BoolArray) -> Self:
         """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.

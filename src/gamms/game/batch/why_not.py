@@ -34,6 +34,23 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     return next((why for why in found if why is not None), None)
 
 
+def _why_not_moved(game: PlayedGame) -> str | None:
+    """Return what has no array form of how agents move, in words; None: all has."""
+    settings = game.settings()
+    by_metres, conflicts = settings["speed_unit"] != "edges", settings["conflicts"]
+    at_arrivals = by_metres and settings["decide"] == "arrival"
+    reasons = [
+        (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
+        (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
+        (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
+        (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
+    ]
+    for agent in agents_of(game):
+        is_endless = agent.speed is not None and not isfinite(agent.speed)
+        reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))
+    return next((why for is_so, why in reasons if is_so), None)
+
+
 def as_prepared(decider: object) -> str:
     """Say that a strategy or a plan prepares something in a game."""
     return f"{as_code(decider)}, with what it prepares in a game"
@@ -79,20 +96,3 @@ def _flies(agent: IAgent) -> bool:
 
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
     return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)
-
-
-def _why_not_moved(game: PlayedGame) -> str | None:
-    """Return what has no array form of how agents move, in words; None: all has."""
-    settings = game.settings()
-    by_metres, conflicts = settings["speed_unit"] != "edges", settings["conflicts"]
-    at_arrivals = by_metres and settings["decide"] == "arrival"
-    reasons = [
-        (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
-        (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
-        (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
-        (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
-    ]
-    for agent in agents_of(game):
-        is_endless = agent.speed is not None and not isfinite(agent.speed)
-        reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))
-    return next((why for is_so, why in reasons if is_so), None)
