@@ -132,8 +132,7 @@ class ByMetres(Movement):
         found: dict[tuple[int, int], tuple[list[Leg], Progress | None]] = {}
         if paths.legs is None or paths.edge is None or paths.motion is None:
             return found
-        motion, columns = paths.motion.tolist(), self.columns
-        ids = columns.edge_ids.tolist()
+        motion, columns, ids = paths.motion.tolist(), self.columns, self.columns.edge_ids.tolist()
         for at, agent, number in np.argwhere(paths.legs.edge >= 0).tolist():
             row, back, begin, end, since, until = (column[at, agent, number].item() for column in paths.legs)
             source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
@@ -186,8 +185,7 @@ class ByMetres(Movement):
         found[on_node] = self._reach.from_nodes(node[on_node], kind[on_node], left[on_node], games[on_node])
         on = np.nonzero(edge >= 0)
         if len(on[0]):
-            agents = np.broadcast_to(which[1], node.shape)[on]
-            found[on] = self._on_edges(node[on], (games[on], agents), kind[on])
+            found[on] = self._on_edges(node[on], (games[on], np.broadcast_to(which[1], node.shape)[on]), kind[on])
         return found
 
     def counts(self, choices: IntArray) -> IntArray:
