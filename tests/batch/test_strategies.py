@@ -93,6 +93,7 @@ def test_agents_by_metres_act_on_others_along_edges_in_arrays_as_alone(decide, s
     same_as_one_by_one(scenario, [1], {"red": MADE["guard"], "blue": MADE["safest_exit"]})
     same_as_one_by_one(scenario, [2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
     same_as_one_by_one(scenario, [3], {"red": lambda ctx: unblock(chase(ctx), after=1), "blue": MADE["unblock"]})
+    same_as_one_by_one(scenario, [1], {"red": assign, "blue": sweep})
 
 
 def test_what_is_left_of_a_speed_is_covered_of_the_next_edge_in_arrays_as_alone(same_as_one_by_one):

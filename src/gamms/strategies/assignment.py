@@ -11,7 +11,7 @@ from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import Arrays
-from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
+from gamms.game.batch.view import MOMENTS, ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -103,7 +103,7 @@ def _matched_in_arrays(view: ArrayView, board: "_Board", enemies: BoolArray, ene
 
 
 class _Board:
-    """What teams remember under "assign", in all games of a view; what is written counts from the next turn on.
+    """What teams remember under "assign", in all games of a view; what is written counts when they are asked again.
 
     Args:
         view: of the agents that read it.
@@ -113,43 +113,45 @@ class _Board:
         agents, memories = len(view.roster.names), int(view.memory_of.max(initial=0)) + 1
 
         def make(games: int) -> Arrays:
-            never = {name: np.full((games, 2, agents), -2) for name in ("mate turn", "mate node")}  # by odd turns
-            names = ("turn", "node", "by", "turn before", "node before")
-            return never | {name: np.full((games, memories, agents), -2) for name in names}
+            mates = {name: np.full((games, agents), -2) for name in ("mate turn", "mate node", "next mate")}
+            names = ("turn", "node", "next", "by")  # what is next has been written when agents were asked last
+            return (
+                mates | {name: np.full((games, memories, agents), -2) for name in names} | {"moment": np.zeros(games)}
+            )
 
         self._view, self._kept = view, view.keep(("team_memory", "assign"), make)
+        kept, games = self._kept, np.flatnonzero(self._kept["moment"][view.games] != view.moment)
+        turn = (kept["moment"][view.games[games]] // MOMENTS).astype(np.int64)
+        for new, node, when in (("next mate", "mate node", "mate turn"), ("next", "node", "turn")):
+            written = kept[new][view.games[games]]
+            at = np.nonzero(written >= 0)
+            places = view.games[games[at[0]]], *at[1:]
+            kept[node][places], kept[when][places], kept[new][places] = written[at], turn[at[0]], -2
+        kept["by"][view.games[games]] = -2
+        kept["moment"][view.games] = view.moment
 
     def mates(self) -> tuple[BoolArray, IntArray]:
-        """Return which living agents have reported in the last turn, (games, all agents), and where they were."""
-        games, last = self._view.games, self._view.turn - 1
-        reported: BoolArray = self._kept["mate turn"][games, last % 2] == last[:, None]
-        return reported & self._view.living, self._kept["mate node"][games, last % 2]
+        """Return which living agents have reported since the last turn, (games, all agents), and where they were."""
+        games, kept = self._view.games, self._kept
+        reported: BoolArray = kept["mate turn"][games] >= np.maximum(0, self._view.turn - 1)[:, None]
+        return reported & self._view.living, kept["mate node"][games]
 
     def enemies(self, patience: int) -> tuple[BoolArray, IntArray]:
         """Return which living enemies are known, (games, memories, all agents), and where they were seen last."""
-        games, now, kept = self._view.games, self._view.turn[:, None, None], self._kept
-        is_new = kept["turn"][games] == now
-        turn = np.where(is_new, kept["turn before"][games], kept["turn"][games])
-        node: IntArray = np.where(is_new, kept["node before"][games], kept["node"][games])
-        return (turn >= np.maximum(0, now - 1 - patience)) & self._view.living[:, None], node
+        games, oldest = self._view.games, np.maximum(0, self._view.turn - 1 - patience)[:, None, None]
+        return (self._kept["turn"][games] >= oldest) & self._view.living[:, None], self._kept["node"][games]
 
     def report(self, seen: Seen) -> None:
         """Tell the team where agents are and which enemies they see; of several that see one, the last name counts."""
         view, kept = self._view, self._kept
         at, columns = np.nonzero(view.mask)
-        games, agents, turn = view.games[at], view.agents[columns], view.turn[at]
-        kept["mate turn"][games, turn % 2, agents] = turn
-        kept["mate node"][games, turn % 2, agents] = view.node[at, columns]
-        by, turn = view.agents[seen.viewers], view.turn[seen.at]
+        kept["next mate"][view.games[at], view.agents[columns]] = view.node[at, columns]
+        by = view.agents[seen.viewers]
         places = view.games[seen.at], view.memory_of[by], seen.others
-        is_first = kept["turn"][places] < turn
-        for name in ("turn", "node"):
-            some = tuple(column[is_first] for column in places)
-            kept[f"{name} before"][some] = kept[name][some]
-        counts = is_first | (by > kept["by"][places])
+        is_news = (kept["turn"][places] != view.turn[seen.at]) | (kept["node"][places] != seen.nodes)
+        counts = np.flatnonzero(is_news & (by > kept["by"][places]))
         some = tuple(column[counts] for column in places)  # of one place, the last is written last
-        for name, values in (("turn", turn), ("node", seen.nodes), ("by", by)):
-            kept[name][some] = values[counts]
+        kept["next"][some], kept["by"][some] = seen.nodes[counts], by[counts]
 
 
 # -- what the team knows ----------------------------------------------------------------------------------------------

@@ -123,7 +123,7 @@ def _sweep_in_arrays(
 
 
 class _Visited:
-    """Which nodes teams have visited, in all games of a view; what is visited now counts from the next turn on.
+    """Which nodes teams have visited, in all games of a view; what is visited now counts when they are asked again.
 
     Args:
         view: of the agents that ask.
@@ -136,7 +136,7 @@ class _Visited:
             return {
                 "visited": np.zeros((games, memories, view.streets.num_nodes), np.bool_),
                 "seen": np.zeros((games, memories, view.streets.num_nodes), np.bool_),  # in that turn
-                "turn": np.full((games, memories), -1),
+                "moment": np.full((games, memories), -1),
                 "keeps": np.zeros((games, memories), np.bool_),  # whether what was visited before still counts
                 "next": np.full((games, agents), -1),  # what agents have visited in that turn
             }
@@ -146,9 +146,9 @@ class _Visited:
         self._turn()
 
     def _turn(self) -> None:
-        """Take what was written in earlier turns."""
+        """Take what was written when agents were asked before."""
         view, kept, games = self._view, self._kept, self._view.games
-        is_old = kept["turn"][games] != view.turn[:, None]
+        is_old = kept["moment"][games] != view.moment[:, None]
         at, agents = np.nonzero((kept["next"][games] >= 0) & is_old[:, view.memory_of])
         written = np.zeros(is_old.shape, np.bool_)
         written[at, view.memory_of[agents]] = True
@@ -160,7 +160,7 @@ class _Visited:
         kept["visited"][places] |= kept["seen"][places]
         kept["seen"][places] = False
         kept["keeps"][games] &= ~is_old
-        kept["turn"][games] = view.turn[:, None]
+        kept["moment"][games] = view.moment[:, None]
 
     def has(self, node: IntArray) -> BoolArray:
         """Return whether these nodes were visited, (games, agents)."""

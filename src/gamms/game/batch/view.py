@@ -37,6 +37,7 @@ COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, 
 BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
+MOMENTS = 1 << 24  # in a turn, more than there are
 MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
 
 
@@ -454,8 +455,13 @@ class ArrayView(Mapping[str, Any]):
     @property
     def blocked(self) -> BoolArray:
         """Which agents conflicts have stopped in the last turn, (games, agents), and were not asked since."""
-        rows = np.ix_(self.games, self.agents)
-        found: BoolArray = self._state.blocked[rows] & (self._state.looks[rows] == 0)
+        found: BoolArray = (self._state.blocked & (self._state.looks == 0))[np.ix_(self.games, self.agents)]
+        return found
+
+    @property
+    def moment(self) -> IntArray:
+        """(games,) a number that differs whenever agents of a game are asked, at arrivals several times in a turn."""
+        found: IntArray = self.turn * MOMENTS + self._state.looks[self.games].sum(axis=1)
         return found
 
     def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
@@ -520,12 +526,6 @@ class ArrayView(Mapping[str, Any]):
         found[which] = self.movement.counts(self.movement.choices(self.node[which], self.numbers(which)))
         return found
 
-    def _names(self) -> tuple[str, ...]:
-        return tuple(self.roster.names[number] for number in self.agents.tolist())
-
-    def _teams(self) -> tuple[Hashable, ...]:
-        return tuple(self.roster.teams[number] for number in self.roster.team_of[self.agents].tolist())
-
 
 def on_ground(view: V) -> V:
     """Return a view without what sensors show from the air, at which the strategies of GAMMS do not look."""
@@ -577,8 +577,8 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "z": lambda view: view._heights(),
     "legal": lambda view: view._legal(),
     "mask": lambda view: view.mask,
-    "name": ArrayView._names,
-    "team": ArrayView._teams,
+    "name": lambda view: tuple(view.roster.names[number] for number in view.agents.tolist()),
+    "team": lambda view: tuple(view.roster.teams[team] for team in view.roster.team_of[view.agents].tolist()),
     "turn": lambda view: view.turn,
     "time": lambda view: view._time(),
     "draw": lambda view: view.draw,

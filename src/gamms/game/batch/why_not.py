@@ -10,7 +10,7 @@ from gamms.game.batch.forms import flies, form_of
 from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import turns_with_its_agent, why_not_seen
-from gamms.game.batch.view import BOARDS, COVERS, IS_BLIND, MAY_SKIP
+from gamms.game.batch.view import COVERS, IS_BLIND, MAY_SKIP
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 
@@ -58,15 +58,12 @@ def as_prepared(decider: object) -> str:
 
 def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tuple[IAgent, str]]:
     """Yield agents, and what of their strategies and sensors has no array form, in words."""
-    settings = game.settings()
-    by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
+    plans = game.settings()["plans"]
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
         if form_of(one) is None or remembers(game, agent):
             kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
             yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
-        if getattr(form_of(one), BOARDS, ()) and by_metres and settings["decide"] == "arrival":
-            yield agent, f"{as_code(one)}, whose team knows at arrivals what it wrote in the same turn"
         if getattr(form_of(one), MAY_SKIP, False):
             yield agent, f"{as_code(one)}, which may set no action"
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
