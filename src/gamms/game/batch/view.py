@@ -336,6 +336,11 @@ class ArrayView(Mapping[str, Any]):
         found = self._sights[key]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
+    def _on_ground(self) -> Self:
+        narrowed = copy(self)
+        narrowed._kinds = ON_GROUND
+        return narrowed
+
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
         state, key = self._state, ("seen", self.agents.tobytes(), names, self._kinds)
@@ -415,12 +420,9 @@ class ArrayView(Mapping[str, Any]):
     def vector(self, others: int = 4) -> Vectors:
         """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each.
 
-        The entries are `x` and `y`, the own place; of each action `is_legal`, `dx` and `dy`; of each of the nearest
-        agents that sensors show `is_seen`, `is_mate`, `dx` and `dy`. Offsets are those in a straight line; 1 is
-        half of the longer side of the map, whose centre is 0.
-
-        Args:
-            others: of how many agents that are seen.
+        The entries are `x` and `y`, the own place; of each action `is_legal`, `dx` and `dy`; of each of so many nearest
+        `others` that sensors show `is_seen`, `is_mate`, `dx` and `dy`. Offsets are those in a straight line; 1 is half
+        of the longer side of the map, whose centre is 0.
 
         Raises:
             BadValue: an agent may go to more than 4096 nodes.
@@ -529,9 +531,7 @@ class ArrayView(Mapping[str, Any]):
 
 def on_ground(view: V) -> V:
     """Return a view without what sensors show from the air, at which the strategies of GAMMS do not look."""
-    narrowed = copy(view)
-    narrowed._kinds = ON_GROUND
-    return narrowed
+    return view._on_ground()  # what this function names itself is looked at with the forms that call it
 
 
 class Sensors(Mapping[str, Seen | SeenNodes]):
