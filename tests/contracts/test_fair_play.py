@@ -12,6 +12,7 @@ import pytest
 import gamms
 from gamms.game.hidden_state import HiddenState
 from gamms.rules import Conflicts, capture_flag, contacts, last_team, reach, tag, territory, time_limit
+from gamms.scenario import Scenario
 from gamms.sensor import SensorType
 from gamms.strategies import (
     assign,
@@ -585,6 +586,8 @@ def otherwise(view):
 
 def test_array_forms_that_do_what_they_are_declared_for_pass():
     check_array_forms(lambda: hurried(as_declared), turns=8)
+    teams = {"red": {"count": 2, "strategy": "gamms.strategies:random_walk"}}  # which begin elsewhere with another seed
+    check_array_forms(lambda: Scenario(map={"grid": {"width": 4, "height": 4}}, teams=teams).build(seed=1), turns=3)
 
 
 def test_array_forms_that_do_something_else_are_told_by_seed_turn_and_agent():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from gamms import kernels
@@ -162,6 +162,7 @@ places = st.tuples(tenths, tenths)
 @given(
     places, places, places, places, st.sampled_from([0.2, 1.6, 3.0]), st.sampled_from([(0, 0), (385_000, 6_670_000)])
 )
+@settings(max_examples=100)
 def test_lines_between_decimal_places_are_answered_as_without_rounding(a, b, origin, target, z, offset):
     a, b, origin, target = ((x + offset[0], y + offset[1]) for x, y in (a, b, origin, target))
     face = wall(a, b, 0.2, 3.0)
@@ -236,6 +237,7 @@ def scenes(draw):
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # of the places in the middle of huge faces
 @given(scene=scenes(), shift=st.sampled_from([0.0, 0.0, 385_000.0, 6.67e6, 1e12]))
 @example((np.array([wall((-1, 0), (1, 0))]), np.zeros(3), np.array([[0.0, 0.0, -9.0], [0.0, 1e-300, -9.0]])), 0.0)
+@settings(max_examples=100)
 def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     there = np.array([shift, shift, 0.0])
     corners, origin, targets = (np.nan_to_num(array + there, posinf=1.0, neginf=1.0) for array in scene)

@@ -2,11 +2,11 @@
 
 import asyncio
 import sys
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-import uvicorn.server
 
 import gamms
 
@@ -14,8 +14,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 import browser
 
 # uvicorn looks every tenth of a second whether it is to end, and each of the tests' many servers would wait for two.
-uvicorn.server.asyncio = ModuleType("asyncio")
-vars(uvicorn.server.asyncio).update(vars(asyncio), sleep=lambda seconds: asyncio.sleep(seconds / 10))
+with suppress(ImportError):
+    import uvicorn.server
+
+    uvicorn.server.asyncio = ModuleType("asyncio")
+    vars(uvicorn.server.asyncio).update(vars(asyncio), sleep=lambda seconds: asyncio.sleep(seconds / 10))
 
 
 @pytest.fixture(scope="session")

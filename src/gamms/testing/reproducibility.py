@@ -121,12 +121,14 @@ def check_array_forms(make_ctx: Callable[[], Context], *, games: int = 8, turns:
             for _ in range(turns):
                 batch.step()
             seen = [_plain(batch.result(number)) for number in range(games)]
-        for seed, game in enumerate(seen):
-            ctx.game.reset(seed=seed)
-            for _ in range(turns):
-                ctx.game.step()
-            what = f"the game of seed {seed} in arrays, compared with the one that is played by itself,"
-            _same_game(what, game, _plain(ctx.game.result()), "Compare what both forms do in this turn.")
+        alone = ctx.game.fork(0)
+        with alone.ctx:
+            for seed, game in enumerate(seen):
+                alone.reset(seed=seed)
+                for _ in range(turns):
+                    alone.step()
+                what = f"the game of seed {seed} in arrays, compared with the one that is played by itself,"
+                _same_game(what, game, _plain(alone.result()), "Compare what both forms do in this turn.")
 
 
 @contextmanager
