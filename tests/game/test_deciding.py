@@ -509,7 +509,7 @@ READERS = {
     "AerialAgent": "",
     "SensorEngine": "get_sensor",
     "Sensor": "coverage heading in_arrays last_view nodes_in_arrays outline place places_of pose sense_many",
-    "DetectionModel": "chances is_noticed rolled_back repeated wanted",
+    "DetectionModel": "chances in_arrays is_noticed rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place
         scenery_columns shortest_path to_latlon to_networkx track visibility visibility_table visible weights""",
