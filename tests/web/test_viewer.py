@@ -120,8 +120,7 @@ def test_two_fingers_zoom_on_a_phone(chromium, walk):
 def test_a_notebook_shows_the_viewer_in_a_frame_that_reaches_nothing_of_it(chromium, game, tmp_path):
     with recorder.open(game) as recording:
         (tmp_path / "notebook.html").write_text(f"<!DOCTYPE html><title>cells</title>{recording._repr_html_()}")
-    chromium.call("Page.navigate", url=(tmp_path / "notebook.html").as_uri())
-    chromium.wait("document.title == 'cells' && document.readyState == 'complete'")
+    chromium.open(tmp_path / "notebook.html", until="document.title == 'cells' && document.readyState == 'complete'")
     for _ in range(20):
         chromium.settle()
         if pixels_of(chromium.picture())[200:500].std() > 10.0:  # the map
