@@ -120,3 +120,20 @@ def test_a_plan_gets_the_states_of_the_agents_of_its_team_that_arrive():
     assert asked[0] == (0.0, ("ann", "bob", "cis"))
     assert len(asked) > 2
     assert all(0.0 < time < 1.0 and "bob" not in names for time, names in asked[1:])
+
+
+def test_an_agent_on_its_way_back_stops_and_decides_anew_where_the_other_direction_is_closed():
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": "metres"})
+    ctx.graph.add_nodes([0, 1], [0.0, 100.0], [0.0, 0.0])
+    ctx.graph.add_edges([0, 1], [0, 1], [1, 0], [100.0, 100.0])
+
+    def turn_round(state):
+        state["action"] = 0 if state["turn"] == 2 else 1
+
+    agent = ctx.agent.create_agent("a", start_node_id=0, speed=30.0, strategy=turn_round)
+    ctx.game.run(3)
+    assert agent.xy == (30.0, 0.0)
+    ctx.game.decide = "arrival"
+    ctx.graph.close_roads([1])
+    ctx.game.run(2)
+    assert agent.xy == (90.0, 0.0)
