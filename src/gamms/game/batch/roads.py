@@ -70,12 +70,12 @@ class RoadMap:
     @property
     def rows(self) -> IntArray:
         """The rows of the edges that are open here, in their order."""
-        return np.append(np.delete(np.arange(self._at_start), self.gone), self.opened)
+        return np.append(_others(self.gone, self._at_start), self.opened)
 
     @property
     def touched(self) -> IntArray:
         """The rows of the edges that are not as at the start: gone from their place, or opened."""
-        return np.union1d(self.gone, self.opened)
+        return np.union1d(self.gone, self.opened) if len(self.opened) else self.gone
 
     @cached_property
     def streets(self) -> Streets:
@@ -90,20 +90,34 @@ class RoadMap:
 
     def ranks(self, rows: IntArray) -> IntArray:
         """Return numbers that ascend as edges follow each other here; -1: an edge is not open."""
-        order = np.argsort(self.opened, kind="stable")
-        place = kernels.rows_of(self.opened, rows, order)
         is_there = (rows < self._at_start) & (kernels.rows_of(self.gone, rows) < 0)
-        return np.where(place >= 0, len(self._whole.columns.edge_ids) + place, np.where(is_there, rows, -1))
+        found = np.where(is_there, rows, -1)
+        if not len(self.opened):
+            return found
+        place = kernels.rows_of(self.opened, rows, np.argsort(self.opened, kind="stable"))
+        return np.where(place >= 0, len(self._whole.columns.edge_ids) + place, found)
 
     def find_legal(self, streets: Streets) -> dict[int, tuple[int, ...]]:
         """Return the nodes from which others are legal than at the start, ascending, and what is legal there."""
-        columns, found = self._whole.columns, dict[int, tuple[int, ...]]()
+        columns, found, opened_from = self._whole.columns, dict[int, tuple[int, ...]](), dict[int, list[int]]()
+        gone = set(self.gone.tolist())
+        for edge in self.opened.tolist():
+            opened_from.setdefault(columns.sources.item(edge), []).append(edge)
         for node in np.unique(columns.sources[self.touched]).tolist():
-            legal = (node, *columns.targets[open_from(columns, node, self.ranks)].tolist())
-            legal = tuple(dict.fromkeys(legal))
+            edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]].tolist()
+            there = [edge for edge in edges if edge < self._at_start and edge not in gone]
+            ends = [columns.targets.item(edge) for edge in [*there, *opened_from.get(node, ())]]
+            legal = tuple(dict.fromkeys((node, *ends)))
             if legal != tuple(streets.targets[streets.offsets[node] : streets.offsets[node + 1]].tolist()):
                 found[node] = legal
         return found
+
+
+def _others(rows: IntArray, size: int) -> IntArray:
+    """Return the rows below `size` that are not among some, ascending."""
+    is_other = np.ones(size, np.bool_)
+    is_other[rows] = False
+    return np.flatnonzero(is_other)
 
 
 def open_from(columns: GraphColumns, node: int, ranks: Callable[[IntArray], IntArray]) -> IntArray:
@@ -225,16 +239,20 @@ class OpenRoads:
         Raises:
             BadValue: one is opened that was closed at the start while another edge had its id.
         """
-        rows = self._rows_of(edge_ids)
+        return self._map_of(self._rows_of(edge_ids), closed)
+
+    def _map_of(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
         opened = np.array([id for id in self._closed if id not in closed], np.int64)
         if (self._rows_of(opened) < self._at_start).any():
             raise BadValue("it opens roads that were closed at the start, and whose ids other edges had")
         is_later = (np.diff(rows, prepend=-1) < 0) | (rows >= self._at_start)
         in_place = int(is_later.argmax()) if is_later.any() else len(rows)
-        gone = np.delete(np.arange(self._at_start), rows[:in_place])
-        if not len(gone) and in_place == len(rows) and [*closed] == [*self._closed]:
+        return self._map(_others(rows[:in_place], self._at_start), rows[in_place:], closed)
+
+    def _map(self, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> RoadMap | None:
+        if not len(gone) and not len(opened) and [*closed] == [*self._closed]:
             return None
-        roads = RoadMap(self, self._last + 1, gone, rows[in_place:], closed)
+        roads = RoadMap(self, self._last + 1, gone, opened, closed)
         known = self._known.get(roads.key)
         if known is None:
             self._last += 1
@@ -254,17 +272,19 @@ class OpenRoads:
         ids, columns = [*dict.fromkeys(as_ids(edges, "edges"))], self.whole.columns
         closed = dict(self._closed if roads is None else roads.closed)
         rows = self._rows_of(np.array(ids, np.int64))
-        there = np.arange(self._at_start) if roads is None else roads.rows
         if is_open:
             for id in ids:
                 closed.pop(as_known(id, "closed edge", closed))
-            return self.map_with(np.append(columns.edge_ids[there], np.array(ids, np.int64)), closed)
+            there = np.arange(self._at_start) if roads is None else roads.rows
+            return self._map_of(np.append(there, rows), closed)
         rank = self.ranks_on(roads, rows)
         for id, row, one in zip(ids, rows.tolist(), rank.tolist(), strict=True):
             if row < 0 or one < 0:
                 raise UnknownName("edge", id)
         closed |= {int(columns.edge_ids[row]): _edge_of(columns, row) for row in rows[np.argsort(rank)].tolist()}
-        return self.map_with(columns.edge_ids[there[~np.isin(there, rows)]], closed)
+        if roads is None or not len(roads.opened):
+            return self._map(np.union1d(rows if roads is None else roads.gone, rows), rows[:0], closed)
+        return self._map_of(roads.rows[np.isin(roads.rows, rows, invert=True)], closed)
 
     def _rows_of(self, edge_ids: IntArray) -> IntArray:
         known = self.whole.columns.edge_ids
