@@ -341,6 +341,10 @@ class RouteQueries:
         found = routes.nearest_end(row, ends, weight, most)
         return None if found is None else ids.item(ends.item(found))
 
+    def _rows_of(self, sources: NodeIds, targets: NodeIds) -> tuple[IntArray, IntArray]:
+        self._routes.ids()
+        return self._routes.rows(sources, "sources"), self._routes.rows(targets, "targets")
+
     def distances(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
         """Return what `distance` says of each pair, (sources, targets).
 
@@ -352,9 +356,7 @@ class RouteQueries:
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        routes = self._routes
-        routes.ids()
-        rows, ends = routes.rows(sources, "sources"), routes.rows(targets, "targets")
+        routes, rows, ends = self._routes, *self._rows_of(sources, targets)
         different, place = np.unique(ends, return_inverse=True)
         found = np.empty((len(different), len(rows)))
         for line, end in zip(found, different.tolist(), strict=True):
@@ -376,9 +378,7 @@ class RouteQueries:
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        routes = self._routes
-        routes.ids()
-        rows, ends = routes.rows(sources, "sources"), routes.rows(targets, "targets")
+        routes, rows, ends = self._routes, *self._rows_of(sources, targets)
         return [routes.distance_from_nearest(rows, end, weight) for end in ends.tolist()]
 
     def tables(self, targets: NodeIds, weight: str | None = "length", cutoff: float = inf) -> RouteTables:

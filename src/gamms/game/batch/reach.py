@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.roads import OpenRoads, RoadMap, ValuesOfMaps, open_from
+from gamms.game.batch.roads import OpenRoads, RoadMap, ValuesOfMaps
 from gamms.game.streets import Streets
 from gamms.game.travel import SLACK
 from gamms.ir.graph import FloatArray, IntArray
@@ -226,8 +226,7 @@ class Reach:
 
     def near(self, node: int, roads: RoadMap | None) -> list[int]:
         """Return a node and those next to it on a map; None: that of the start."""
-        edges = open_from(self._columns, node, lambda rows: self._roads.ranks_on(roads, rows))
-        return list(dict.fromkeys([node, *self._columns.targets[edges].tolist()]))
+        return list(self._roads.legal_from(node, roads))
 
     def around(self, node: int, kind: int, begun: float, roads: RoadMap | None) -> dict[int, float]:
         """Return the nodes within a turn from a node, the first ones first, and when each is reached; see `Travel`."""
@@ -253,7 +252,7 @@ class Reach:
     ) -> list[tuple[float, int, int]]:
         """Return the edges that leave a node as turns, ids and rows of the nodes that they lead to, in this order."""
         columns = self._columns
-        edges = open_from(columns, node, lambda rows: self._roads.ranks_on(roads, rows))
+        edges = np.array(self._roads.open_from(node, roads), np.int64)
         ends = columns.targets[edges]
         parts = self._takes(edges, 1.0, self._speeds[kind]), columns.node_ids[ends], ends
         known[node] = sorted(zip(*(part.tolist() for part in parts), strict=True))

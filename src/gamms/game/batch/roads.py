@@ -23,6 +23,7 @@ _MOST_BYTES = 1 << 28  # of what is worked out for maps, but for tables of ways,
 _EDGE_BYTES = 200  # of that for an edge of one map; 74 measured on a grid, 200 on streets with names
 _OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that are the same where roads are closed
 CLOSED, REMOVED = 1, 2  # edges that are not open
+_NOTHING: tuple[frozenset[int], dict[int, list[int]]] = frozenset(), {}  # has changed at the start
 
 
 class NeedsOneMap(BadValue):
@@ -60,7 +61,8 @@ class RoadMap:
         """Forget what was worked out; it is worked out again when it is asked for."""
         self.shared.clear()
         self.world = None
-        vars(self).pop("streets", None)
+        for name in ("streets", "changes_at_nodes"):
+            vars(self).pop(name, None)
 
     @property
     def key(self) -> Hashable:
@@ -97,20 +99,13 @@ class RoadMap:
         place = kernels.rows_of(self.opened, rows, np.argsort(self.opened, kind="stable"))
         return np.where(place >= 0, len(self._whole.columns.edge_ids) + place, found)
 
-    def find_legal(self, streets: Streets) -> dict[int, tuple[int, ...]]:
-        """Return the nodes from which others are legal than at the start, ascending, and what is legal there."""
-        columns, found, opened_from = self._whole.columns, dict[int, tuple[int, ...]](), dict[int, list[int]]()
-        gone = set(self.gone.tolist())
+    @cached_property
+    def changes_at_nodes(self) -> tuple[frozenset[int], dict[int, list[int]]]:
+        """The rows of the edges that are gone, and row of a node -> those that were opened there, in their order."""
+        opened = dict[int, list[int]]()
         for edge in self.opened.tolist():
-            opened_from.setdefault(columns.sources.item(edge), []).append(edge)
-        for node in np.unique(columns.sources[self.touched]).tolist():
-            edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]].tolist()
-            there = [edge for edge in edges if edge < self._at_start and edge not in gone]
-            ends = [columns.targets.item(edge) for edge in [*there, *opened_from.get(node, ())]]
-            legal = tuple(dict.fromkeys((node, *ends)))
-            if legal != tuple(streets.targets[streets.offsets[node] : streets.offsets[node + 1]].tolist()):
-                found[node] = legal
-        return found
+            opened.setdefault(self._whole.columns.sources.item(edge), []).append(edge)
+        return frozenset(self.gone.tolist()), opened
 
 
 def _others(rows: IntArray, size: int) -> IntArray:
@@ -118,15 +113,6 @@ def _others(rows: IntArray, size: int) -> IntArray:
     is_other = np.ones(size, np.bool_)
     is_other[rows] = False
     return np.flatnonzero(is_other)
-
-
-def open_from(columns: GraphColumns, node: int, ranks: Callable[[IntArray], IntArray]) -> IntArray:
-    """Return the rows of the edges that are open from a node, in their order; see `RoadMap.ranks`."""
-    edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
-    rank = ranks(edges)
-    order = np.argsort(rank, kind="stable")
-    found: IntArray = edges[order[rank[order] >= 0]]
-    return found
 
 
 class _OpenWays:
@@ -257,7 +243,7 @@ class OpenRoads:
         if known is None:
             self._last += 1
             known = self._known[roads.key] = roads
-            legal = roads.find_legal(self.streets)
+            legal = self._legal_elsewhere(roads)
             roads.nodes = np.array([*legal], np.int64)
             roads.choices = np.array([self._choice(one) for one in legal.values()], np.int64)
         return known
@@ -333,6 +319,26 @@ class OpenRoads:
         return np.bincount(np.repeat(np.arange(len(node)), counts)[is_it], minlength=len(node)) > 0
 
     # -- what is legal ----------------------------------------------------------------------------------------------
+
+    def open_from(self, node: int, roads: RoadMap | None) -> list[int]:
+        """Return the rows of the edges that are open from a node on a map, in order; None: on that of the start."""
+        columns, (gone, opened) = self.whole.columns, (_NOTHING if roads is None else roads.changes_at_nodes)
+        edges = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]].tolist()
+        return [*(edge for edge in edges if edge < self._at_start and edge not in gone), *opened.get(node, ())]
+
+    def legal_from(self, node: int, roads: RoadMap | None) -> tuple[int, ...]:
+        """Return the rows of the legal nodes from a node on a map, the own first; None: on that of the start."""
+        targets = self.whole.columns.targets
+        return tuple(dict.fromkeys((node, *map(targets.item, self.open_from(node, roads)))))
+
+    def _legal_elsewhere(self, roads: RoadMap) -> dict[int, tuple[int, ...]]:
+        """Return the nodes from which others are legal than at the start, ascending, and what is legal there."""
+        streets, found = self.streets, dict[int, tuple[int, ...]]()
+        for node in np.unique(self.whole.columns.sources[roads.touched]).tolist():
+            legal = self.legal_from(node, roads)
+            if legal != tuple(streets.targets[streets.offsets[node] : streets.offsets[node + 1]].tolist()):
+                found[node] = legal
+        return found
 
     def _choice(self, legal: tuple[int, ...]) -> int:
         """Return the number of what is legal."""
