@@ -370,5 +370,6 @@ PACED = {
     "guard": lambda ctx: guard(ctx, 23, 1.9),
     "exit": lambda ctx: safest_exit(ctx, [8, 35]),
     "unblock": lambda ctx: unblock(chase(ctx), after=1),
+    "skip": lambda ctx: first(chase(ctx, None), unblock(flee(ctx, None), after=1)),
     "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
 }

@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms.game import IllegalAction
 from gamms.scenario import Scenario
 from gamms.sensor.ground import AgentSensor
 from gamms.strategies import (
@@ -162,6 +163,15 @@ def test_agents_that_may_go_anywhere_do_so_in_arrays(same_as_one_by_one):
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["chase"]})
 
 
+def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
+    strategies = {"red": lambda ctx: chase(ctx, None), "blue": lambda ctx: mix(0.5, unblock(flee(ctx, None)), stay)}
+    same_as_one_by_one(hunted(), [1], strategies)
+    assert hunted().play(seed=1, strategies=strategies).errors
+    strict = hunted(settings={"on_illegal": "raise"})
+    with strict.batch(2, strategies=strategies) as games, pytest.raises(IllegalAction, match=r"not set.*legal are \["):
+        games.run()
+
+
 def test_agents_that_block_each_other_give_way_in_arrays_as_alone(same_as_one_by_one):
     scenario = hunted(conflicts={"capacity": 1})
     strategies = {team: lambda ctx: unblock(goto(ctx, 20), after=1) for team in ("red", "blue")}
@@ -195,12 +205,11 @@ def test_strategies_are_blind_or_need_sensors_with_array_forms():
             games.run()
 
 
-def test_strategies_that_call_functions_or_may_set_no_action_are_asked_agent_by_agent():
+def test_strategies_that_call_functions_are_asked_agent_by_agent():
     with hunted().build(seed=1) as ctx:
         agent = ctx.agent.get_agent("red_1")
         for strategy, slow in {
             goto(ctx, lambda state: 3): "the strategy goto(ctx, <lambda>)",
-            chase(ctx, otherwise=None): "chase(ctx, otherwise=None), which may set no action",
             first(stay, lambda state: None): "the strategy first(stay, <lambda>)",
         }.items():
             agent.register_strategy(strategy)

@@ -414,10 +414,7 @@ class Decisions:
             else:
                 self._decide(i, action)
         else:
-            legal = list(self._legality.reachable(slot, here))
-            self._refuse(
-                i, IllegalAction(f"state['action'] was not set (what is returned does not count); legal are {legal}")
-            )
+            self._refuse(i, IllegalAction.missing(self._legality.reachable(slot, here)))
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle what a strategy has raised: raise it, or take the default action, by the settings."""

@@ -27,6 +27,11 @@ SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not
 class IllegalAction(GammsError, ValueError):
     """An action that is malformed, or not legal."""
 
+    @classmethod
+    def missing(cls, legal: Sequence[int]) -> "IllegalAction":
+        """Return the error of an agent that has set no action, with the ids of its legal nodes."""
+        return cls(f"state['action'] was not set (what is returned does not count); legal are {[*legal]}")
+
 
 class ResolvedAction(NamedTuple):
     """What one agent is going to do."""

@@ -18,6 +18,7 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.device_view import DeviceView, columns_of, with_others
 from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
@@ -375,8 +376,8 @@ def offer_form(
 
 
 def no_actions(view: ArrayView) -> IntArray:
-    """Return -1 for all agents of a view: the array form of setting no action."""
-    return filled(view, -1)
+    """Return for all agents of a view that they set no action."""
+    return filled(view, NO_ACTION)
 
 
 def filled(view: ArrayView, number: int) -> IntArray:

@@ -13,11 +13,12 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flights import Flights, as_flights
 from gamms.game.batch.game_forms import GameForms, Group
 from gamms.game.batch.given import Given
-from gamms.game.batch.movement import Illegal, Moves, Route
+from gamms.game.batch.libraries import as_actions
+from gamms.game.batch.movement import NO_ACTION, Illegal, Moves, Route
 from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import MAY_SKIP, ArrayView
 from gamms.game.legality import IllegalAction
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -36,7 +37,7 @@ class Asking:
     Attributes:
         outboxes: what they send.
         flights: what those do that fly and were asked last; None: none flies.
-        lost: game and agent of those that were asked last and would fly too far to be said in numbers.
+        lost: of those that were asked last, which have set no action, or would fly too far to be said in numbers.
     """
 
     flights: Flights | None = None
@@ -123,6 +124,21 @@ class Asking:
             self._raise_illegal(int(turn.games[at]), agent, why)
         self.lost += [Illegal(at, agent, f"BadValue: {why}") for at, agent, why in lost]
 
+    def _without_skips(self, view: ArrayView, actions: IntArray) -> IntArray:
+        """Return actions, those of agents that have set none so that they stay, which is noted."""
+        skips = actions == NO_ACTION
+        which = np.nonzero(skips)
+        if not len(which[0]):
+            return actions
+        rows, is_legal = view.legal_rows(which)
+        columns = which[0], view.agents[which[1]], view.streets.ids_of(rows), is_legal.sum(axis=-1)
+        for at, agent, nodes, count in zip(*(column.tolist() for column in columns), strict=True):
+            why = IllegalAction.missing(nodes[:count])
+            if self._here.game.settings()["on_illegal"] == "raise":
+                self._raise_illegal(int(view.games[at]), agent, str(why))
+            self.lost.append(Illegal(at, agent, f"{type(why).__name__}: {why}"))
+        return np.where(skips, view.movement.idle, actions)
+
     def at_arrivals(self, turn: ArrayTurn, asked: BoolArray) -> Decided:
         """Ask agents that arrive in a turn of some games."""
         actions, is_given = self.given(turn, asked)
@@ -130,6 +146,8 @@ class Asking:
         does_deeds = np.zeros(asked.shape, np.bool_)
         for one in deeds:
             does_deeds[one.at, one.agents] = True
+        for lost in self.lost:
+            does_deeds[lost.at, lost.agent] = False
         return Decided(actions, does_deeds)
 
     def note(self, turn: ArrayTurn, illegal: Sequence[Illegal]) -> None:
@@ -195,7 +213,8 @@ class Asking:
                     if group.flies:
                         self._fly(turn, agents, chosen, view.mask)
                     else:
-                        actions[:, columns] = chosen
+                        may_skip = getattr(group.form, MAY_SKIP, False)
+                        actions[:, columns] = self._without_skips(view, chosen) if may_skip else chosen
                     deeds += view.deeds or []
                     self._send(turn, view.outboxes or [])
                     if asked is not None:
@@ -217,12 +236,16 @@ class Asking:
 
 
 def _decided_by(group: Group, view: ArrayView) -> np.ndarray[Any, Any]:
-    """Return the actions that a strategy gives in a view, of agents that fly how far these do."""
+    """Return the actions that a strategy gives in a view, or `NO_ACTION`; of agents that fly how far these do."""
     view.lock()
     given = group.form(view)
     if group.flies:
         return as_flights(given, f"{group.name}: what agents that fly do", view.node.shape)
-    return view.checked(given, group.name, may_aim=True)
+    if not getattr(group.form, MAY_SKIP, False):
+        return view.checked(given, group.name, may_aim=True)
+    skips = (actions := as_actions(given, group.name)) == NO_ACTION
+    checked = view.checked(np.where(skips, view.movement.idle, actions), group.name, may_aim=True)
+    return np.where(skips & view.mask, NO_ACTION, checked)
 
 
 class _Acts(NamedTuple):

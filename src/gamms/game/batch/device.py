@@ -23,7 +23,7 @@ from gamms.game.batch.scalar_rules import collectors_of
 from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
+from gamms.game.batch.view import IS_LEGAL, MAY_SKIP, PORTABLE, ArrayView
 from gamms.game.batch.why_not import teams_asked
 from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray
@@ -401,6 +401,7 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
         (bool(settings["plans"]), "plans of teams"),
         (any(map(reports_elsewhere, agents)), "sensors with position noise, false alarms or delays"),
         (any(map(turns_with_its_agent, agents)), "sensors that turn with their agents"),
+        (any(getattr(form_of(one.strategy), MAY_SKIP, False) for one in agents), "strategies that may set no action"),
         *[(True, why) for why in teams_asked(game).values()],
         (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
         (any(form_of(one.rule) is None for one in game.rules), "rules without an array form"),

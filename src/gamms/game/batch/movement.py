@@ -23,6 +23,7 @@ from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
 from gamms.typing.on_edges import Lines
 
+NO_ACTION = -1  # of agents for which the scalar form of a strategy sets none
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
 ENDLESS = AIMS  # edges or nodes: more than any way has

@@ -38,7 +38,7 @@ BOARDS = "boards"  # an attribute of forms: under which keys they write into the
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
 MOMENTS = 1 << 24  # in a turn, more than there are
-MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
+MAY_SKIP = "may_skip"  # an attribute of forms that may give `NO_ACTION`
 
 
 def portable_form(form: ArrayStrategy) -> ArrayStrategy:
