@@ -12,6 +12,7 @@ from gamms import kernels
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Paths
+from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -55,7 +56,7 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
         nearness: what counts as a contact.
     """
     is_searched = _may_meet_on_paths(turn, ours, theirs, nearness)
-    games, turn = np.flatnonzero(is_searched), turn if is_searched.all() else turn.of(is_searched)
+    games, turn = np.flatnonzero(is_searched), turn if is_searched.all() else part_of(turn, is_searched)
     met = _met_on_edges(turn, ours, theirs, nearness) if turn.paths is None else []
     if turn.paths is not None:
         met = _met_on_paths(turn, turn.paths, (ours, theirs), nearness)

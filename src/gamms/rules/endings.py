@@ -12,9 +12,8 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import DeviceTurn, in_all_games
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.moves_of_turn import Visits
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of

@@ -12,9 +12,8 @@ from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.moves_of_turn import Visits
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published

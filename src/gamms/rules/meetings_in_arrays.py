@@ -12,7 +12,7 @@ from gamms import kernels
 from gamms.game.batch.columns import joined_rows, some_rows
 from gamms.game.batch.movement import Legs, Paths
 from gamms.game.batch.roads import REMOVED
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, movement_in
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -87,7 +87,7 @@ def _pieces(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
     visits, on_edges = turn.visits(turn.alive, passing=passing), _on_edges(turn, legs, passing=passing)
     none, nothing = np.zeros(len(visits.at)), np.full(len(visits.at), -1)
     on_nodes = _Pieces(*visits[:2], nothing, visits.nodes, none, none, visits.begin, visits.end, nothing)
-    states = turn.movement.all_roads.states(on_edges.edge, turn.games[on_edges.at])
+    states = movement_in(turn).all_roads.states(on_edges.edge, turn.games[on_edges.at])
     return joined_rows([on_nodes, some_rows(on_edges, np.flatnonzero(states != REMOVED))])
 
 
@@ -105,7 +105,7 @@ def node_at(turn: ArrayTurn, paths: Paths, where: tuple[IntArray, IntArray], tim
 
 def on_streets(turn: ArrayTurn, paths: Paths, legs: Legs, sides: Sides, *, passing: bool) -> Met:
     """Return the pairs that are at one place of a street at one time, as `meetings.on_edges` does."""
-    pieces, columns = _on_edges(turn, legs, passing=passing), turn.movement.columns
+    pieces, columns = _on_edges(turn, legs, passing=passing), movement_in(turn).columns
     at, agents, begin, end = pieces.at, pieces.agents, pieces.begin, pieces.end
     ours, theirs = of_sides(turn, agents, sides)
     street = pieces.street(columns)
@@ -309,7 +309,7 @@ class _Straight:
         self._limit, self._shape, size = limit, turn.node.shape, len(turn.roster.names)
         on, off = np.flatnonzero(pieces.edge >= 0), np.flatnonzero(pieces.edge < 0)
         nodes, legs = some_rows(pieces, off), some_rows(pieces, on)
-        which, share, x, y = turn.movement.lines.corners(legs.edge, legs.begin, legs.end)
+        which, share, x, y = movement_in(turn).lines.corners(legs.edge, legs.begin, legs.end)
         is_last, is_first = np.diff(which, append=-1) != 0, np.diff(which, prepend=-1) != 0
         with np.errstate(divide="ignore", invalid="ignore"):
             pace = np.where(legs.end != legs.begin, (legs.until - legs.since) / (legs.end - legs.begin), 0.0)
@@ -413,7 +413,7 @@ class _ByPaths:
         self._turn, self._limit, self._near = turn, limit, near
         self.keys = pieces.at * len(turn.roster.names) + pieces.agents
         self.since, self.until = pieces.since, pieces.until
-        columns, edge, on_edge, street = turn.movement.columns, pieces.edge, pieces.edge >= 0, pieces.street
+        columns, edge, on_edge, street = movement_in(turn).columns, pieces.edge, pieces.edge >= 0, pieces.street
         self._length = np.where(on_edge, columns.lengths[edge], 0.0)
         self._street = np.where(on_edge, street(columns), -1)
         shares = pieces.begin, pieces.end
@@ -429,7 +429,7 @@ class _ByPaths:
         """Yield pairs of agents, among which are all that are near each other: by the nodes on their ways."""
         turn, legs = self._turn, paths.legs
         assert legs is not None  # noqa: S101 - see above
-        ends = np.where(legs.edge >= 0, turn.movement.columns.targets[legs.edge], turn.node[..., None])
+        ends = np.where(legs.edge >= 0, movement_in(turn).columns.targets[legs.edge], turn.node[..., None])
         nodes = np.concatenate((turn.node[..., None], paths.nodes, ends), axis=-1)
         size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs) * nodes.shape[-1] ** 2))
         for first in range(0, len(nodes), size):

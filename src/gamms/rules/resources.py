@@ -15,7 +15,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, movement_in
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
@@ -362,8 +362,9 @@ def _lengths_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> Flo
 
 def _lengths_of_edges(turn: ArrayTurn, edge: IntArray) -> FloatArray:
     """Return how long edges are that agents have gone along, (games, agents); removed ones: from end to end."""
-    columns, lengths = turn.movement.columns, turn.movement.columns.lengths[edge]
-    is_removed = np.nonzero(turn.movement.all_roads.states(edge, turn.games[:, None]) == REMOVED)
+    movement = movement_in(turn)
+    columns, lengths = movement.columns, movement.columns.lengths[edge]
+    is_removed = np.nonzero(movement.all_roads.states(edge, turn.games[:, None]) == REMOVED)
     for place, row in zip(zip(*is_removed, strict=True), edge[is_removed].tolist(), strict=True):
         lengths[place] = dist(*columns.xy[[columns.sources[row], columns.targets[row]]].tolist())
     return lengths

@@ -18,12 +18,11 @@ from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import FLIES, F, form_declared
 from gamms.game.batch.given import flown
 from gamms.game.batch.movement import Anywhere, Movement, Paths, Places
-from gamms.game.batch.moves_of_turn import Visits
 from gamms.game.batch.one_by_one import Noted
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
@@ -137,7 +136,7 @@ def array_rule(
     def rule(ctx: IContext) -> None:
         as_context(ctx, name)
         turn = _TurnOfOne(cast("HostContext", ctx))
-        turn.lock()
+        turn._lock()
         function(turn)
 
     rule.__dict__.update({IN_ARRAYS_ALONE: True, BEGINS: _kept_alone})
@@ -311,7 +310,7 @@ class _ViewOfOne(ArrayView):
 class _TurnOfOne(ArrayTurn):
     """The turn of a game that is played alone, as a turn of one game: what rules do with it is done there at once."""
 
-    has_scalar_form = False
+    _may_publish = False
 
     def __init__(self, ctx: HostContext) -> None:
         game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
@@ -405,7 +404,7 @@ class _TurnOfOne(ArrayTurn):
 
     def end(self, at: IntArray, reason: str | Sequence[str], winner: Sequence[Any], truncated: bool = False) -> None:
         """End the game after this turn."""
-        at = self._places(at)
+        at = self._as_at(at)
         reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
         for why, who in zip(reasons, self._each("winner", winner, at), strict=True):
             self._game.end(why, winner=who, truncated=truncated)

@@ -22,7 +22,18 @@ from gamms.game.batch.given import Given
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Movement, Moves
-from gamms.game.batch.moves_of_turn import TurnPart
+from gamms.game.batch.moves_of_turn import (
+    TurnPart,
+    begin_part,
+    close,
+    end_moves,
+    keep_moves,
+    left_of,
+    move,
+    part_of,
+    resume,
+    without_refused,
+)
 from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.rule_fork import NoRow, OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one
@@ -152,7 +163,7 @@ class ArrayEngine:
 
     def _scene(self, turn: ArrayTurn, radio: Radio) -> Scene:
         """Return where agents are when messages are sent."""
-        movement, graph, node, columns = turn.movement, self._game.ctx.graph, turn.node, turn.streets.columns
+        movement, graph, node, columns = turn._movement, self._game.ctx.graph, turn.node, turn.streets.columns
         ground = graph.graph.ground(columns.node_ids)
         z = np.zeros(node.shape) if ground is None else ground.z[node]
         places = movement.places(node, (np.broadcast_to(turn.games[:, None], node.shape), np.indices(node.shape)[1]))
@@ -231,9 +242,9 @@ class ArrayEngine:
         for named, form in before:  # a game that one of them ends is over for the others
             if len(playing := self._playing()):
                 turn = ArrayTurn(state, playing)
-                turn.resume()
+                resume(turn)
                 self._call(named, form, turn)
-                turn.close()
+                close(turn)
         state.last_deeds = []
         if given and (before or state.roads.are_closed):
             self._check(given)  # again, by the roads that these rules have closed
@@ -261,8 +272,8 @@ class ArrayEngine:
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
-                self._finish(turn.of(~is_going), asking.outboxes)
-                turn = turn.of(is_going)
+                self._finish(part_of(turn, ~is_going), asking.outboxes)
+                turn = part_of(turn, is_going)
                 if not len(turn.games):
                     break
             part, is_member = None, np.ones(len(is_given), np.bool_)
@@ -313,7 +324,7 @@ class ArrayEngine:
             return Arrivals(self.state, turn, by, members, None)
 
         def resolve(part: ArrayTurn, ends: IntArray) -> BoolArray:
-            stopped: BoolArray = stops(part, ends) & (ends != part.places)
+            stopped: BoolArray = stops(part, ends) & (ends != part._origins)
             if scalar is not None:
                 scalar.note_stopped(part, stopped, ends)
             return stopped
@@ -325,15 +336,15 @@ class ArrayEngine:
         state = self.state
         if outboxes and state.radio is not None:
             state.radio.send(turn.games, self._scene(turn, state.radio), outboxes)
-        turn.end_moves()
+        end_moves(turn)
         if self._here.rules["before"]:
-            turn.keep_moves()
+            keep_moves(turn)
         try:
             for named, form in self._here.rules["after"]:
                 self._call(named, form, turn)
             self._here.context.collect(turn)
         finally:  # the agents have moved: the turn is played, without the rules that follow
-            turn.close()
+            close(turn)
 
     def _play_part(
         self,
@@ -354,19 +365,19 @@ class ArrayEngine:
         """
         turn.paths = moves.paths
         if self._here.checks or deeds or self._here.rules["deeds"]:
-            turn.begin_part(moves, deeds)
+            begin_part(turn, moves, deeds)
             is_refused = np.zeros(moves.ends.shape, np.bool_)
             for name, check in self._here.checks:
                 is_refused |= self._here.stopped(name, check, turn, moves.ends) & moves.acts
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, is_refused, None)
-            moves = turn.refused(moves, is_refused)
+            moves = without_refused(turn, moves, is_refused)
             changes = self.state.roads.changes[turn.games]
             for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
-            moves = turn.left_of(moves, changes)
+            moves = left_of(turn, moves, changes)
         if in_conflict is None and self._here.has_conflicts:
-            turn.places, ends = self.state.movement.ends(moves)
+            turn._origins, ends = self.state.movement.ends(moves)
             stops, context = self._here.conflicts, self._here.context
             if stops is None:
                 in_conflict = context.resolve(turn, moves) & moves.goes
@@ -375,11 +386,11 @@ class ArrayEngine:
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, in_conflict, ends)
             moves = moves.without(in_conflict)
-        turn.move(moves, in_conflict, part)
+        move(turn, moves, in_conflict, part)
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
-        turn.has_scalar_form = not getattr(named.rule, IN_ARRAYS_ALONE, False)
-        turn.lock()
+        turn._may_publish = not getattr(named.rule, IN_ARRAYS_ALONE, False)
+        turn._lock()
         try:
             self._here.play(named, form, turn)
         except NoRow:  # which says itself what rule it was, of several that are called one after the other

@@ -11,7 +11,8 @@ import numpy as np
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.movement import Illegal, Legs, Moves, Steps, motion_along
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.moves_of_turn import part_of
+from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.travel import ByMetres, Trip
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.travel import LEAST, MOST
@@ -117,7 +118,8 @@ class Arrivals:
         for row in here[is_flawed].tolist():
             waits = self._times[row] >= MOST_ARRIVALS
             game, agent = divmod(row, until.shape[1])
-            self._turn.note_error(game, agent, WAITS if waits else NO_DEEDS)
+            flaw = Failure.illegal(int(self._turn.games[game]), agent, WAITS if waits else NO_DEEDS)
+            self._state.note_failure(flaw)
         return True
 
     def _decide(self, now: FloatArray, decides: BoolArray, ask: Ask, note: Note) -> BoolArray:
@@ -136,7 +138,7 @@ class Arrivals:
 
     def _stand(self, which: BoolArray, now: FloatArray) -> ArrayTurn:
         """Let all agents of some games, (games,), be where they are at a time; return the turn of these games."""
-        state, by, part, leg = self._state, self._by, self._turn.of(which), self._leg
+        state, by, part, leg = self._state, self._by, part_of(self._turn, which), self._leg
         games, shape = part.games, self._members.shape
         time = np.broadcast_to(now[:, None], shape).ravel()
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -177,8 +179,8 @@ class Arrivals:
         after, on_node = before.copy(), rows[self._leg.edge[rows] < 0]
         after[on_node] = self._node[on_node]
         after[going] = len(self._by.streets.counts) + steps.edge
-        stops, part = np.zeros(shape, np.bool_), self._turn.of(games)
-        part.places = before.reshape(shape)[games]
+        stops, part = np.zeros(shape, np.bool_), part_of(self._turn, games)
+        part._origins = before.reshape(shape)[games]
         stops[games] = self._resolve(part, after.reshape(shape)[games])
         self.blocked |= stops
         self._places = np.where(stops.ravel(), before, after)

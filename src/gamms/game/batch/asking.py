@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
+from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -49,6 +50,7 @@ class Asking:
         self.outboxes, self._moment = list[Outbox](), 0  # how often agents were asked
         self._acts: _Acts | None = None  # that are given
         self._routes, self.lost = list[Route](), list[Illegal]()  # of those that decide now
+        self._failures: list[Failure] = []  # of those that were asked, until they are noted
 
     def given(self, turn: ArrayTurn, asked: BoolArray | None = None) -> tuple[IntArray, BoolArray]:
         """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,).
@@ -72,7 +74,7 @@ class Asking:
 
     def moves(self, turn: ArrayTurn, actions: IntArray) -> Moves:
         """Return where the actions of those that were asked lead, of all agents of the games."""
-        movement, routes, self._routes = turn.movement, self._routes, []
+        movement, routes, self._routes = turn._movement, self._routes, []
         moves = movement.moves(turn.node, actions, turn.games)
         if not routes:
             return moves
@@ -108,7 +110,7 @@ class Asking:
             those = np.zeros(self._state.node.shape, np.bool_)
             those[turn.games] = asked
             deeds += _deeds_of(turn, acts.deeds, those)
-            self._send(turn, [box.those(those[box.at, box.senders]) for box in acts.outboxes])
+            self._send([box.those(those[box.at, box.senders]) for box in acts.outboxes])
         self.outboxes[num_sent:] = [box.sent_at(self._moment) for box in self.outboxes[num_sent:]]
         self._moment += 1
         return chosen, deeds
@@ -158,9 +160,14 @@ class Asking:
             is_dropped[turn.games[[one.at for one in illegal]], [one.agent for one in illegal]] = True
             first = (self._moment - 1) * MOST_AT_ONCE
             self.outboxes = [box.those(~is_dropped[box.at, box.senders] | (box.order < first)) for box in self.outboxes]
-        turn.note_failures(illegal)
+        senders = {(int(turn.games[one.at]), one.agent) for one in illegal}
+        failures = [one for one in self._failures if not one.is_unsent or (one.game, one.agent) not in senders]
+        failures += [Failure.illegal(int(turn.games[i]), j, why) for i, j, why in illegal if turn.alive[i, j]]
+        for one in sorted(failures, key=itemgetter(0, 1, 2)):
+            self._state.note_failure(one)
+        self._failures = []
 
-    def _send(self, turn: ArrayTurn, boxes: list[Outbox]) -> None:
+    def _send(self, boxes: list[Outbox]) -> None:
         """Take what agents want to send, and note what of it cannot be sent."""
         radio = self._state.radio
         if radio is None or not boxes:
@@ -169,7 +176,7 @@ class Asking:
         if flaws and self._here.game.settings()["on_illegal"] == "raise":
             self._raise_illegal(*min(flaws))
         self.outboxes += found
-        turn.failures += [Failure.illegal(*flaw, is_unsent=True) for flaw in flaws]
+        self._failures += [Failure.illegal(*flaw, is_unsent=True) for flaw in flaws]
 
     def _raise_illegal(self, game: int, agent: int, why: str) -> NoReturn:
         name = self._state.roster.names[agent]
@@ -216,7 +223,7 @@ class Asking:
                         may_skip = getattr(group.form, MAY_SKIP, False)
                         actions[:, columns] = self._without_skips(view, chosen) if may_skip else chosen
                     deeds += view.deeds or []
-                    self._send(turn, view.outboxes or [])
+                    self._send(view.outboxes or [])
                     if asked is not None:
                         self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
                 except Exception as error:
@@ -228,6 +235,7 @@ class Asking:
             actions[:, agents], self._routes = answers.actions, answers.routes
             deeds += answers.deeds
             self.outboxes += answers.outboxes
+            self._failures += answers.failures
             if self.flights is not None:
                 self.flights.put(answers.flights)
         if asked is not None:

@@ -154,7 +154,7 @@ class HostTurn(ArrayTurn):
         """Leave them where they are until they are asked for."""
 
     def __getattr__(self, name: str) -> Any:
-        if name not in {*_COLUMNS, "_earlier"}:
+        if name not in _COLUMNS:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         node, starts, ends, alive, took_part = self._state.rows(self.games, _COLUMNS)
         self._place_agents(node.copy(), alive != 0)
@@ -164,7 +164,7 @@ class HostTurn(ArrayTurn):
         self.node.flags.writeable = self.alive.flags.writeable = False
         return self.__dict__[name]
 
-    def close(self) -> None:
+    def _write(self) -> None:
         """Write what has changed to the device."""
         if self._before is not None:
             node, alive = self._before
@@ -358,7 +358,7 @@ class DeviceEngine(ArrayEngine):
             try:
                 self._call(named, form, turn)
             finally:
-                turn.close()
+                turn._write()
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games, on the device."""

@@ -1,7 +1,6 @@
 """The array forms that play a game: of strategies and plans, rules, checks and conflicts; and what has none."""
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
-from copy import copy
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -11,12 +10,12 @@ from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.forms import form_of
-from gamms.game.batch.moves_of_turn import MovesOfTurn
+from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.turn import ArrayRule, ArrayTurn
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, movement_in
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.moves import as_stopped
 from gamms.game.settings import PHASES as RULE_PHASES
@@ -40,31 +39,29 @@ class Group(NamedTuple):
     flies: bool  # whether they fly, all of them
 
 
-def _checked_form(of: object, named: str) -> Stopping | None:
+class MovesOfGames:
+    """The moves of a turn as array forms of conflict resolvers get them, like a `MovesOfOneGame`; none of them fly."""
+
+    def __init__(self, turn: ArrayTurn) -> None:
+        self.roster, self.streets, self.columns = turn.roster, turn.streets, movement_in(turn).columns
+        self.node, self.places, self.alive = turn.node, turn._origins, turn.alive
+        if turn.roster.flies.any():
+            self.alive = turn.alive & ~turn.roster.flies
+        self.draw_bits, self.shared = turn.draw_bits, turn.shared
+
+
+def _checked_form(of: object, named: str, seen_by: Callable[[ArrayTurn], Any] = lambda turn: turn) -> Stopping | None:
     """Return the array form of what stops moves, whose result is checked; None: it has none."""
     form = form_of(of)
 
-    def checked(turn: MovesOfTurn, ends: IntArray) -> BoolArray:
+    def checked(turn: ArrayTurn, ends: IntArray) -> BoolArray:
         try:
-            return as_stopped(form(turn, ends), named, ends.shape)
+            return as_stopped(form(seen_by(turn), ends), named, ends.shape)
         except Exception as error:
             error.add_note(f"In {named} of a batch, {in_turns(turn.turn, turn.games)}.")
             raise
 
     return None if form is None else checked
-
-
-def _on_ground(stops: Stopping | None, roster: Roster) -> Stopping | None:
-    """Return the form of a conflict resolver for which agents that fly are not there."""
-    if stops is None or not roster.flies.any():
-        return stops
-
-    def stops_on_ground(turn: MovesOfTurn, ends: IntArray) -> BoolArray:
-        part = copy(turn)
-        part.alive = turn.alive & ~roster.flies
-        return stops(part, ends) & ~roster.flies
-
-    return stops_on_ground
 
 
 class GameForms:
@@ -91,7 +88,7 @@ class GameForms:
         self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
         conflicts = settings["conflicts"]
         self.has_conflicts = conflicts is not None
-        self.conflicts = _on_ground(_checked_form(conflicts, f"the conflicts {as_code(conflicts)}"), roster)
+        self.conflicts = _checked_form(conflicts, f"the conflicts {as_code(conflicts)}", MovesOfGames)
         checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
         self.checks = [
             (one.name, _checked_form(check, f"the check of the rule {one.name!r}") or partial(context.check, one))
@@ -110,12 +107,12 @@ class GameForms:
             self._play(("rule", named.name), turn, lambda part, _: form(part))
         else:
             form(turn)
-        turn.find_roads()
+        turn._find_roads()
 
     def stopped(self, name: str, form: Stopping, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         """Return which agents a check or conflicts stop, likewise."""
         stopped = self._play(("check", name), turn, lambda part, games: form(part, ends[games]))
-        turn.find_roads()
+        turn._find_roads()
         return np.zeros(ends.shape, np.bool_) if stopped is None else stopped
 
     def _play(
@@ -126,12 +123,12 @@ class GameForms:
             for _, places in self._state.roads.by_map(turn.games):
                 which = np.zeros(len(turn.games), np.bool_)
                 which[places] = True
-                part = turn.of(which)
-                part.lock()
+                part = part_of(turn, which)
+                part._lock()
                 stopped = form(part, which)
                 put_locked(turn.node, which, part.node)
                 put_locked(turn.alive, which, part.alive)
-                turn.take_refusals(part, places)
+                turn._refused |= {(int(places[at]), one, kind): why for (at, one, kind), why in part._refused.items()}
                 if stopped is not None:
                     found = np.zeros((len(which), *stopped.shape[1:]), np.bool_) if found is None else found
                     found[which] = stopped

@@ -14,6 +14,7 @@ from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.flights import InAir
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
+from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -109,7 +110,8 @@ class RuleContext:
             refusals, number = fork.refusals(named), fork.number
             refused[at, [number[name] for name in refusals.moves]] = True
             for name, deeds in refusals.deeds.items():
-                turn.note_refusals(at, number[name], deeds)
+                for kind, why in deeds.items():
+                    turn._refused.setdefault((at, number[name], kind), set()).update(why)
 
         self._each(turn, "deeds", f"the check of the rule {named.name!r}", act)
         return refused
@@ -123,7 +125,7 @@ class RuleContext:
             stopped[at, [fork.number[name] for name in fork.losers()]] = True
 
         self._each(turn, "conflicts", "the conflict resolver", act)
-        turn.find_roads()
+        turn._find_roads()
         return stopped
 
     def collect(self, turn: ArrayTurn) -> None:
@@ -131,7 +133,7 @@ class RuleContext:
         due = [turn.turn % one.every == 0 for one in collectors_of(self.start()).values()]
         is_due = np.logical_or.reduce(due, axis=0) if due else np.zeros(0, np.bool_)
         if is_due.any():
-            part = turn if is_due.all() else turn.of(is_due)
+            part = turn if is_due.all() else part_of(turn, is_due)
             self._each(part, "after", "a collector", lambda fork, _: fork.collect())
             put_locked(turn.node, is_due, part.node)
             put_locked(turn.alive, is_due, part.alive)

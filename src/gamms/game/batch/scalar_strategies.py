@@ -87,6 +87,7 @@ class Answers(NamedTuple):
         deeds, outboxes: what they do besides, and send.
         routes: ways that they give by nodes.
         flights: what those do that fly.
+        failures: what they do wrong.
     """
 
     actions: IntArray
@@ -94,6 +95,7 @@ class Answers(NamedTuple):
     outboxes: list[Outbox]
     routes: list[Route]
     flights: list[Flown]
+    failures: list[Failure]
 
 
 class _Done(NamedTuple):
@@ -104,12 +106,14 @@ class _Done(NamedTuple):
         actions: of those that do more.
         messages: that they send.
         ways: of those that give their way by nodes.
+        failures: what they do wrong.
     """
 
     ends: Sequence[int]
     actions: Mapping[int, ResolvedAction]
     messages: list[Outgoing]
     ways: Mapping[int, ResolvedAction]
+    failures: list[Failure]
 
     def deeds(self) -> Iterator[tuple[int, int, str, Any]]:
         """Yield what they do besides: the agent, which of its deeds, its kind, and fields."""
@@ -265,7 +269,7 @@ class ScalarStrategies:
         state, view = self._state, ArrayView(self._state, turn.games, agents, asked)
         node, alive, numbers = state.streets.ids(view.node).tolist(), view.mask.tolist(), agents.tolist()
         deeds, sent, routes = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]](), list[Route]()
-        flights, in_air = list[Flown](), self._in_air(turn, agents)
+        flights, failures, in_air = list[Flown](), list[Failure](), self._in_air(turn, agents)
         self._look_at(self._context.fork)
         shown_by: list[tuple[dict[int, list[Any]], list[dict[str, Any]]]] = [
             *((cells, self._shown(view, name, cells)) for name, cells in self._cells.items()),
@@ -290,6 +294,7 @@ class ScalarStrategies:
             deeds.extend((at, living[i], *deed) for i, *deed in done.deeds())
             flights.extend(Flown(at, living[i], xyz, quat) for i, xyz, quat in done.flights())
             sent.extend((int(turn.games[at]), message) for message in done.messages)
+            failures.extend(done.failures)
 
         needs_game = any(self._needs_game[number] for number in numbers)
         try:
@@ -300,7 +305,7 @@ class ScalarStrategies:
             raise
         ends = np.array(node, np.int64).reshape(view.node.shape)
         done = state.deeds.from_plain(deeds, turn.node)
-        return Answers(self._actions(view, ends), done, self._outboxes(sent), routes, flights)
+        return Answers(self._actions(view, ends), done, self._outboxes(sent), routes, flights, failures)
 
     def _in_air(self, turn: ArrayTurn, agents: IntArray) -> list[dict[int, InAir]]:
         """Return where those of some agents are that fly, in each game."""
@@ -370,7 +375,7 @@ class ScalarStrategies:
         deciding = [slots[i] for i in part.observing if i not in failed]
         messages, unsent = turns.outboxes.read(deciding, state.turn) if settings.channels else ([], [])
         self.forget_blocked(turn, living, [at])
-        turn.failures += self._failures(game, state, decisions.close(), unsent)
+        failures = self._failures(game, state, decisions.close(), unsent)
         if any(action.heading != () for action in decisions.actions.values()):
             raise NeedsTurnEngine("it turns agents")
         ways = {i: one for i, one in decisions.actions.items() if one.times or one.progress or len(one.path) > 1}
@@ -379,7 +384,7 @@ class ScalarStrategies:
             ends = [decisions.actions[i].end if i in decisions.actions else -1 for i in range(len(slots))]
         for i in ways:
             ends[i] = -1 if leaves_nodes else starts[i]
-        return _Done(ends, decisions.actions, messages, ways)
+        return _Done(ends, decisions.actions, messages, ways, failures)
 
     def _failures(
         self,

@@ -1,20 +1,22 @@
 """What array forms of rules get: one turn of all games that are played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
-from gamms.game.batch.columns import once, places_of, put_locked
-from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.moves_of_turn import MovesOfTurn
-from gamms.game.batch.reports import Look, World, nodes_in_view
+from gamms.game.batch.columns import lock, once, places_of, put_locked, some_rows
+from gamms.game.batch.deeds import ArrayDeeds, joined
+from gamms.game.batch.flights import Flights
+from gamms.game.batch.movement import Movement, Paths
+from gamms.game.batch.reports import Look, World
+from gamms.game.batch.reports import nodes_in_view as in_view
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, NotTakenUp, routes_of
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -26,18 +28,160 @@ ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule; `gamms.array_rule` declares it."""
 
 IN_ARRAYS_ALONE = "is_in_arrays_alone"  # an attribute of rules whose scalar form is made of the array form
+_READ_ONLY = ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
 
 
-class ArrayTurn(MovesOfTurn):
-    """One turn of all games that are being played, with the verbs of rules: what the array form of a rule gets.
-
-    Its attributes are those of `MovesOfTurn`.
+class Visits(NamedTuple):
+    """The nodes that agents are at in a turn, (visits,): by game, agent and time.
 
     Attributes:
-        has_scalar_form: whether the rule that has it has one, too.
+        at: the game in the turn.
+        agents: numbers in the roster.
+        nodes: rows of nodes.
+        begin, end: from when until when, from 0 to 1.
     """
 
-    has_scalar_form = True
+    at: IntArray
+    agents: IntArray
+    nodes: IntArray
+    begin: FloatArray
+    end: FloatArray
+
+    def those(self, which: BoolArray | IntArray) -> "Visits":
+        """Return some of them."""
+        return some_rows(self, which)
+
+
+class ArrayTurn:
+    """One turn of all games that are being played, with the verbs of rules: what the array form of a rule gets.
+
+    Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
+    `streets.columns`; `streets.ids(rows)` gives their ids.
+
+    Attributes:
+        games: (games,) the numbers in the batch of the games of this turn.
+        turn: (games,) how many turns were played, as `ctx.game.turn` is for a rule.
+        seeds: (games,)
+        roster: the agents, in the order of their names.
+        streets: the graph.
+        starts: where the agents were before they moved; before a turn, in the last one.
+        ends: where they went, conflicts included.
+        took_part: which of them were alive then.
+        paths: how they go there; None: along one edge at most. `visits` says where they were.
+        flights: what those do that fly, which `starts` and `ends` have on their nodes; None: none flies.
+        node: where they are now; `respawn` writes it.
+        alive: which are alive now; `eliminate` and `respawn` write it.
+
+    Rules and checks read these arrays and cannot write into them.
+    """
+
+    paths: Paths | None = None
+    flights: Flights | None = None
+    _played: Paths | None = None  # of the parts of the turn that have moved
+    _flown: Flights | None = None  # likewise
+    _earlier: tuple[IntArray, IntArray]  # starts and ends of the parts of the turn that have moved
+    _may_publish = True  # whether the rule that has it has a form with a context
+    _is_moving = False  # whether agents have decided and not moved
+    _dropped: BoolArray | np.bool = np.False_  # agents that went out before they could move
+    _origins: IntArray | None = None  # by metres, where moves begin, for conflicts: nodes and behind them edges
+
+    def __init__(self, state: GameArrays, games: IntArray) -> None:
+        self._state, self.games, self.roster = state, games, state.roster
+        self._find_roads()
+        self.turn, self.seeds = state.turn[games], state.seeds_of(games)
+        self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
+        self._done: list[ArrayDeeds] = []  # of the parts before
+        self._refused: dict[tuple[int, int, str], set[str]] = {}
+        self._find_agents()
+
+    def _find_roads(self) -> None:
+        """Take the maps of the games, of which rules may have closed roads."""
+        self.streets, self._movement, self._shared = self._state.world(self.games)
+
+    @property
+    def _rows(self) -> Any:
+        """What finds the games in the columns of the batch, faster where they are all."""
+        return np.s_[:] if len(self.games) == len(self._state) else self.games
+
+    def _find_agents(self) -> None:
+        """Take where the agents are."""
+        state, games = self._state, self.games
+        self._place_agents(state.chosen(state.node, games), state.chosen(state.alive, games))
+
+    def _place_agents(self, node: IntArray, alive: BoolArray) -> None:
+        self.node = self.starts = self.ends = node
+        self.alive = self.took_part = alive
+
+    def _lock(self) -> None:
+        """Let rules read where agents are, and change it by verbs alone."""
+        known = vars(self)  # on a device some are not read yet
+        lock([known[name] for name in _READ_ONLY if name in known])
+
+    @property
+    def is_there_by_move(self) -> BoolArray:
+        """Which agents are where their moves have led them, rather than put there since: (games, agents)."""
+        by_move: BoolArray = self.took_part & (self.node == self.ends)
+        if self.paths is not None and self.paths.edge is not None:
+            by_move &= self._state.movement.edge[self.games] == self.paths.edge
+        if self._state.flyers is not None and self.flights is not None:
+            by_move[:, self.flights.agents] &= ~self._state.flyers.are_put(self.games, self.flights)
+        return by_move
+
+    def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
+        """Return at which nodes agents were in the turn; those that were put elsewhere are there at the end of it.
+
+        Args:
+            which: (games, agents) of them, or (nodes,) of the nodes.
+            passing: whether those count that they have passed; False: those where they are at the end of the turn.
+        """
+        is_of_nodes, paths = np.ndim(which) == 1, self.paths
+        which = as_array(which, "which", "booleans", (self.streets.num_nodes,) if is_of_nodes else self.node.shape)
+        if paths is None or not passing:
+            counts = self.alive & (which[self.node] if is_of_nodes else which)
+            if paths is not None and paths.edge is not None:
+                counts &= self._state.movement.edge[self.games] < 0
+            at, agents = np.nonzero(counts)
+            node = self.node[at, agents]
+            begin = np.ones(len(at))
+            if passing:
+                begin = np.where(self.is_there_by_move[at, agents] & (self.starts[at, agents] == node), 0.0, 1.0)
+            return Visits(at, agents, node, begin, np.ones(len(at)))
+        by_move, living = self.is_there_by_move, self.alive if is_of_nodes else self.alive & which
+        lengths = np.where(by_move, paths.lengths, 1)
+        nodes = np.where(by_move[..., None], paths.nodes, self.node[..., None])
+        number, skips_first = np.arange(nodes.shape[-1]), by_move & ~paths.stays & ~paths.waits
+        counts = living[..., None] & (number >= skips_first[..., None]) & (number < lengths[..., None])
+        if paths.legs is not None:  # who waits on a node is not there again when it leaves
+            counts[..., 1:2] &= ~(by_move & paths.waits)[..., None]
+        at, agents, number = np.nonzero(counts & which[nodes] if is_of_nodes else counts)
+        has_moved = by_move[at, agents]
+        begin = np.where(has_moved, paths.times[at, agents, number], 1.0)
+        is_last = (number == lengths[at, agents] - 1) & (paths.rests[at, agents] | ~has_moved)
+        end = np.where(is_last, 1.0, begin)
+        waiting = np.flatnonzero((number == 0) & (lengths[at, agents] > 1))
+        if len(waiting):
+            end[waiting] = paths.times[at[waiting], agents[waiting], 1]
+        return Visits(at, agents, nodes[at, agents, number], begin, end)
+
+    @property
+    def is_playing(self) -> BoolArray:
+        """Which agents are in the game, or were when the turn began, (games, agents)."""
+        return np.asarray(self.alive | self.took_part | self._dropped)
+
+    @property
+    def is_out(self) -> BoolArray:
+        """Which agents are out of the game, (games, agents); those that may come are not in it yet."""
+        return self._state.is_there[self.games] & ~self.alive
+
+    def performed(self, kind: str) -> ArrayDeeds:
+        """Return what agents do in this turn besides moving.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed.
+        """
+        found = [deeds for deeds in self._deeds if deeds.kind == kind]
+        deeds = joined(found) if found else self._state.deeds.nothing(kind)
+        return deeds._replace(nodes=self.starts[deeds.at, deeds.agents])  # rules may have put agents elsewhere
 
     def emit(
         self,
@@ -62,7 +206,7 @@ class ArrayTurn(MovesOfTurn):
         """
         if not len(at):
             return
-        at = self._places(at)
+        at = self._as_at(at)
         fields: dict[str, list[Any]] = {}
         for name, given in (agents or {}).items():
             numbers = self._each(name, as_numbers_of(given, name, len(self.roster.names), "agents").tolist(), at)
@@ -75,13 +219,13 @@ class ArrayTurn(MovesOfTurn):
             fields[name] = self._each(name, those, at)
         self._note(as_name(kind, "a kind of event"), at, fields)
 
-    def _places(self, at: object) -> IntArray:
+    def _as_at(self, at: object) -> IntArray:
         return as_numbers_of(at, "at", len(self.games), "games of this turn")
 
     def _pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
         """Return the games of this turn and the agents that a verb got, one of each for each."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents")
-        places = self._places(at)
+        places = self._as_at(at)
         if places.shape != numbers.shape:
             places, numbers = as_one_shape({"at": places, "agents": numbers})
         return places, numbers
@@ -122,7 +266,7 @@ class ArrayTurn(MovesOfTurn):
             BadType, BadValue: there is no such game, or these are no points.
         """
         if len(at):
-            at = self._places(at)
+            at = self._as_at(at)
             if not isinstance(points, int):
                 points = as_array(points, "points", "numbers", at.shape)
             self._add_score(key, at, points)
@@ -158,7 +302,7 @@ class ArrayTurn(MovesOfTurn):
         Raises:
             BadType, BadValue: there is no such game, or not a reason and a winner for each.
         """
-        at = self._places(at)
+        at = self._as_at(at)
         reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
         for game, why, who in zip(self.games[at].tolist(), reasons, self._each("winner", winner, at), strict=True):
             over = self._state.over
@@ -204,11 +348,6 @@ class ArrayTurn(MovesOfTurn):
         for at, agent, reason in zip(deeds.at.tolist(), deeds.agents.tolist(), why, strict=True):
             self._refused.setdefault((at, agent, deeds.kind), set()).add(reason)
 
-    def note_refusals(self, at: int, agent: int, deeds: Mapping[str, set[str]]) -> None:
-        """Refuse deeds of an agent in one game: deed -> why."""
-        for kind, why in deeds.items():
-            self._refused.setdefault((at, agent, kind), set()).update(why)
-
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         """Close the same roads, ids of edges, in each of these games, as `ctx.graph.close_roads` does in one.
 
@@ -227,7 +366,7 @@ class ArrayTurn(MovesOfTurn):
         if change is None:
             raise BadValue("Roads are opened and closed in arrays of NumPy alone: make the batch without xp=.")
         if len(at) and len(edges):
-            change(self.games[self._places(at)], tuple(edges), is_open)
+            change(self.games[self._as_at(at)], tuple(edges), is_open)
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and where they are, (games, these, 3)."""
@@ -235,20 +374,6 @@ class ArrayTurn(MovesOfTurn):
         if flyers is None:
             return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
         return flyers.agents, flyers.xyz[self.games]
-
-    def nodes_in_view(self, look: Look, at: IntArray, agents: IntArray, nodes: IntArray) -> BoolArray:
-        """Return which nodes agents have in view with a sensor that looks from the air or turns with them.
-
-        Args:
-            look: of the sensor.
-            at: (looks,) the games of this turn.
-            agents: (looks,) the numbers of those that look.
-            nodes: rows, (nodes,) each once.
-
-        Returns:
-            (looks, nodes)
-        """
-        return nodes_in_view(World(self._state, self.games), look, (at, agents, self.node[at, agents]), nodes)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""
@@ -277,7 +402,7 @@ class ArrayTurn(MovesOfTurn):
 
     def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
         """Return how far it is between rows of nodes; `weight` as for `graph.distance`."""
-        return routes_of(self._state, self.movement, weight, self.games)
+        return routes_of(self._state, self._movement, weight, self.games)
 
     @property
     def facts(self) -> Mapping[str, Any]:
@@ -290,7 +415,7 @@ class ArrayTurn(MovesOfTurn):
         Raises:
             BadValue: the rule is written in arrays alone, where only a form with a context says what it is in one game.
         """
-        if not self.has_scalar_form:
+        if not self._may_publish:
             raise BadValue(
                 f"turn.publish of {shown(name)} is for forms of rules that publish it with a context, too: a rule that "
                 "is written in arrays alone publishes nothing. Write it with ctx, where it calls ctx.game.publish, and "
@@ -302,3 +427,24 @@ class ArrayTurn(MovesOfTurn):
         """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""
         purposes = self._state.purposes(*purpose)[self.games[at]]
         return kernels.draw_bits_rows(purposes, names, self.turn[at])
+
+
+def movement_in(turn: ArrayTurn) -> Movement:
+    """Return how the agents of a turn go; for the rules of GAMMS."""
+    return turn._movement
+
+
+def nodes_in_view(turn: ArrayTurn, look: Look, at: IntArray, agents: IntArray, nodes: IntArray) -> BoolArray:
+    """Return which nodes agents have in view with a sensor that looks from the air or turns with them.
+
+    Args:
+        turn: of the games.
+        look: of the sensor.
+        at: (looks,) the games of this turn.
+        agents: (looks,) the numbers of those that look.
+        nodes: rows, (nodes,) each once.
+
+    Returns:
+        (looks, nodes)
+    """
+    return in_view(World(turn._state, turn.games), look, (at, agents, turn.node[at, agents]), nodes)
