@@ -412,3 +412,24 @@ def test_a_score_is_an_integer_where_no_other_number_was_added_in_its_own_game()
             games.reset([0], seeds=[3])
             games.step()
             assert repr(games.result(0).scores["red"]) == "1"
+
+
+def test_agents_that_come_back_know_what_has_stopped_them_before_they_went_out():
+    def shy(state):
+        state["action"] = state["curr_pos"] if state["blocked"] else state["legal"][-1]
+
+    gamms.array_strategy(of=shy)(lambda view: np.where(view["blocked"], 0, view.counts - 1))
+
+    def blink(ctx):
+        for agent in sorted(ctx.agent.agents):
+            (ctx.game.respawn if ctx.game.turn % 3 == 0 else ctx.game.eliminate)(agent)
+
+    for order in (None, [["red"], ["blue"]]):
+        scenario = scene(side=3, conflicts={"capacity": 1}, settings={"order": order} if order else {})
+        with scenario.build(seed=1, strategies={"red": shy, "blue": shy}) as ctx:
+            ctx.game.add(blink)
+            with ctx.game.batch(seeds=[1]) as games, ctx.game.fork(0).ctx as alone:
+                assert games.slow == "the rule 'blink', which is called game by game"
+                games.run()
+                alone.game.reset(seed=1)
+                assert plain(games.result(0)) == plain(alone.game.run())

@@ -341,7 +341,10 @@ class DeviceEngine(ArrayEngine):
                 rows = self.library.get(moves)
                 stops[games] = (rows != turn.node) & self._here.conflicts(turn, rows)
                 ends = xp.where(put(stops), node, ends)
-            state.blocked[playing] = stops[playing]
+            was_blocked = state.blocked[playing]
+            if was_blocked.any():  # those that are out did not decide: they stay so
+                was_blocked &= ~self.library.get(state.there["alive"])[playing]
+            state.blocked[playing] = stops[playing] | was_blocked
         if ends is not wanted:
             state.counts["blocked"][playing] += self.library.get(ends != wanted)[playing]
         return ends

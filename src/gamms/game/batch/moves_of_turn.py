@@ -133,12 +133,14 @@ def move(turn: ArrayTurn, moves: Moves, in_conflict: BoolArray | None, part: Tur
         state.counts["moves"][np.ix_(games, flights.agents)] += flights.flew
     if part is None:
         turn.starts, turn.ends, turn._played = turn.node, moves.ends, moves.paths
-        state.blocked[turn._rows] = in_conflict
+        state.blocked[turn._rows] = np.where(turn.took_part, in_conflict, state.blocked[turn._rows])
         state.movement.keep(moves, games)
     else:
         _join(turn, moves, part)
         flights = flights if turn._flown is None else flights and turn._flown.joined(flights, part.members)
-        state.blocked[np.ix_(games, part.members)] = in_conflict[:, part.members]
+        at, members = np.nonzero(turn.took_part[:, part.members])  # the others did not decide: they stay blocked
+        agents = part.members[members]
+        state.blocked[games[at], agents] = in_conflict[at, agents]
         state.movement.keep(moves, games, part.members)
         state.node[games], state.alive[games] = node, turn.alive  # those after them see it
         state.now.clear()
