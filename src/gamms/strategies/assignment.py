@@ -1,6 +1,7 @@
 """The strategy of a team that shares out the enemies that it sees: who goes to whom."""
 
 from collections.abc import Hashable
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -10,7 +11,7 @@ from gamms.arguments import as_context, as_count
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.sight import Seen
-from gamms.game.batch.state import Arrays
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import MOMENTS, ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -25,6 +26,7 @@ from gamms.strategies.knowledge import (
     required,
     shared_memory,
 )
+from gamms.strategies.memories import Kept, boards_in_arrays, reading
 from gamms.strategies.travel import random_walk
 from gamms.text import shown_as_called
 from gamms.typing.game import State, Strategy
@@ -61,8 +63,36 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
         move_to_agent(ctx, state, target, seen, fallback, "assign")
 
-    offer_form(strategy, _assign_in_arrays, turns, parts=[fallback], looks=True, board="assign")
+    kept = Kept(_assign_begun, board="assign")
+    offer_form(strategy, _assign_in_arrays, turns, parts=[fallback], looks=True, kept=kept)
     return strategy
+
+
+def _assign_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
+    board, number, rows = (
+        _no_reports(arrays, 1),
+        {name: i for i, name in enumerate(arrays.roster.names)},
+        arrays.streets,
+    )
+    for memory, known in boards_in_arrays(ctx, arrays, "assign"):
+        with reading("what a team has reported"):
+            for name, (turn, node) in known.get("mates", {}).items():
+                if name in number:
+                    board["mate turn"][0, number[name]], board["mate node"][0, number[name]] = turn, rows.rows(node)
+            for name, (turn, node) in known.get("enemies", {}).items():
+                if name in number:
+                    place = 0, memory, number[name]
+                    board["turn"][place], board["node"][place] = turn, rows.rows(node)
+    return {("team_memory", "assign"): board}
+
+
+def _no_reports(arrays: GameArrays | ArrayView, games: int) -> Arrays:
+    """Return what is kept of games in which nothing was reported yet."""
+    agents, memories = len(arrays.roster.names), int(arrays.memory_of.max(initial=0)) + 1
+    of_mates = {name: np.full((games, agents), -2) for name in ("mate turn", "mate node", "next mate")}
+    # what is next has been written when agents were asked last
+    of_enemies = {name: np.full((games, memories, agents), -2) for name in ("turn", "node", "next", "by")}
+    return of_mates | of_enemies | {"moment": np.zeros(games)}
 
 
 def _assign_in_arrays(patience: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
@@ -110,16 +140,7 @@ class _Board:
     """
 
     def __init__(self, view: ArrayView) -> None:
-        agents, memories = len(view.roster.names), int(view.memory_of.max(initial=0)) + 1
-
-        def make(games: int) -> Arrays:
-            mates = {name: np.full((games, agents), -2) for name in ("mate turn", "mate node", "next mate")}
-            names = ("turn", "node", "next", "by")  # what is next has been written when agents were asked last
-            return (
-                mates | {name: np.full((games, memories, agents), -2) for name in names} | {"moment": np.zeros(games)}
-            )
-
-        self._view, self._kept = view, view.keep(("team_memory", "assign"), make)
+        self._view, self._kept = view, view.keep(("team_memory", "assign"), partial(_no_reports, view))
         kept, games = self._kept, np.flatnonzero(self._kept["moment"][view.games] != view.moment)
         turn = (kept["moment"][view.games[games]] // MOMENTS).astype(np.int64)
         for new, node, when in (("next mate", "mate node", "mate turn"), ("next", "node", "turn")):

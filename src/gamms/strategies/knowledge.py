@@ -4,7 +4,7 @@ Strategies that act on enemies need `state["team"]`, and a sensor that shows age
 OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import partial
 from inspect import iscoroutinefunction
 from itertools import takewhile
@@ -16,7 +16,9 @@ import numpy as np
 
 from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
-from gamms.game.batch.device_view import DeviceView, columns_of, with_others
+from gamms.game.batch.begun import Begins, begins_of
+from gamms.game.batch.device_view import DeviceView
+from gamms.game.batch.forms import BEGINS
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
@@ -33,6 +35,7 @@ from gamms.game.batch.view import (
 )
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.strategies.memories import Kept
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
@@ -335,11 +338,11 @@ def offer_form(
     strategy: Callable[..., None],
     form: Callable[..., IntArray],
     *values: Hashable,
-    parts: Iterable[object] = (),
+    parts: Collection[object] = (),
     looks: bool | str = False,
     may_skip: bool | None = None,
     is_portable: bool = False,
-    board: str | None = None,
+    kept: Kept | None = None,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
 
@@ -351,11 +354,11 @@ def offer_form(
         looks: whether it asks what sensors show, besides its parts; `COVERS`: and which nodes they have in view.
         may_skip: whether it may set no action; None: where one of its parts may.
         is_portable: whether the form is that for other array libraries, too; its actions are legal.
-        board: the key under which it writes into the memory of the team. No other part may do so: it would read what
-            was written in the same turn.
+        kept: what it remembers, besides its parts; None: nothing.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
-    boards = [one for form in forms for one in getattr(form, BOARDS, ())] + [board] * (board is not None)
+    boards = [one for form in forms for one in getattr(form, BOARDS, ())]
+    boards += [] if kept is None or kept.board is None else [kept.board]
     if None in forms or len(set(boards)) < len(boards):
         return
     made: Any = partial(form, *values, *forms)
@@ -369,6 +372,9 @@ def offer_form(
         setattr(made, PORTABLE, partial(form, *values, *others))
         setattr(getattr(made, PORTABLE), IS_LEGAL, True)
     strategy.__dict__["array_form"] = made
+    begun: list[Begins] = [getattr(part, BEGINS) for part in parts if hasattr(part, BEGINS)]
+    if len(begun) == len(forms):
+        setattr(strategy, BEGINS, begins_of(begun if kept is None else [*begun, kept.begins]))
 
 
 # Forms for any array library call functions of `view.xp`, and what follows. On a device they compute for all agents:
@@ -391,6 +397,7 @@ setattr(_pass_in_arrays, IS_BLIND, True)
 setattr(_pass_in_arrays, MAY_SKIP, True)
 setattr(_pass_in_arrays, PORTABLE, no_actions)
 _pass.__dict__["array_form"] = _pass_in_arrays
+setattr(_pass, BEGINS, begins_of(()))
 
 
 def put(view: ArrayView, rows: IntArray) -> Tensor:
@@ -488,28 +495,6 @@ def _actions_to_places(
     there = which[0][some], which[1][some]
     actions[some] = view.towards(np.where(passed < gone, end, source)[some], there)
     return actions
-
-
-def remembered(view: ArrayView, key: str, **first: int) -> dict[str, Tensor]:
-    """Return what agents remember under a key of `state["memory"]`: name -> (games, agents), at first these numbers."""
-    agents = len(view.roster.names)
-    kept = view.keep(("memory", key), lambda games: {name: np.full((games, agents), n) for name, n in first.items()})
-    if isinstance(view, DeviceView):
-        return {name: columns_of(column, view.agents, view.library) for name, column in kept.items()}
-    return {name: column[np.ix_(view.games, view.agents)] for name, column in kept.items()}
-
-
-def remember(view: ArrayView, key: str, **values: Tensor) -> None:
-    """Keep what those agents remember from now on that are in the mask of a view."""
-    kept = view.keep(("memory", key), lambda _: {})
-    if isinstance(view, DeviceView):
-        for name, column in values.items():
-            own = view.xp.where(view.mask, column, columns_of(kept[name], view.agents, view.library))
-            kept[name] = with_others(kept[name], view.agents, own, 1, view.library)
-        return
-    at, agents = np.nonzero(view.mask)
-    for name, column in values.items():
-        kept[name][view.games[at], view.agents[agents]] = column[at, agents]
 
 
 def nearest_seen(view: ArrayView, seen: Seen, chosen: BoolArray | None = None) -> IntArray:

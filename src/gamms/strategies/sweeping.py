@@ -1,6 +1,8 @@
 """The strategy of a team that visits all nodes: which were visited, and who goes where next."""
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -8,7 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_context, as_flag
 from gamms.context import Context
 from gamms.deciding import phase_of
-from gamms.game.batch.state import Arrays
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import COVERS, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -20,11 +22,10 @@ from gamms.strategies.knowledge import (
     node_of,
     nodes_in_view,
     offer_form,
-    remember,
-    remembered,
     required,
     shared_memory,
 )
+from gamms.strategies.memories import Kept, boards_in_arrays, memories_in_arrays, reading, remember, remembered
 from gamms.strategies.travel import stay
 from gamms.text import shown_as_called
 from gamms.typing.game import NodeId, State, Strategy
@@ -78,8 +79,34 @@ def sweep(
         move_to(ctx, state, target, fallback, "sweep")
 
     looks = COVERS if sees else False
-    offer_form(strategy, _sweep_in_arrays, chosen, sees, again, parts=[fallback], looks=looks, board="sweep")
+    kept = Kept(_sweep_begun, board="sweep")
+    offer_form(strategy, _sweep_in_arrays, chosen, sees, again, parts=[fallback], looks=looks, kept=kept)
     return strategy
+
+
+def _sweep_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
+    def read(memory: dict[Any, Any]) -> Sequence[int]:
+        target = memory.get("sweep target")
+        return () if target is None else [int(arrays.streets.rows(target))]
+
+    board = _no_visits(arrays, 1)
+    for number, known in boards_in_arrays(ctx, arrays, "sweep"):
+        with reading("what a team has visited"):
+            board["visited"][0, number, arrays.streets.rows([*known.get("visited", ())])] = True
+    return {("team_memory", "sweep"): board} | memories_in_arrays(ctx, arrays, "sweep", {"target": -1}, read)
+
+
+def _no_visits(arrays: GameArrays | ArrayView, games: int) -> Arrays:
+    """Return what is kept of games in which nothing was visited yet."""
+    agents, nodes = len(arrays.roster.names), arrays.streets.num_nodes
+    memories = int(arrays.memory_of.max(initial=0)) + 1
+    return {
+        "visited": np.zeros((games, memories, nodes), np.bool_),
+        "seen": np.zeros((games, memories, nodes), np.bool_),  # in that turn
+        "moment": np.full((games, memories), -1),
+        "keeps": np.zeros((games, memories), np.bool_),  # whether what was visited before still counts
+        "next": np.full((games, agents), -1),  # what agents have visited in that turn
+    }
 
 
 def _sweep_in_arrays(
@@ -130,18 +157,7 @@ class _Visited:
     """
 
     def __init__(self, view: ArrayView) -> None:
-        agents, memories = len(view.roster.names), int(view.memory_of.max(initial=0)) + 1
-
-        def make(games: int) -> Arrays:
-            return {
-                "visited": np.zeros((games, memories, view.streets.num_nodes), np.bool_),
-                "seen": np.zeros((games, memories, view.streets.num_nodes), np.bool_),  # in that turn
-                "moment": np.full((games, memories), -1),
-                "keeps": np.zeros((games, memories), np.bool_),  # whether what was visited before still counts
-                "next": np.full((games, agents), -1),  # what agents have visited in that turn
-            }
-
-        self._view, self._kept = view, view.keep(("team_memory", "sweep"), make)
+        self._view, self._kept = view, view.keep(("team_memory", "sweep"), partial(_no_visits, view))
         self._memory = view.memory_of[view.agents]
         self._turn()
 

@@ -1,6 +1,6 @@
 """Strategies that need no enemies: they go somewhere, or are made of others."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
 from math import cos, frexp, inf, ldexp, pi, sin
 from typing import Any, TypeVar, overload
@@ -13,6 +13,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.forms import FLIES, flies
 from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
@@ -33,10 +34,9 @@ from gamms.strategies.knowledge import (
     node_of,
     offer_form,
     put,
-    remember,
-    remembered,
     required,
 )
+from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
 from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
@@ -245,8 +245,22 @@ def random_waypoints(
             memory["random_waypoints"] = target, turns
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], is_portable=True)
+    kept = Kept(_waypoints_begun)
+    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], is_portable=True, kept=kept)
     return strategy
+
+
+_NO_WAYPOINT = {"target": -1, "left": 0}  # a row, turns
+
+
+def _waypoints_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
+    def read(memory: dict[Any, Any]) -> Sequence[int]:
+        if "random_waypoints" not in memory:
+            return ()
+        target, left = memory["random_waypoints"]
+        return int(arrays.streets.rows(target)), as_int(left, "left")
+
+    return memories_in_arrays(ctx, arrays, "random_waypoints", _NO_WAYPOINT, read)
 
 
 def _places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
@@ -257,7 +271,7 @@ def _places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
 def _waypoints_in_arrays(
     chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    xp, streets, known = view.xp, view.movement.streets, remembered(view, "random_waypoints", target=-1, left=0)
+    xp, streets, known = view.xp, view.movement.streets, remembered(view, "random_waypoints", **_NO_WAYPOINT)
     among = None if chosen is None else streets.rows(chosen)
     target, left, is_there = known["target"], known["left"], known["target"] == view.node
     going = view.mask & ~is_there & (target >= 0)
@@ -405,12 +419,26 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], is_portable=True)
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], is_portable=True, kept=Kept(_unblock_begun))
     return unblock
 
 
+_IN_ARRAYS_AT_EASE = {"blocked": 0, "calm": 0, "often": 0, "left": 0, "ahead": -1}  # turns, turns, times, turns, a row
+
+
+def _unblock_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
+    def read(memory: dict[Any, Any]) -> Sequence[int]:
+        if "unblock" not in memory:
+            return ()
+        *numbers, ahead = (memory["unblock"][name] for name in _AT_EASE)
+        is_node = ahead is not None and ctx.graph.graph.has_node(ahead)  # an action may have named any
+        return *(as_int(one, "a number") for one in numbers), int(arrays.streets.rows(ahead)) if is_node else -1
+
+    return memories_in_arrays(ctx, arrays, "unblock", _IN_ARRAYS_AT_EASE, read)
+
+
 def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -> IntArray:
-    xp, known = view.xp, remembered(view, "unblock", blocked=0, calm=0, often=0, left=0, ahead=-1)
+    xp, known = view.xp, remembered(view, "unblock", **_IN_ARRAYS_AT_EASE)
     is_blocked = view.blocked
     blocked, calm = xp.where(is_blocked, known["blocked"] + 1, 0), xp.where(is_blocked, 0, known["calm"] + 1)
     often = xp.where(calm > _powers_of_2(known["often"]), 0, known["often"])
@@ -511,8 +539,16 @@ def _route(
         memory[key] = at = _advanced(stops, memory.get(key, 0), here, repeat=repeat)
         move_to(ctx, state, stops[at] if at < len(stops) else None, fallback, caller)
 
-    offer_form(strategy, _route_in_arrays, key, stops, repeat, is_nearest_first, parts=[fallback], is_portable=True)
+    values, kept = (key, stops, repeat, is_nearest_first), Kept(partial(_route_begun, key, len(stops)))
+    offer_form(strategy, _route_in_arrays, *values, parts=[fallback], is_portable=True, kept=kept)
     return strategy
+
+
+def _route_begun(key: str, stops: int, ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
+    def read(memory: dict[Any, Any]) -> Sequence[int]:
+        return [range(stops + 1)[as_int(memory[key], "the next stop")]] if key in memory else ()
+
+    return memories_in_arrays(ctx, arrays, key, {"at": -1}, read)
 
 
 def _route_in_arrays(

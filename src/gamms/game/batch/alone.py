@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
+from itertools import chain
 from typing import Any, cast, overload
 from weakref import WeakKeyDictionary
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from gamms.arguments import as_context, as_function_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.begun import BEGINS, Begins, movement_of
+from gamms.game.batch.begun import Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -20,7 +21,7 @@ from gamms.game.batch.given import flown
 from gamms.game.batch.movement import Anywhere, Movement, Paths, Places
 from gamms.game.batch.one_by_one import Noted
 from gamms.game.batch.sight import Seen
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
 from gamms.game.batch.view import ArrayStrategy, ArrayView
@@ -48,8 +49,10 @@ _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyD
 @overload
 def array_strategy(form: ArrayStrategy, /) -> Callable[[IContext], Callable[[Any], None]]: ...
 @overload
-def array_strategy(*, of: Callable[..., object]) -> Callable[[F], F]: ...
-def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., object] | None = None) -> Any:
+def array_strategy(*, of: Callable[..., object], begins: Begins | None = None) -> Callable[[F], F]: ...
+def array_strategy(
+    form: ArrayStrategy | None = None, /, *, of: Callable[..., object] | None = None, begins: Begins | None = None
+) -> Any:
     """Decorator: make a strategy of a function from an `ArrayView` to actions, for batches and for games alone.
 
     The name stands for a function that makes the strategy, as `gamms.strategies.chase` does: `strategy=hunt(ctx)`, or
@@ -62,13 +65,17 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
         form: returns the numbers of legal nodes, (games, agents); of an agent that flies, which is asked alone, how
             far it flies, map units, (1, 1, 3).
         of: the strategy or plan that does the same with a state, or with those of a team.
+        begins: for games that have begun: called with their context and the arrays of the batch, returns what the form
+            keeps of what agents remember there, `ctx.game.memories` and `ctx.game.team_memories`; see `array_rule`.
+            Without it, agents that remember something are asked one by one.
 
     Raises:
-        BadType: one of them cannot be called.
+        BadType: one of them cannot be called, or `begins` is there without `of`.
         BadValue: `of` has another form already; one of the same name and module is replaced.
     """
+    _refuse_begins_alone(begins, of, "array_strategy", "strategy")
     if of is not None:
-        return form_declared(of, "array_strategy", "a view")
+        return form_declared(of, "array_strategy", "a view", begins=begins)
     function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
     name = getattr(function, "__name__", "array strategy")
 
@@ -91,7 +98,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
                 state["action"] = {"node_id": action, "do": done} if done else action
 
         setattr(strategy, FLIES, True)
-        form_declared(strategy, name, "a view")(function)
+        form_declared(strategy, name, "a view", begins=_remembered_alone)(function)
         return _documented(strategy, function)
 
     return _documented(make, function)
@@ -124,12 +131,9 @@ def array_rule(
         BadType: one of them cannot be called, or `of` takes no attributes.
         BadValue: `of` has another form already; one of the same name and module is replaced.
     """
-    if begins is not None and (of is None or not callable(begins)):
-        raise BadType(f"array_rule(of=…, begins=…) needs a rule and a function of its context, not {shown(begins)}.")
+    _refuse_begins_alone(begins, of, "array_rule", "rule")
     if of is not None:
-        declare = form_declared(of, "array_rule", "a turn (of a check: of a turn and where agents go)", 2)
-        of.__dict__.update({} if begins is None else {BEGINS: begins})
-        return declare
+        return form_declared(of, "array_rule", "a turn (of a check: of a turn and where agents go)", 2, begins)
     function: ArrayRule = as_function_of(form, "An array rule", "a turn")
     name = getattr(function, "__name__", "array rule")
 
@@ -139,9 +143,14 @@ def array_rule(
         turn._lock()
         function(turn)
 
-    rule.__dict__.update({IN_ARRAYS_ALONE: True, BEGINS: _kept_alone})
-    form_declared(rule, name, "a turn")(function)
+    setattr(rule, IN_ARRAYS_ALONE, True)
+    form_declared(rule, name, "a turn", begins=_kept_alone)(function)
     return _documented(rule, function)
+
+
+def _refuse_begins_alone(begins: object, of: object, decorator: str, kind: str) -> None:
+    if begins is not None and (of is None or not callable(begins)):
+        raise BadType(f"{decorator}(of=…, begins=…) needs a {kind} and a function of its context, not {shown(begins)}.")
 
 
 def _kept_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -149,6 +158,42 @@ def _kept_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     for reader, number in ctx.game.data.get(_READ, {}).items():
         state.events.read(reader, number)
     return dict(ctx.game.data.get(_OF_RULES, {})) if state.roster.is_first.all() else {}
+
+
+def _remembered_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    """Return what array strategies keep in the memories of agents."""
+    memories = [ctx.game.memories.get(name, {}) for name in state.roster.names]
+    several = {number: kept for number, memory in enumerate(memories) if (kept := memory.get(_KEPT))}
+    if several and not state.roster.is_first.all():
+        raise NotTakenUp("rows of agents that may come are not in what array strategies keep")
+    found: dict[Hashable, Arrays] = {}
+    for key in dict.fromkeys(chain.from_iterable(several.values())):
+        kept = {number: one[key] for number, one in several.items() if key in one}
+        names = dict.fromkeys(chain.from_iterable(kept.values()))
+        found[key] = {name: _joined(key, {number: one[name] for number, one in kept.items()}) for name in names}
+    return found
+
+
+def _joined(key: Hashable, arrays: Mapping[int, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
+    """Return what agents keep, each in arrays of its own, as one: what is of one of them from its own.
+
+    Args:
+        key: under which they keep it.
+        arrays: of the agents, by their numbers: (1, all agents, …), or anything.
+    """
+    own = np.array([*arrays])
+    joined = arrays[own[0]].copy()
+    has_rows = joined.ndim > 1 and joined.shape[1] > own[-1]
+    for number, array in arrays.items():
+        if has_rows and array.shape == joined.shape:
+            joined[:, number] = array[:, number]
+    for array in arrays.values():
+        others = np.array(array)
+        if has_rows and array.shape == joined.shape:
+            others[:, own] = joined[:, own]
+        if not np.array_equal(others, joined, equal_nan=joined.dtype.kind == "f"):
+            raise NotTakenUp(f"agents keep different arrays under {shown(key)}")
+    return joined
 
 
 def _documented(function: F, form: Callable[..., object]) -> F:

@@ -16,8 +16,8 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, p
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.flights import Flyers
-from gamms.game.batch.forms import form_of
-from gamms.game.batch.game_forms import GameForms, key_of
+from gamms.game.batch.forms import form_of, key_of
+from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.given import Given
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.joined_view import JoinedView

@@ -1,26 +1,31 @@
 """What the games of a batch begin with: where their game is, which may have begun, and what was noted of it."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from functools import partial
+from itertools import chain
+from typing import Any, TypeGuard
 
 import numpy as np
 
+from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
+from gamms.game.batch.forms import BEGINS, key_of
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms
-from gamms.game.batch.state import STOPPED, Arrays, GameArrays
+from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.progress import Motion
+from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
+from gamms.typing.context import HostContext
 
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
-"""Returns what the array form of a rule keeps of the game of a context: key -> name -> an array of one game."""
-BEGINS = "begin_arrays"  # the attribute of rules that has such a function
+"""Returns what an array form keeps of the game of a context: key -> name -> an array of one game."""
 _MOST_EXACT = 1 << 53  # scores in arrays are floats
 
 
@@ -66,8 +71,23 @@ class Beginning:
         self.put(state, np.arange(len(state)))
         state.has_begun = self._turn > 0
         for one in game.rules:
-            begins = getattr(one.rule, BEGINS, None)
-            state.first |= {} if begins is None else begins(game.ctx, state)
+            _take_up(game, state, f"the rule {one.name!r}", getattr(one.rule, BEGINS, None))
+        self._take_up_memories(game, state)
+
+    def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
+        """Let the forms of strategies keep what agents remember."""
+        settings, known = game.settings(), game.ctx.agent.agents
+        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
+        has_come = [name in known for name in state.roster.names]
+        state.takes_up[:] = [hasattr(one, BEGINS) or not has for one, has in zip(deciders, has_come, strict=True)]
+        if not (state.has_begun or any(remembers(game, agent) for agent in known.values())):
+            return
+        by_key = {key_of(getattr(one, BEGINS)): one for one in deciders if hasattr(one, BEGINS)}
+        for one in by_key.values():
+            try:
+                _take_up(game, state, f"the strategy {as_code(one)}", getattr(one, BEGINS))
+            except NotTakenUp as error:  # what it keeps is not in `first` then
+                state.takes_up[:], state.why_not_first = False, f": {error}"
 
     def put(self, state: GameArrays, games: IntArray) -> None:
         """Let some games begin here, which were reset."""
@@ -97,6 +117,34 @@ class Beginning:
         state.deeds.begin(games, values.deeds)
         if state.radio is not None:
             state.radio.go_on(games, values.messages, self._turn)
+
+
+def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:
+    """Have what the array form of a rule or a strategy keeps of a game."""
+    if begins is None:
+        return
+    found: Any = begins(game.ctx, state)
+    if not isinstance(found, Mapping) or not all(isinstance(one, Mapping) for one in found.values()):
+        raise BadType(f"begins= of {named} returns key -> name -> array, what is kept of one game, not {shown(found)}.")
+    state.first |= {key: dict(arrays) for key, arrays in found.items()}
+    state.first_by |= dict.fromkeys(found, named)
+
+
+def begins_of(several: Iterable[Begins]) -> Begins:
+    """Return a function that says what several say, of which it calls each once."""
+    parts = chain.from_iterable(one.args[0] if _is_of_several(one) else [one] for one in several)
+    return partial(_begin_each, tuple({key_of(one): one for one in parts}.values()))
+
+
+def _is_of_several(begins: Begins) -> TypeGuard["partial[Any]"]:
+    return isinstance(begins, partial) and begins.func is _begin_each
+
+
+def _begin_each(parts: tuple[Begins, ...], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    found: dict[Hashable, Arrays] = {}
+    for begins in parts:
+        found |= begins(ctx, state)
+    return found
 
 
 def _copied(table: dict[str, list[Any]]) -> dict[str, list[Any]]:
@@ -135,11 +183,16 @@ def _why_not_placed(game: PlayedGame) -> Iterator[str]:
             yield f"agent {agent.name!r}, which is on an edge that was removed"
 
 
+def may_forget(game: PlayedGame, agent: IAgent) -> bool:
+    """Whether the array form of what decides for an agent does not know what the agent or its team remembers."""
+    return not hasattr(decider_of(agent, game.settings()["plans"]), BEGINS) and remembers(game, agent)
+
+
 def remembers(game: PlayedGame, agent: IAgent) -> bool:
-    """Whether an agent of a game that has begun, or its team, has something in its memory."""
+    """Whether an agent of a game, or its team, has something in its memory."""
     values, nothing = game.internals.state, dict[Any, Any]()
     known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
-    return game.turn > 0 and any(one != nothing for memory in known for one in memory.values())
+    return any(not isinstance(one, dict) or len(one) > 0 for memory in known for one in memory.values())
 
 
 def fits_float(score: object) -> bool:

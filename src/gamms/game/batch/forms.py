@@ -1,6 +1,7 @@
 """Array forms beside scalar forms: how they are declared for rules, their checks, strategies and plans, and found."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from functools import partial
 from typing import Any, TypeVar
 
 from gamms.arguments import as_function_of
@@ -10,11 +11,16 @@ from gamms.text import as_code, shown
 F = TypeVar("F", bound=Callable[..., Any])
 
 _FORM = "array_form"  # the attribute of a scalar form that has its array form
+BEGINS = "begin_arrays"  # that of a scalar form which has `begins`, see `array_rule` and `array_strategy`
 FLIES = "flies"  # of strategies, or of forms: whether the form is for agents that fly, too
 
 
-def form_declared(of: object, decorator: str, argument: str, most: int = 1) -> Callable[[F], F]:
+def form_declared(
+    of: object, decorator: str, argument: str, most: int = 1, begins: Callable[..., object] | None = None
+) -> Callable[[F], F]:
     """Return what declares a function as the array form of another; what it is called with see `as_function_of`.
+
+    `begins` says what it keeps of games that have begun; None: nothing does.
 
     One of the same name and module replaces the form that is there, as when a cell of a notebook is run again; another
     one is refused (BadValue), since games that were checked with the first would silently be others.
@@ -30,6 +36,8 @@ def form_declared(of: object, decorator: str, argument: str, most: int = 1) -> C
                 f"Declare one form, or define {as_code(of)} again before."
             )
         of.__dict__[_FORM] = as_function_of(form, f"What {decorator}(of=…) declares", argument, most)
+        of.__dict__.pop(BEGINS, None)
+        of.__dict__.update({} if begins is None else {BEGINS: begins})
         return form
 
     return declare
@@ -48,3 +56,21 @@ def form_of(function: object) -> Any:
 def flies(strategy: object) -> bool:
     """Whether the array form of a strategy decides for agents that fly, too: it returns how far they fly then."""
     return getattr(strategy, FLIES, False) or getattr(form_of(strategy), FLIES, False)
+
+
+def key_of(form: Any) -> Hashable:
+    """Return a key that is equal for forms that do the same."""
+    key: Hashable
+    if isinstance(form, partial):
+        key = (
+            form.func,
+            tuple(map(key_of, form.args)),
+            tuple((k, key_of(v)) for k, v in sorted(form.keywords.items())),
+        )
+    else:
+        key = tuple(map(key_of, form)) if isinstance(form, tuple) else form
+    try:
+        hash(key)
+    except TypeError:
+        return id(form)
+    return key

@@ -9,7 +9,7 @@ import numpy as np
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.forms import form_of
+from gamms.game.batch.forms import form_of, key_of
 from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
@@ -237,20 +237,3 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan], left_out: Collection[int]
         decider = decider_of(roster.agents[numbers[0]], plans)
         groups.append(Group(as_code(decider), np.array(numbers), form_of(decider), bool(roster.flies[numbers[0]])))
     return groups
-
-
-def key_of(form: Any) -> Hashable:
-    """Return a key that is equal for forms that do the same."""
-    if isinstance(form, partial):
-        key = (
-            form.func,
-            tuple(map(key_of, form.args)),
-            tuple((k, key_of(v)) for k, v in sorted(form.keywords.items())),
-        )
-    else:
-        key = form
-    try:
-        hash(key)
-    except TypeError:
-        return id(form)
-    return key

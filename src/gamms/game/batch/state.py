@@ -158,6 +158,24 @@ def _refuse_other_arrays(made: object, games: int) -> None:
             )
 
 
+def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
+    """Return what is kept of a game that has begun, in arrays as `make` of `keep` makes them for one game."""
+    _refuse_other_arrays(made, 1)
+    like: Arrays = made  # type: ignore[assignment] # which was checked
+    given, wanted = ({name: np.shape(one) for name, one in those.items()} for those in (first, like))
+    for name in wanted | given:
+        if given.get(name) != wanted.get(name):
+            raise BadValue(
+                f"What begins= of {named} returns under {shown(key)} is not what keep(key, make) makes for one game: "
+                f"{shown(name)} has the shape {given.get(name)}, not {wanted.get(name)}; None: it is not there. Of a "
+                "mapping by the names of agents, arrays.roster.column(values, default) makes one, (1, agents)."
+            )
+        own, kind = np.asarray(first[name]).dtype, like[name].dtype
+        if not np.can_cast(own, kind, "same_kind") and like[name].size:
+            raise BadValue(f"begins= of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
+    return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
+
+
 def _repeated(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
 
@@ -248,8 +266,10 @@ class GameArrays:
         observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
-        first: what they remember of a game that has begun, likewise, as arrays of one game.
+        first, first_by: what they remember of a game that has begun, likewise, as arrays of one game; and which does.
         has_begun: whether games begin after some turns; what forms keep of these must be in `first` then.
+        takes_up: (agents,) whether all that the strategy of an agent keeps of these turns is in `first`.
+        why_not_first: why it is not.
         collected: game -> name -> columns of what was collected.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
@@ -265,13 +285,13 @@ class GameArrays:
     note_blocked: Callable[[int, int, str | None], None] | None = None
     flyers: Flyers | None = None
     last_flights: Flights | None = None
+    why_not_first = ""
 
     def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
         self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
         games, shape = len(seeds), (len(seeds), len(roster.names))
         movement.begin(shape)
-        self.start = start
-        self.node = start.copy()
+        self.start, self.node = start, start.copy()
         self.apart: dict[int, str] = {}
         self.observed_apart: GameArrays | None = None
         self.roads = movement.all_roads
@@ -293,8 +313,9 @@ class GameArrays:
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
-        self.facts, self.collected = dict[str, Any](), dict[int, dict[str, dict[str, list[Any]]]]()
-        self.events = EventLog(games)
+        self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(roster.names), np.bool_)
+        self.facts, self.events = dict[str, Any](), EventLog(games)
+        self.collected = dict[int, dict[str, dict[str, list[Any]]]]()
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.heights: FloatArray | None = None
@@ -440,17 +461,22 @@ class GameArrays:
             return of_games.copy() if of_games is column else of_games
         return of_games.take(agents, axis=1)
 
-    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
-        """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""
+    def keep(self, key: Hashable, make: Callable[[int], Arrays], *, is_new: bool = False) -> Arrays:
+        """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives.
+
+        `is_new` says whether it remembers nothing of the turns before the batch unless `first` has it.
+        """
         known = self.kept.get(key)
         if known is None:
-            first = self.first.get(key)
-            if first is not None:
-                make = partial(_repeated, first)
-            elif self.has_begun:
-                raise NotTakenUp(f"it is not known what is kept under {shown(key)} of the turns before the batch")
             if not callable(make):
                 raise BadType(f"make of keep(key, make) is a function of the number of games, not {shown(make)}.")
+            first = self.first.get(key)
+            if first is not None:
+                named = self.first_by.get(key)
+                make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1)))
+            elif self.has_begun and not is_new:
+                why = f"it is not known what is kept under {shown(key)} of the turns before the batch"
+                raise NotTakenUp(why + self.why_not_first)
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make

@@ -489,7 +489,7 @@ class ArrayView(Mapping[str, Any]):
 
         Index its arrays with `games`.
         """
-        return self._state.keep(key, make)
+        return self._state.keep(key, make, is_new=bool(self._state.takes_up[self.agents].all()))
 
     def checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
         """Return actions as integers (games, agents), 0 for those that are not alive.

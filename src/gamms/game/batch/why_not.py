@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from math import isfinite
 from typing import Any
 
-from gamms.game.batch.begun import remembers, why_not_begun
+from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
 from gamms.game.batch.forms import flies, form_of
 from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
@@ -61,7 +61,7 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
     plans = game.settings()["plans"]
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
-        if form_of(one) is None or remembers(game, agent):
+        if form_of(one) is None or may_forget(game, agent):
             kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
             yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):

@@ -1,0 +1,195 @@
+"""What agents remember when a batch begins in the middle of their game, in arrays."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.strategies import (
+    assign,
+    chase,
+    first,
+    follow_path,
+    mix,
+    patrol,
+    random_walk,
+    random_waypoints,
+    sweep,
+    unblock,
+)
+
+LAWS = settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+SIGHT = {"near": {"type": "AGENT_RANGE", "sensor_range": 15.0}}
+MADE = {
+    "patrol": lambda ctx: patrol(ctx, [3, 3, 12, 5]),
+    "follow_path": lambda ctx: first(follow_path(ctx, [6, 1], otherwise=None), patrol(ctx, [9, 0])),
+    "random_waypoints": lambda ctx: random_waypoints(ctx, pause=2),
+    "unblock": lambda ctx: unblock(random_waypoints(ctx, [5, 10], pause=1), after=1),
+    "sweep": lambda ctx: sweep(ctx, repeat=True),
+    "sweep by sight": lambda ctx: sweep(ctx, [2, 7, 8, 15], by_sight=True, repeat=True),
+    "assign": lambda ctx: assign(ctx, patience=2),
+    "mix": lambda ctx: mix(0.5, chase(ctx), patrol(ctx, [3, 3, 12, 5])),
+}
+MOTIONS = [
+    {},
+    {"order": [["blue"], ["red"]]},
+    {"team_memory": False},
+    {"speed_unit": "metres"},
+    {"speed_unit": "metres", "decide": "arrival"},
+]
+
+
+def check(ctx, seeds=(3, 4), rounds=2):
+    """Check that a batch is played in arrays, again after a reset, as the games alone; return what slows it down."""
+    with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+        for _ in range(rounds):
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+            why = games.slow or next(iter(games.detached.values()), None)
+            games.reset()
+        return why
+
+
+def remembering(strategies, options=(), max_turns=13):
+    """A scenario in which agents with sight are tagged, stop each other, and play these strategies in turn."""
+    rules = [
+        {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}},
+        {"rule": "respawn", "with": {"after": 3}},
+    ]
+    more = {"sensors": SIGHT, "conflicts": {"capacity": 1}, "settings": dict(options)}
+    scenario = scene(rules, side=4, max_turns=max_turns, **more)
+    given = {f"teams.{team}.sensors": ["near"] for team in ("red", "blue")}
+    given |= {f"teams.{team}.speed": 7.0 for team in ("red", "blue") if "speed_unit" in more["settings"]}
+    ctx = scenario.replace(**given).build(seed=5)
+    for number, agent in enumerate(ctx.agent.agents.values()):
+        agent.register_strategy(MADE[strategies[number % len(strategies)]](ctx))
+    return ctx
+
+
+names = st.lists(st.sampled_from(sorted(MADE)), min_size=2, max_size=6)
+
+
+@LAWS
+@given(strategies=names, options=st.sampled_from(MOTIONS), turns=st.integers(1, 9))
+def test_games_go_on_in_arrays_with_what_agents_remember(strategies, options, turns):
+    with remembering(strategies, options) as ctx:
+        for _ in range(turns):
+            ctx.game.step()
+        assert any(ctx.game.memories.values()) or any(ctx.game.team_memories.values())
+        assert check(ctx, rounds=1) is None
+
+
+def test_games_that_are_reset_begin_with_what_agents_remember():
+    with remembering(["patrol", "sweep", "random_waypoints", "assign"], max_turns=9) as ctx:
+        for _ in range(4):
+            ctx.game.step()
+        assert check(ctx, seeds=(1,)) is None
+
+
+def test_what_was_put_into_memories_before_the_first_turn_counts_in_arrays():
+    with remembering(["patrol"]) as ctx:
+        for name in ctx.agent.agents:
+            ctx.game.observation(name)["memory"]["patrol [3, 3, 12, 5]"] = 2
+        assert check(ctx, rounds=1) is None
+        with ctx.game.batch(1) as games, remembering(["patrol"]) as other, other.game.batch(1) as others:
+            games.step()
+            others.step()
+            assert games.result(0).agents != others.result(0).agents
+
+
+def test_a_memory_that_the_strategy_has_not_written_is_left_to_the_turn_engine():
+    with remembering(["patrol", "unblock"]) as ctx:
+        ctx.game.step()
+        ctx.game.memories["red_0"]["random_waypoints"] = "its own"
+        assert "('memory', 'unblock') of the turns before the batch: the memory of agent 'red_0' has" in check(ctx)
+        ctx.game.memories["red_1"]["random_waypoints"] = 77_000, 0
+        with ctx.game.batch(1) as games, pytest.raises(UnknownName, match="77000"):
+            games.run()
+
+
+def patient(state):
+    """Go to the last legal node in every third turn that the agent is asked."""
+    memory = state["memory"]
+    memory["asked"] = memory.get("asked", 0) + 1
+    state["action"] = state["legal"][-1 if memory["asked"] % 3 == 0 else 0]
+
+
+def patient_in_arrays(view):
+    asked = view.keep("patience", lambda games: {"asked": np.zeros((games, len(view.roster.names)), np.int64)})["asked"]
+    at, agents = np.nonzero(view.mask)
+    asked[view.games[at], view.agents[agents]] += 1
+    return np.where(asked[np.ix_(view.games, view.agents)] % 3 == 0, view.counts - 1, 0)
+
+
+def begun(ctx, arrays):
+    times = {name: memory.get("asked", 0) for name, memory in ctx.game.memories.items()}
+    return {"patience": {"asked": arrays.roster.column(times, 0)}}
+
+
+def waiting(begins=None):
+    """A game of agents that are patient, in its third turn."""
+
+    def strategy(state):
+        patient(state)
+
+    gamms.array_strategy(of=strategy, begins=begins)(patient_in_arrays)
+    ctx = scene(side=4, max_turns=9).build(seed=1, strategies={"red": strategy, "blue": first(strategy, random_walk)})
+    for _ in range(3):
+        ctx.game.step()
+    return ctx
+
+
+def test_authors_say_what_their_forms_keep_of_what_agents_remember():
+    with waiting(begun) as ctx:
+        assert check(ctx) is None
+    with waiting() as ctx:
+        assert check(ctx, rounds=1).endswith("random_walk), which remembers something, which is asked agent by agent")
+
+
+@pytest.mark.parametrize(
+    ("returned", "kind", "message"),
+    [
+        (
+            {"patience": {"asked": np.zeros((1, 3), np.int64)}},
+            BadValue,
+            r"the strategy .*strategy returns under 'patience' .* 'asked' has the shape \(1, 3\), not \(1, 6\).*column",
+        ),
+        ({"patience": {"ask": np.zeros((1, 6))}}, BadValue, r"'asked' has the shape None, not \(1, 6\)"),
+        (
+            {"patience": {"asked": np.zeros((1, 6))}},
+            BadValue,
+            r"returns 'asked' of float64 under 'patience', not of int",
+        ),
+        ({"patience": np.zeros((1, 6))}, BadType, "of the strategy first.* returns key -> name -> array"),
+    ],
+)
+def test_arrays_that_are_not_those_of_the_form_are_refused(returned, kind, message):
+    with waiting(lambda ctx, arrays: returned) as ctx, pytest.raises(kind, match=message):
+        ctx.game.batch(2).run()
+
+
+def test_what_agents_remember_is_taken_up_beside_a_plain_strategy_alone():
+    with pytest.raises(BadType, match=r"array_strategy\(of=…, begins=…\) needs a strategy"):
+        gamms.array_strategy(begins=begun)
+    with pytest.raises(BadType, match="function of its context, not 3"):
+        gamms.array_strategy(of=patient, begins=3)
+
+
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_strategies_in_arrays_alone_go_on_with_what_they_keep(is_shared):
+    @gamms.array_strategy
+    def waits(view):
+        if is_shared:  # each agent that is asked alone has a number of its own
+            view.keep("calls", lambda games: {"number": np.zeros(games)})["number"][:] += view.agents[0]
+        return patient_in_arrays(view)
+
+    with scene(side=4, max_turns=9).build(seed=1, strategies={"red": waits}) as ctx:
+        for _ in range(4):
+            ctx.game.step()
+        why = check(ctx, rounds=1)
+        assert ("'calls'" in why) if is_shared else (why is None)
