@@ -80,7 +80,7 @@ def rash(state):
 LEAVE = re.compile(
     "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
     "comes with another team, kind or speed|"
-    r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
+    r"gives the nodes of its way|it is not known what is kept under 'toll'"
 )
 ONE_BY_ONE = re.compile("draws for several|draws at a fixed place for several|a game that is over|'before'")
 
