@@ -48,7 +48,9 @@ def busy(state):
 
 def busy_in_arrays(view):
     actions = view.draw.below(view.counts)
-    view.do("scan", view.draw.random() < 0.5, node=view.movement.nodes(view.choices, actions))
+    view.do(
+        "scan", view.draw.random() < 0.5, node=np.take_along_axis(view.legal_rows()[0], actions[..., None], -1)[..., 0]
+    )
     marks = view.only(view.draw.random() < 0.4)
     is_early = np.array([name < "b" for name in view["name"]])
     view.do("mark", marks.mask, size=marks.draw.random(), how="near", whom=np.where(is_early, 0, -1))

@@ -19,6 +19,7 @@ import gamms
 from gamms import kernels
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.device import DeviceEngine
+from gamms.game.batch.device_view import nodes_of_all
 from gamms.strategies import random_walk
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -346,7 +347,7 @@ def test_what_a_portable_form_writes_into_its_view_moves_nobody(place):
         view.mask[...] = False
         view.turn[...] = 7
         view.living[...] = False
-        view.nodes_of_all()[...] = 0
+        nodes_of_all(view)[...] = 0
         return view.xp.zeros_like(view.turn)[:, None] + view.xp.zeros_like(view.node)
 
     still = {"red": gamms.strategies.stay, "blue": gamms.strategies.stay}

@@ -145,7 +145,7 @@ def look(view):
     seen, actions = view.seen_nodes("next"), view.draw.below(view.counts)
     last = np.zeros(view.node.shape, np.int64)
     last[seen.at, seen.viewers] = seen.nodes
-    return np.where(view.draw.random() < 0.5, np.maximum(view.movement.action_to(view.choices, last), 0), actions)
+    return np.where(view.draw.random() < 0.5, np.maximum(view.action_to(view.streets.ids(last)), 0), actions)
 
 
 MADE = {

@@ -311,11 +311,11 @@ def test_an_agent_on_the_first_edge_of_a_map_is_there_in_arrays_too():
     with scenario.batch(seeds=[1, 2]) as games, scenario.build(seed=1) as ctx:
         games.step()
         ctx.game.step()
-        alone, places = ctx.agent.get_agent("anna"), games.observe("red").places()
+        alone, view = ctx.agent.get_agent("anna"), games.observe("red")
         assert alone.edge[2] == ctx.graph.columns().edge_ids[0]
-        assert places.edge[:, 0].tolist() == [list(alone.edge)] * 2
-        assert places.offset_m[:, 0].tolist() == [alone.offset_m] * 2
-        assert places.xy[:, 0].tolist() == [[*alone.xy]] * 2
+        assert view["edge"][:, 0].tolist() == [list(alone.edge)] * 2
+        assert view["offset_m"][:, 0].tolist() == [alone.offset_m] * 2
+        assert view["xy"][:, 0].tolist() == [[*alone.xy]] * 2
 
 
 def test_teams_that_play_one_after_another_see_what_has_moved(same_as_one_by_one):

@@ -318,7 +318,7 @@ def _played_in_arrays(ctx: Any) -> dict[str, Any]:
     """Games in arrays and what they give to programs, and what asks for many nodes or agents of a context at once."""
     games = gamms.scenario.Scenario(**_IN_BATCHES).batch(2)
     view = games.observe("red")
-    view.deeds, view.outboxes = [], []
+    view._deeds, view._outboxes = [], []
     columns, model = view.streets.columns, gamms.belief.random_walk()
     return {
         "batch": games,

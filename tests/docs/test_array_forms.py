@@ -1,6 +1,7 @@
 """What array forms get has the public names that the page on them has, and no others."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,13 @@ PLAYS = {
 }
 
 
-def described(section):
+def section(title):
+    return PAGE.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+
+
+def described(title):
     """Return the names in the first column of the table of a section."""
-    text = PAGE.partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+    text = section(title)
     return {
         name
         for cell in re.findall(r"^\| (`.*?`) \|", text, re.MULTILINE)
@@ -37,6 +42,41 @@ def played(games):
 
 def public(shown):
     return {name for name in dir(shown) if not name.startswith("_")}
+
+
+@pytest.mark.parametrize("play", PLAYS.values(), ids=PLAYS)
+def test_a_view_has_the_names_that_the_page_has(play):
+    names = described("What a view has")
+    on_device = {"library", "on_host"}
+    assert on_device <= set(re.findall(r"`view\.(\w+)", section("On a GPU")))
+
+    @gamms.array_strategy
+    @gamms.portable_form
+    def look(view):
+        is_on_device = hasattr(view, "library")
+        assert public(view) - {*dir(Mapping)} == names | (on_device if is_on_device else set())
+        return view.xp.zeros_like(view.node)
+
+    @gamms.array_rule
+    def end(turn):
+        turn.end([0], "seen", [None])
+
+    with SCENE.build(seed=1, strategies={"red": look}) as ctx:
+        ctx.game.add(end)
+        assert play(ctx)
+
+
+def test_a_view_of_games_of_which_some_have_left_the_arrays_has_these_names():
+    def jump(ctx):
+        if ctx.seed == 2:
+            ctx.agent.delete_agent("red_1")
+
+    with SCENE.build(seed=1) as ctx:
+        ctx.game.add(jump)
+        games = ctx.game.batch(seeds=[1, 2])
+        games.step()
+        assert [*games.detached] == [1]
+        assert public(games.observe("red")) - {*dir(Mapping)} == described("What a view has")
 
 
 @pytest.mark.parametrize("play", PLAYS.values(), ids=PLAYS)

@@ -10,6 +10,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch import ArrayView
 from gamms.game.batch.movement import Movement
+from gamms.game.batch.view import movement_in
 from gamms.game.deeds import DeclaredField
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -146,7 +147,8 @@ class DeedChoices:
             return options
         is_given = options != _LEFT_OUT
         if field.kind == "node":
-            rows = view.movement.nodes(view.choices, np.clip(options, 0, view.counts - 1))
+            chosen = np.clip(options, 0, view.counts - 1)[..., None]
+            rows = np.take_along_axis(view.legal_rows()[0], chosen, axis=-1)[..., 0]
             return np.where(is_given, rows, _LEFT_OUT)
         if field.kind == "boolean" and field.is_required:
             return options == 1
@@ -185,9 +187,10 @@ def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredFiel
     known, roster = _known.setdefault(view.streets, {}), view.roster
     sensors = sorted({name for agent in roster.agents for name in getattr(agent, "sensors", {})})
     teams = [team for team in roster.teams if team is not None]
-    key = repr((declared, roster.names, teams, sensors, view.movement.width))
+    movement = movement_in(view)
+    key = repr((declared, roster.names, teams, sensors, movement.width))
     if key not in known:
-        known[key] = DeedChoices(declared, {"agent": roster.names, "team": teams, "sensor": sensors}, view.movement)
+        known[key] = DeedChoices(declared, {"agent": roster.names, "team": teams, "sensor": sensors}, movement)
     return known[key]
 
 

@@ -14,6 +14,7 @@ from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mappi
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
 from gamms.game.batch.given import flown
+from gamms.game.batch.view import movement_in
 from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -174,8 +175,7 @@ class Learners:
                 )
         self.agent = agent
         views = self._views()
-        self.num_actions = views[0].movement.width
-        self._xp = views[0].xp
+        self.num_actions, self._xp = movement_in(views[0]).width, views[0].xp
         self._numbers = self._put(np.arange(self.num_actions))
         declared = self.games.game.settings()["deeds"].items()
         fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}

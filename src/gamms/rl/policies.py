@@ -15,6 +15,7 @@ from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.extras import needing
 from gamms.folders import write_whole
 from gamms.game.batch import ArrayView, array_strategy
+from gamms.game.batch.view import movement_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.rl.deeds import choices_of
@@ -234,14 +235,14 @@ def _maker(player: _Player) -> Maker:
     def play_policy(view: ArrayView) -> IntArray | FloatArray:
         if view.roster.agents[view.agents[0]].type is AgentType.AERIAL:
             return _flight(player, observe, view)
-        choices = choices_of(view, view.declared)
+        choices = choices_of(view, view["deeds"])
         heads = 1 if choices is None else 2
         actions = np.zeros((heads, *view.node.shape), np.int64)
         uniform = [view.draw.random() for _ in range(heads)] if sample else None
         for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
-            most = view.movement.width
+            most = movement_in(view).width
             masks = [np.arange(most) < np.where(view.mask, view.counts, 1)[..., None]]
             masks += [] if choices is None else [choices.masks(view)]
             shape = masks[0].shape[0], len(columns)
@@ -280,7 +281,7 @@ def _flight(player: _Player, observe: Observation, view: ArrayView) -> FloatArra
             "A policy plays agents that fly by an observation that gives each the same in a view of it alone, and says "
             "so: observation.of_each = True."
         )
-    values, choices = np.asarray(observe(view)), choices_of(view, view.declared)
+    values, choices = np.asarray(observe(view)), choices_of(view, view["deeds"])
     deeds = 0 if choices is None else len(choices)
     evaluate = _fitting(player.policy, (AXES, deeds, *values.shape[2:]), flies=True)
     numbers = evaluate({"observation": values[0], "action_mask": np.ones((1, AXES + deeds), np.bool_)})

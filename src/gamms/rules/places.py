@@ -10,7 +10,7 @@ from gamms.context import Context
 from gamms.errors import BadType, NotOffered
 from gamms.game.batch.reports import Look
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn, nodes_in_view
+from gamms.game.batch.turn import ArrayTurn, in_view
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
@@ -372,7 +372,7 @@ class _Views:
         found = self._from_nodes(turn.node, looks)
         for look, carriers, rows, are_same in self._moving:
             at, i = np.nonzero(looks[:, carriers])
-            seen = nodes_in_view(turn, look, at, carriers[i], rows)
+            seen = in_view(turn, look, (at, carriers[i]), rows)
             found[at, carriers[i]] |= (seen[:, :, None] & are_same).any(axis=1)
         return found
 

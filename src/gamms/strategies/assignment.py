@@ -12,7 +12,7 @@ from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.view import MOMENTS, ArrayStrategy, ArrayView, on_ground
+from gamms.game.batch.view import MOMENTS, ArrayStrategy, ArrayView, moment_of, on_ground
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -141,7 +141,7 @@ class _Board:
 
     def __init__(self, view: ArrayView) -> None:
         self._view, self._kept = view, view.keep(("team_memory", "assign"), partial(_no_reports, view))
-        kept, games = self._kept, np.flatnonzero(self._kept["moment"][view.games] != view.moment)
+        kept, games = self._kept, np.flatnonzero(self._kept["moment"][view.games] != moment_of(view))
         turn = (kept["moment"][view.games[games]] // MOMENTS).astype(np.int64)
         for new, node, when in (("next mate", "mate node", "mate turn"), ("next", "node", "turn")):
             written = kept[new][view.games[games]]
@@ -149,7 +149,7 @@ class _Board:
             places = view.games[games[at[0]]], *at[1:]
             kept[node][places], kept[when][places], kept[new][places] = written[at], turn[at[0]], -2
         kept["by"][view.games[games]] = -2
-        kept["moment"][view.games] = view.moment
+        kept["moment"][view.games] = moment_of(view)
 
     def mates(self) -> tuple[BoolArray, IntArray]:
         """Return which living agents have reported since the last turn, (games, all agents), and where they were."""

@@ -10,7 +10,7 @@ from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.deciding import phase_of
-from gamms.game.batch.device_view import DeviceView
+from gamms.game.batch.device_view import DeviceView, nodes_of_all, sees_enemies
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
@@ -108,7 +108,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
 
 def _nearest_on_device(view: DeviceView) -> Tensor:
     """Return what `nearest_seen` returns of enemies."""
-    xp, seen, node = view.xp, on_ground(view).sees_enemies(), view.nodes_of_all()
+    xp, seen, node = view.xp, sees_enemies(on_ground(view)), nodes_of_all(view)
     far = view.routes().distances(view.node[..., None], node[:, None, :], asked=seen)
     far = xp.where(seen, far, inf)
     is_it = xp.arange(far.shape[2], device=view.library.device) == xp.argmin(far, axis=2, keepdims=True)
@@ -138,7 +138,7 @@ def _farthest_in_arrays(view: ArrayView) -> IntArray:
 def _farthest_on_device(view: DeviceView) -> Tensor:
     """Return the same, computed for all agents."""
     xp, (legal, is_legal) = view.xp, view.legal_rows()
-    seen, node = on_ground(view).sees_enemies(), view.nodes_of_all()
+    seen, node = sees_enemies(on_ground(view)), nodes_of_all(view)
     is_asked = seen[..., None] & is_legal[:, :, None, :]
     far = view.routes().distances(node[:, None, :, None], legal[:, :, None, :], asked=is_asked)
     safety = xp.where(is_legal, xp.min(xp.where(seen[..., None], far, inf), axis=2), -inf)

@@ -32,6 +32,8 @@ from gamms.game.batch.view import (
     PORTABLE,
     ArrayStrategy,
     ArrayView,
+    movement_in,
+    numbers_in,
 )
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -445,7 +447,7 @@ def moves_to_agents(view: ArrayView, seen: Seen, targets: IntArray, fallback: Ar
         targets: rows of nodes (games, agents), -1: none.
         fallback: decides where there is none, or no path.
     """
-    by = view.movement
+    by = movement_in(view)
     if not isinstance(by, ByMetres):
         return moves_to(view, targets, fallback)
     pairs = np.flatnonzero(seen.nodes == targets[seen.at, seen.viewers])
@@ -469,7 +471,7 @@ def _actions_to_places(
     view: ArrayView, by: ByMetres, which: tuple[IntArray, IntArray], its: tuple[IntArray, IntArray]
 ) -> IntArray:
     """Return the actions that lead agents of a view to others that are on edges; -1: no path."""
-    columns, streets, me = by.columns, view.streets, view.numbers(which)
+    columns, streets, me = by.columns, view.streets, numbers_in(view, which)
     edge, own, here = by.on_edge(its), by.on_edge(me), view.node[which]
     source, end, length, gone = columns.sources[edge], columns.targets[edge], columns.lengths[edge], by.offsets(its)
     behind, ahead, offset = columns.sources[own], columns.targets[own], by.offsets(me)

@@ -10,7 +10,7 @@ import numpy as np
 from gamms.context import Context
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import ArrayView, movement_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
@@ -72,7 +72,7 @@ class ArrayPaces:
     """
 
     def __init__(self, view: ArrayView) -> None:
-        self._view, by = view, view.movement
+        self._view, by = view, movement_in(view)
         speeds = [agent.speed for agent in view.roster.agents]
         seconds = by.terms.turn_seconds if isinstance(by, ByMetres) else 1.0
         self._speeds = np.array([1.0 if speed is None else speed * seconds for speed in speeds])

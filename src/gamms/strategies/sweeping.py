@@ -11,7 +11,7 @@ from gamms.arguments import as_context, as_flag
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.view import COVERS, ArrayStrategy, ArrayView
+from gamms.game.batch.view import COVERS, ArrayStrategy, ArrayView, moment_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -164,7 +164,7 @@ class _Visited:
     def _turn(self) -> None:
         """Take what was written when agents were asked before."""
         view, kept, games = self._view, self._kept, self._view.games
-        is_old = kept["moment"][games] != view.moment[:, None]
+        is_old = kept["moment"][games] != moment_of(view)[:, None]
         at, agents = np.nonzero((kept["next"][games] >= 0) & is_old[:, view.memory_of])
         written = np.zeros(is_old.shape, np.bool_)
         written[at, view.memory_of[agents]] = True
@@ -176,7 +176,7 @@ class _Visited:
         kept["visited"][places] |= kept["seen"][places]
         kept["seen"][places] = False
         kept["keeps"][games] &= ~is_old
-        kept["moment"][games] = view.moment[:, None]
+        kept["moment"][games] = moment_of(view)[:, None]
 
     def has(self, node: IntArray) -> BoolArray:
         """Return whether these nodes were visited, (games, agents)."""

@@ -14,7 +14,7 @@ from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.forms import FLIES, flies
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
+from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
@@ -101,7 +101,7 @@ def _no_state(given: object, name: str) -> BadType:
 
 
 def _stay_in_arrays(view: ArrayView) -> Tensor:
-    return np.zeros((*view.node.shape, 3)) if view.flies else filled(view, view.movement.idle)
+    return np.zeros((*view.node.shape, 3)) if view.flies else filled(view, movement_in(view).idle)
 
 
 def _fly_in_arrays(view: ArrayView) -> FloatArray:
@@ -115,14 +115,14 @@ def _fly_in_arrays(view: ArrayView) -> FloatArray:
 def _walk_in_arrays(view: ArrayView) -> Tensor:
     if view.flies:
         return _fly_in_arrays(view)
-    if not view.movement.leaves_nodes or not (on_edge := view.edge >= 0).any():
+    by, agents = movement_in(view), np.s_[:, :]
+    if not by.leaves_nodes or not (on_edge := by.on_edge(numbers_in(view, agents)) >= 0).any():
         return view.draw.below(view.counts)
     which, off = np.nonzero(on_edge), np.nonzero(~on_edge)
     actions, counts = np.zeros(on_edge.shape, np.int64), np.ones(on_edge.shape, np.int64)
-    counts[off] = view.movement.counts(view.movement.choices(view.node[off], view.numbers(off)))
+    counts[off] = by.counts(by.choices(view.node[off], numbers_in(view, off)))
     actions[off] = view.only(~on_edge).draw.below(counts)[off]
-    movement = view.movement
-    actions[which] = view.towards(movement.columns.targets[movement.on_edge(view.numbers(which))], which)
+    actions[which] = view.towards(by.columns.targets[by.on_edge(numbers_in(view, which))], which)
     return actions
 
 
@@ -163,7 +163,7 @@ def goto(
 
 
 def _go_in_arrays(target: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    row = view.movement.streets.rows([target])
+    row = movement_in(view).streets.rows([target])
     return moves_to(view, filled(view, int(row[0])), fallback, row)
 
 
@@ -271,7 +271,7 @@ def _places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
 def _waypoints_in_arrays(
     chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    xp, streets, known = view.xp, view.movement.streets, remembered(view, "random_waypoints", **_NO_WAYPOINT)
+    xp, streets, known = view.xp, movement_in(view).streets, remembered(view, "random_waypoints", **_NO_WAYPOINT)
     among = None if chosen is None else streets.rows(chosen)
     target, left, is_there = known["target"], known["left"], known["target"] == view.node
     going = view.mask & ~is_there & (target >= 0)
@@ -439,7 +439,7 @@ def _unblock_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
 
 def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -> IntArray:
     xp, known = view.xp, remembered(view, "unblock", **_IN_ARRAYS_AT_EASE)
-    is_blocked = view.blocked
+    is_blocked = view["blocked"]
     blocked, calm = xp.where(is_blocked, known["blocked"] + 1, 0), xp.where(is_blocked, 0, known["calm"] + 1)
     often = xp.where(calm > _powers_of_2(known["often"]), 0, known["often"])
     left, waits = xp.where(known["left"] > 0, known["left"] - 1, 0), view.only(blocked >= patience)
@@ -456,7 +456,7 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
         follows = xp.where(actions < 0, -1, view.streets.ends_of(view.node, xp.where(actions < 0, 0, actions)))
     else:
         follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
-        follows[going] = view.movement.first_nodes(view.node[going], actions[going], view.numbers(going))
+        follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))
     ahead = xp.where(view.mask & (left > 0), view.node, follows)
     remember(view, "unblock", blocked=blocked, calm=calm, often=often, left=left, ahead=ahead)
     return actions
@@ -554,7 +554,7 @@ def _route_begun(key: str, stops: int, ctx: Context, arrays: GameArrays) -> dict
 def _route_in_arrays(
     key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    xp, at, rows = view.xp, remembered(view, key, at=-1)["at"], view.movement.streets.rows(stops)
+    xp, at, rows = view.xp, remembered(view, key, at=-1)["at"], movement_in(view).streets.rows(stops)
     begins, first, stop_rows = view.mask & (at < 0), 0, put(view, np.append(rows, -1))
     if is_nearest_first and may_hold(view, begins):
         ends = put(view, rows)[None, None, :]

@@ -13,7 +13,7 @@ from gamms.arguments import as_context, as_function_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.begun import Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
-from gamms.game.batch.columns import Roster, put_locked
+from gamms.game.batch.columns import Roster, kept_in, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import FLIES, F, form_declared
@@ -85,12 +85,12 @@ def array_strategy(
 
         def strategy(state: dict[str, Any]) -> None:
             view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(function, TAKES_ANY_LEGAL))
-            view.lock()
+            view._lock()
             given, action = function(view), None
             if not view.flies:
-                action = state["legal"][int(view.checked(given, name)[0, 0])]
-            done = view.plain_deeds()
-            state.get("outbox", []).extend(view.plain_outbox())
+                action = state["legal"][int(view._checked(given, name)[0, 0])]
+            done = view._plain_deeds()
+            state.get("outbox", []).extend(view._plain_outbox())
             if action is None:
                 flight = as_flights(given, f"{name}: what an agent that flies does", (1, 1))[0, 0].tolist()
                 state["action"] = flown(flight, ctx.agent.agents[state["name"]].speed, done)
@@ -244,7 +244,7 @@ class _ViewOfOne(ArrayView):
         super().__init__(game, np.zeros(1, np.int64), np.array([number]))
         self.draw = _DrawsOfOne(state["draw"])
         self._host, self._internals, self._memory = host, internals, state["memory"]
-        self._sensed, self._inbox, self.deeds, self.outboxes = state["sensor"], state.get("inbox", ()), [], []
+        self._sensed, self._inbox, self._deeds, self._outboxes = state["sensor"], state.get("inbox", ()), [], []
         if host.game.channels:
             game.radio = Radio(host.game.channels, roster, 1)
         check = partial(checked_value, ctx=host)
@@ -268,9 +268,7 @@ class _ViewOfOne(ArrayView):
         """Return a movement for what is legal in the state of an agent."""
         game = host.game
         key = "movement", game.legal, game.speed_unit, game.turn_seconds, tuple(one.speed for one in roster.agents)
-        if key not in shared:
-            shared[key] = movement_of(game, Roster.of(game.agents))
-        movement: Movement = shared[key]
+        movement = kept_in(shared, key, lambda: movement_of(game, Roster.of(game.agents)))
         return movement if movement.is_plain or isinstance(movement, Anywhere) else Noted(movement)
 
     def of(self, agents: IntArray) -> ArrayView:
@@ -288,7 +286,7 @@ class _ViewOfOne(ArrayView):
         version = self._host.agent.structure_version
         if own.shared.get("of", (None,))[0] != version:
             own.shared["of"] = version, {}
-        movement = self.movement if self.movement.is_plain else self._noted(self._host, self.roster, own.shared)
+        movement = self._movement if self._movement.is_plain else self._noted(self._host, self.roster, own.shared)
         game = _game_of(self._host, self.roster, movement, own.shared["of"][1])
         if isinstance(movement, Noted):
             legal = self._internals.parts.turns.legal([self.roster.names[number] for number in agents.tolist()])
@@ -304,9 +302,9 @@ class _ViewOfOne(ArrayView):
         }
         return ArrayView(game, self.games, agents)
 
-    def plain_outbox(self) -> list[dict[str, Any]]:
+    def _plain_outbox(self) -> list[dict[str, Any]]:
         """Return what the agent sends, as `state["outbox"]` has it."""
-        sent = [box for box in self.outboxes or () if len(box.at)]
+        sent = [box for box in self._outboxes or () if len(box.at)]
         return [{"channel": box.channel, "to": box.to[0], "body": box.bodies[0]} for box in sent]
 
     def heard(self, channel: str) -> Heard:
@@ -320,12 +318,12 @@ class _ViewOfOne(ArrayView):
         overheard = np.array([message["overheard"] for message in inbox], np.bool_)
         return Heard(none, none, senders, [message["body"] for message in inbox], turns, overheard)
 
-    def plain_deeds(self) -> dict[str, dict[str, Any]]:
+    def _plain_deeds(self) -> dict[str, dict[str, Any]]:
         """Return what the agent does besides moving, as `state["action"]` has it."""
-        known, done = self._state.deeds, [one for one in self.deeds or () if len(one.at)]
+        known, done = self._state.deeds, [one for one in self._deeds or () if len(one.at)]
         return {one.kind: {key: known.plain(one, key)[0] for key in one.values} for one in done}
 
-    def looked(self, names: tuple[str, ...]) -> Seen:
+    def _looked(self, names: tuple[str, ...]) -> Seen:
         """Return what `state["sensor"]` shows."""
         found: dict[str, int] = {}
         for name, (kind, data) in self._sensed.items():

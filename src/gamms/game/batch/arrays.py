@@ -30,7 +30,6 @@ from gamms.game.batch.moves_of_turn import (
     keep_moves,
     left_of,
     move,
-    part_of,
     resume,
     without_refused,
 )
@@ -272,8 +271,8 @@ class ArrayEngine:
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
-                self._finish(part_of(turn, ~is_going), asking.outboxes)
-                turn = part_of(turn, is_going)
+                self._finish(turn._of(~is_going), asking.outboxes)
+                turn = turn._of(is_going)
                 if not len(turn.games):
                     break
             part, is_member = None, np.ones(len(is_given), np.bool_)

@@ -11,7 +11,6 @@ import numpy as np
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.movement import Illegal, Legs, Moves, Steps, motion_along
-from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.travel import ByMetres, Trip
 from gamms.game.batch.turn import ArrayTurn
@@ -138,7 +137,7 @@ class Arrivals:
 
     def _stand(self, which: BoolArray, now: FloatArray) -> ArrayTurn:
         """Let all agents of some games, (games,), be where they are at a time; return the turn of these games."""
-        state, by, part, leg = self._state, self._by, part_of(self._turn, which), self._leg
+        state, by, part, leg = self._state, self._by, self._turn._of(which), self._leg
         games, shape = part.games, self._members.shape
         time = np.broadcast_to(now[:, None], shape).ravel()
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -179,7 +178,7 @@ class Arrivals:
         after, on_node = before.copy(), rows[self._leg.edge[rows] < 0]
         after[on_node] = self._node[on_node]
         after[going] = len(self._by.streets.counts) + steps.edge
-        stops, part = np.zeros(shape, np.bool_), part_of(self._turn, games)
+        stops, part = np.zeros(shape, np.bool_), self._turn._of(games)
         part._origins = before.reshape(shape)[games]
         stops[games] = self._resolve(part, after.reshape(shape)[games])
         self.blocked |= stops

@@ -63,7 +63,7 @@ class Asking:
             agents = turn.roster.members(team)
             view = ArrayView(self._state, turn.games, agents, asked)
             view.mask = view.mask & ~turn.roster.flies[agents]
-            actions[:, agents] = view.checked(wanted.moves_in(view, wanted.moves[turn.games]), f"team {shown(team)}")
+            actions[:, agents] = view._checked(wanted.moves_in(view, wanted.moves[turn.games]), f"team {shown(team)}")
             is_given[agents] = True
         return actions, is_given
 
@@ -139,7 +139,7 @@ class Asking:
             if self._here.game.settings()["on_illegal"] == "raise":
                 self._raise_illegal(int(view.games[at]), agent, str(why))
             self.lost.append(Illegal(at, agent, f"{type(why).__name__}: {why}"))
-        return np.where(skips, view.movement.idle, actions)
+        return np.where(skips, view._movement.idle, actions)
 
     def at_arrivals(self, turn: ArrayTurn, asked: BoolArray) -> Decided:
         """Ask agents that arrive in a turn of some games."""
@@ -192,10 +192,10 @@ class Asking:
         is_played[turn.games] = True
         for team, one in acting.items():
             view = ArrayView(state, np.arange(len(state)), turn.roster.members(team))
-            view.mask, view.deeds, view.outboxes = view.mask & is_played, [], []
+            view.mask, view._deeds, view._outboxes = view.mask & is_played, [], []
             one.act(view)
-            deeds += view.deeds
-            outboxes += view.outboxes
+            deeds += view._deeds
+            outboxes += view._outboxes
         return _Acts(deeds, outboxes)
 
     def _decided(
@@ -222,8 +222,8 @@ class Asking:
                     else:
                         may_skip = getattr(group.form, MAY_SKIP, False)
                         actions[:, columns] = self._without_skips(view, chosen) if may_skip else chosen
-                    deeds += view.deeds or []
-                    self._send(view.outboxes or [])
+                    deeds += view._deeds or []
+                    self._send(view._outboxes or [])
                     if asked is not None:
                         self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
                 except Exception as error:
@@ -245,14 +245,14 @@ class Asking:
 
 def _decided_by(group: Group, view: ArrayView) -> np.ndarray[Any, Any]:
     """Return the actions that a strategy gives in a view, or `NO_ACTION`; of agents that fly how far these do."""
-    view.lock()
+    view._lock()
     given = group.form(view)
     if group.flies:
         return as_flights(given, f"{group.name}: what agents that fly do", view.node.shape)
     if not getattr(group.form, MAY_SKIP, False):
-        return view.checked(given, group.name, may_aim=True)
+        return view._checked(given, group.name, may_aim=True)
     skips = (actions := as_actions(given, group.name)) == NO_ACTION
-    checked = view.checked(np.where(skips, view.movement.idle, actions), group.name, may_aim=True)
+    checked = view._checked(np.where(skips, view._movement.idle, actions), group.name, may_aim=True)
     return np.where(skips & view.mask, NO_ACTION, checked)
 
 

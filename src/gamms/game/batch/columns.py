@@ -24,6 +24,7 @@ from gamms.typing.agent_engine import AgentType, IAgent
 BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 Column = np.ndarray[Any, Any]
 P = TypeVar("P")
+T = TypeVar("T")
 Table = TypeVar("Table", bound=NamedTuple)
 
 
@@ -56,6 +57,14 @@ def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], val
     array.setflags(write=True)
     array[where] = values
     array.setflags(write=is_writeable)
+
+
+def kept_in(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> T:
+    """Return what is known by a key: what `make()` gives at the first call."""
+    if key not in known:
+        known[key] = make()
+    found: T = known[key]
+    return found
 
 
 def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, in_turns
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, in_turns, kept_in
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.game_forms import Group
@@ -214,10 +214,7 @@ class DeviceTurn:
 
     def shared(self, key: Hashable, make: Callable[[], np.ndarray[Any, Any]]) -> Tensor:
         """Return on the device what `make()` gives, in NumPy, at the first call."""
-        known, there = self._state.shared, ("on a device", key)
-        if there not in known:
-            known[there] = self.put(make())
-        return known[there]
+        return kept_in(self._state.shared, ("on a device", key), lambda: self.put(make()))
 
     def kept(self, key: Hashable) -> Mapping[str, np.ndarray[Any, Any]]:
         """Return what a rule remembers, in NumPy; nothing before it was called."""
@@ -289,7 +286,7 @@ class DeviceEngine(ArrayEngine):
         for team, wanted in given.items():
             agents = self.state.roster.members(team)
             view = self._view(agents, mask, is_own=True)
-            parts.append((agents, view.checked(wanted.moves_in(view, wanted.moves), f"team {shown(team)}")))
+            parts.append((agents, view._checked(wanted.moves_in(view, wanted.moves), f"team {shown(team)}")))
         return parts
 
     def _asked(self, group: Group, agents: IntArray, mask: Tensor) -> Tensor:
@@ -301,7 +298,7 @@ class DeviceEngine(ArrayEngine):
             is_legal = getattr(form, IS_LEGAL, False)
             view = self._view(agents, mask, is_own=is_legal)
             actions = form(view)
-            return view.as_actions(actions, group.name) if is_legal else view.checked(actions, group.name)
+            return view._as_actions(actions, group.name) if is_legal else view._checked(actions, group.name)
         except Exception as error:
             games = np.flatnonzero(~self.is_over)
             error.add_note(f"In the strategy {group.name} of a batch, {in_turns(self.state.turn[games], games)}.")
@@ -311,7 +308,7 @@ class DeviceEngine(ArrayEngine):
         games = np.flatnonzero(~self.is_over)
         view = ArrayView(self.state, games, agents)
         actions = np.zeros((len(self.state), len(agents)), np.int64)
-        actions[games] = view.checked(group.form(view), group.name)
+        actions[games] = view._checked(group.form(view), group.name)
         return self.library.put(actions)
 
     def _view(self, agents: IntArray, mask: Tensor, *, is_own: bool = False) -> DeviceView:

@@ -8,7 +8,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_one_shape
 from gamms.errors import BadValue
-from gamms.game.batch.columns import Table, some_rows
+from gamms.game.batch.columns import Table, kept_in, some_rows
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor, refuse_no_actions
 from gamms.game.batch.movement import Places
@@ -181,8 +181,9 @@ class DeviceView(ArrayView):
         self, state: GameArrays, streets: DeviceStreets, agents: IntArray, node: Tensor, alive: Tensor, turn: Tensor,
         keys: Tensor,
     ) -> None:  # fmt: skip
-        self._state, self.agents, self.roster, self.streets = state, agents, state.roster, streets
-        self.library, self.movement = streets.library, state.movement
+        self._state, self.agents, self.streets = state, agents, streets
+        self.roster, self.memory_of = state.roster, state.memory_of
+        self.library, self._movement = streets.library, state.movement
         self.node, self.mask, self.turn = node, alive, turn
         self._known = dict[str, Tensor]()
         self.draw = DeviceDraws(keys, turn, self.xp)
@@ -196,7 +197,7 @@ class DeviceView(ArrayView):
         return self._known["counts"]
 
     @property
-    def choices(self) -> Tensor:
+    def _choices(self) -> Tensor:
         """What is legal for each agent: the rows of their nodes."""
         return self.node
 
@@ -221,14 +222,14 @@ class DeviceView(ArrayView):
         rows = xp.reshape(xp.take(table, xp.reshape(node, (-1,)), axis=0), (*node.shape, table.shape[1]))
         return rows, xp.arange(rows.shape[-1], device=self.library.device) < self.counts[which][..., None]
 
-    def places(self) -> Places:
+    def _places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
         if self._state.places is None:
             xp, shape, streets = self.xp, self.node.shape, self.streets
             none = xp.full((*shape, 3), -1, dtype=xp.int64, device=self.library.device)
             xy = xp.stack((streets.x[self.node], streets.y[self.node]), axis=-1)
             return Places(none, xp.zeros(shape, dtype=xp.float64, device=self.library.device), xy)
-        return self._put(self.on_host().places())
+        return self._put(self.on_host()._places())
 
     def action_to(self, nodes: Any) -> Tensor:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
@@ -252,7 +253,7 @@ class DeviceView(ArrayView):
         """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each."""
         return self._put(self.on_host().vector(others))
 
-    def looked(self, names: tuple[str, ...]) -> Seen:
+    def _looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
         found = self._put(self.on_host().seen(*names))
         return found.of(self._whole[found.at, found.viewers])
@@ -295,25 +296,17 @@ class DeviceView(ArrayView):
         return type(table)(*(put(column) if isinstance(column, np.ndarray) else column for column in table))
 
     @property
-    def blocked(self) -> Tensor:
+    def _blocked(self) -> Tensor:
         """Which agents conflicts have stopped in the last turn, (games, agents)."""
         return self.library.put(self._state.blocked[:, self.agents])
 
     def routes(self, weight: str | None = "length") -> "DeviceRoutes":  # type: ignore[override] # the same in arrays
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
-        shared, key = self._state.shared, ("routes on a device", weight)
-        if key not in shared:
-            shared[key] = DeviceRoutes(self.streets, weight)
-        table: DeviceRoutes = shared[key]
-        return table
+        return kept_in(self._state.shared, ("routes on a device", weight), lambda: DeviceRoutes(self.streets, weight))
 
     def flows(self) -> "DeviceFlows":
         """Return what spreads along the edges; it is worked out in NumPy, and kept for the batch."""
-        shared = self._state.shared
-        if "flows on a device" not in shared:
-            shared["flows on a device"] = DeviceFlows(self.streets)
-        found: DeviceFlows = shared["flows on a device"]
-        return found
+        return kept_in(self._state.shared, "flows on a device", lambda: DeviceFlows(self.streets))
 
     def keep(self, key: Any, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, on the device.
@@ -326,17 +319,17 @@ class DeviceView(ArrayView):
 
         return self._state.keep(("on a device", key), put)
 
-    def checked(self, given: object, by: str, *, may_aim: bool = False) -> Tensor:  # noqa: ARG002 - none aim here
+    def _checked(self, given: object, by: str, *, may_aim: bool = False) -> Tensor:  # noqa: ARG002 - none aim here
         """Return actions as integers (games, agents), 0 for those that are not in the mask."""
-        chosen = self.as_actions(given, by)
+        chosen = self._as_actions(given, by)
         self.library.num_reads += 1
         if bool(self.xp.any((chosen < 0) | (chosen >= self.counts))):
             host = self.on_host()
             host.mask = self.library.get(self.mask)
-            host.checked(self.library.get(chosen), by)
+            host._checked(self.library.get(chosen), by)
         return chosen
 
-    def as_actions(self, given: object, by: str) -> Tensor:
+    def _as_actions(self, given: object, by: str) -> Tensor:
         """Return actions as integers (games, agents), 0 for those not in the mask; if they are legal is not read."""
         actions, xp = self.library.own(given, f"{by}: actions"), self.xp
         refuse_no_actions(actions, self.node.shape, by, xp)
@@ -355,16 +348,6 @@ class DeviceView(ArrayView):
             return self.library.put(self.on_host().seen(*names).mask) & self.mask[:, :, None]
         return self._around(looks, *everyone) & self.mask[:, :, None]
 
-    def sees_enemies(self) -> Tensor:
-        """Return who sees whom of other teams, (games, agents, all agents); of no team (None) are enemies of all."""
-        are_mates = self.roster.are_mates(self.agents[:, None], np.arange(len(self.roster.names)))
-        return self.sees() & self.library.put(~are_mates)
-
-    def nodes_of_all(self) -> Tensor:
-        """Return the rows of the nodes of all agents of the games, (games, all agents)."""
-        everyone = getattr(self._state, "everyone", None)  # where all are on the device
-        return self.library.put(self._state.node) if everyone is None else self.xp.asarray(everyone[0], copy=True)
-
     def _around(self, looks: list[Lookout], node: Tensor, alive: Tensor) -> Tensor:
         xp, streets, put = self.xp, self.streets, self.library.put
         dx = streets.x[node][:, None, :] - streets.x[self.node][:, :, None]
@@ -378,6 +361,18 @@ class DeviceView(ArrayView):
             within = put(who)[None, :, :] & alive[:, None, :]
             found = found | (within if look.radius == np.inf else within & (squares <= look.radius * look.radius))
         return found
+
+
+def sees_enemies(view: DeviceView) -> Tensor:
+    """Return who sees whom of other teams, (games, agents, all agents); of no team (None) are enemies of all."""
+    are_mates = view.roster.are_mates(view.agents[:, None], np.arange(len(view.roster.names)))
+    return view.sees() & view.library.put(~are_mates)
+
+
+def nodes_of_all(view: DeviceView) -> Tensor:
+    """Return the rows of the nodes of all agents of the games, (games, all agents)."""
+    everyone = getattr(view._state, "everyone", None)  # where all are on the device
+    return view.library.put(view._state.node) if everyone is None else view.xp.asarray(everyone[0], copy=True)
 
 
 def is_portable(one: Lookout) -> bool:
@@ -543,10 +538,9 @@ class CopiedView(DeviceView):
 
 def moved(view: ArrayView, library: ArrayLibrary) -> DeviceView:
     """Return a view of all games, which are played on the host, with copies of its arrays on a device."""
-    known = view._state.shared
-    if "streets on a device" not in known:
-        known["streets on a device"] = DeviceStreets(view._state.streets, library)
-    return CopiedView(view, known["streets on a device"])
+    state = view._state
+    streets = kept_in(state.shared, "streets on a device", lambda: DeviceStreets(state.streets, library))
+    return CopiedView(view, streets)
 
 
 def columns_of(table: Tensor, agents: IntArray, library: ArrayLibrary) -> Tensor:

@@ -10,7 +10,6 @@ from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.forms import form_of, key_of
-from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
@@ -123,7 +122,7 @@ class GameForms:
             for _, places in self._state.roads.by_map(turn.games):
                 which = np.zeros(len(turn.games), np.bool_)
                 which[places] = True
-                part = part_of(turn, which)
+                part = turn._of(which)
                 part._lock()
                 stopped = form(part, which)
                 put_locked(turn.node, which, part.node)
@@ -146,16 +145,16 @@ class GameForms:
         """
 
         def decide(part: ArrayView, _: object) -> A:
-            part.deeds, part.outboxes = [], []
+            part._deeds, part._outboxes = [], []
             return ask(part)
 
         def decide_on_maps() -> A:
             parts, deeds, outboxes = list[tuple[IntArray, A]](), list[ArrayDeeds](), list[Outbox]()
             for places, part in views_by_map(view):
                 parts.append((places, decide(part, places)))
-                deeds += [one._replace(at=places[one.at]) for one in part.deeds or ()]
-                outboxes += part.outboxes or ()
-            view.deeds, view.outboxes = deeds, outboxes
+                deeds += [one._replace(at=places[one.at]) for one in part._deeds or ()]
+                outboxes += part._outboxes or ()
+            view._deeds, view._outboxes = deeds, outboxes
             where, chosen = zip(*parts, strict=True)
             found: Any = np.concatenate(chosen)
             ordered: A = found[np.argsort(np.concatenate(where))]

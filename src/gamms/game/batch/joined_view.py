@@ -13,6 +13,7 @@ from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayView
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 
 T = TypeVar("T")
 A = TypeVar("A", bound=np.ndarray[Any, Any])
@@ -55,18 +56,20 @@ class JoinedView(ArrayView):
         """How many nodes are legal for each agent, its own included."""
         return self._joined(lambda view: view.counts, 1)
 
-    def _legal(self) -> IntArray:
-        return self._joined(lambda view: view._legal(), -1)
+    def legal_rows(self, which: tuple[IntArray | slice, IntArray | slice] = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
+        rows = self._joined(lambda view: view.legal_rows()[0], 0)
+        return rows[which], self._joined(lambda view: view.legal_rows()[1], 0)[which] > 0
 
     def _heights(self) -> FloatArray:
         return self._joined(lambda view: view._heights(), 0.0)
 
-    def places(self) -> Places:
+    def _places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
         return Places(
-            self._joined(lambda view: view.places().edge, -1),
-            self._joined(lambda view: view.places().offset_m, 0.0),
-            self._joined(lambda view: view.places().xy, 0.0),
+            self._joined(lambda view: view._places().edge, -1),
+            self._joined(lambda view: view._places().offset_m, 0.0),
+            self._joined(lambda view: view._places().xy, 0.0),
         )
 
     def action_to(self, nodes: Any) -> IntArray:
@@ -74,9 +77,9 @@ class JoinedView(ArrayView):
         wanted = np.broadcast_to(nodes, self.node.shape)
         return self._joined(lambda view: view.action_to(wanted[view.games]), -1)
 
-    def looked(self, names: tuple[str, ...]) -> Seen:
+    def _looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        return self._pairs(lambda view: view.looked(names))
+        return self._pairs(lambda view: view._looked(names))
 
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return which nodes the sensors show to those in the mask."""
@@ -88,10 +91,10 @@ class JoinedView(ArrayView):
         in_order = some_rows(whole, np.argsort(whole.at, kind="stable"))
         return in_order._replace(shape=(*self.node.shape, whole.shape[2]))
 
-    def encoded(self, others: int, actions: int | None) -> Vectors:
+    def _encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere while all roads are open."""
-        most = self.movement.width if actions is None else actions
-        whole = super().encoded(others, most)
-        for games, part in self._each(lambda view: view.encoded(others, most)):
+        most = self._movement.width if actions is None else actions
+        whole = super()._encoded(others, most)
+        for games, part in self._each(lambda view: view._encoded(others, most)):
             whole.values[games], whole.legal[games] = part.values, part.legal
         return whole

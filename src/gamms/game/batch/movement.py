@@ -349,7 +349,6 @@ class Movement:
         leaves_nodes: whether agents may be elsewhere than on nodes.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
         roads: of the games; None: in all of them those are open that are in `streets`.
-        row_of: (all edges,) their rows in `streets`; None: they have the same.
     """
 
     idle = 0
@@ -357,7 +356,6 @@ class Movement:
     all_roads: OpenRoads
     remembers: tuple[str, ...] = ()
     roads: OpenRoads | None = None
-    row_of: IntArray | None = None
     _at_start: "Movement | None" = None  # on the map of the start, where this is on another one
 
     def __init__(self, streets: Streets, whole: Streets | None = None, closed: ClosedEdges | None = None) -> None:
@@ -406,8 +404,6 @@ class Movement:
         """Return how the same agents go in games that have a map of their own."""
         own = copy(self)
         own.roads, own.streets, own._tables, own._at_start = None, roads.streets, {}, self
-        own.row_of = np.full(len(self.columns.edge_ids), -1)
-        own.row_of[roads.rows] = np.arange(len(roads.rows))
         vars(own).pop("width", None)
         return own
 

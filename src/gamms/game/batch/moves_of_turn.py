@@ -1,14 +1,12 @@
 """How the engine plays one turn of all games: what it does with an `ArrayTurn`, of which rules see how agents move."""
 
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms.game.batch.columns import places_of
 from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.flights import Flights
-from gamms.game.batch.movement import Anywhere, Moves, Paths
+from gamms.game.batch.movement import Anywhere, Moves
 from gamms.game.batch.state import Failure
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
@@ -193,20 +191,3 @@ def close(turn: ArrayTurn) -> None:
     state, rows = turn._state, turn._rows
     state.node[rows], state.alive[rows], state.turn[rows] = turn.node, turn.alive, turn.turn
     state.now.clear()
-
-
-def part_of(turn: ArrayTurn, which: BoolArray) -> ArrayTurn:
-    """Return the turn of some of its games, (games,)."""
-    part, games, number = copy(turn), np.flatnonzero(which), np.cumsum(which) - 1
-    for name, value in vars(turn).items():
-        if isinstance(value, np.ndarray):
-            setattr(part, name, value[games])
-        elif isinstance(value, Paths | Flights):
-            setattr(part, name, value.of(games))
-    part._deeds, part._done = (
-        [one._replace(at=number[one.at]) for one in [deeds.those(which[deeds.at]) for deeds in several]]
-        for several in (turn._deeds, turn._done)
-    )
-    part._refused = {}
-    part._find_roads()
-    return part

@@ -115,8 +115,8 @@ class OneByOneEngine:
             if not one.may_stay:
                 view.mask = view.mask & ~np.isin(view.agents, self._flyers)
                 if settings["decide"] == "arrival":
-                    view.mask = view.mask & (view.places().edge < 0)
-                view.checked(one.moves, f"team {shown(team)}")
+                    view.mask = view.mask & (view._places().edge < 0)
+                view._checked(one.moves, f"team {shown(team)}")
 
     def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of a game."""

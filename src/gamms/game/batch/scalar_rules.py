@@ -14,7 +14,6 @@ from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.flights import InAir
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
-from gamms.game.batch.moves_of_turn import part_of
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -133,7 +132,7 @@ class RuleContext:
         due = [turn.turn % one.every == 0 for one in collectors_of(self.start()).values()]
         is_due = np.logical_or.reduce(due, axis=0) if due else np.zeros(0, np.bool_)
         if is_due.any():
-            part = turn if is_due.all() else part_of(turn, is_due)
+            part = turn if is_due.all() else turn._of(is_due)
             self._each(part, "after", "a collector", lambda fork, _: fork.collect())
             put_locked(turn.node, is_due, part.node)
             put_locked(turn.alive, is_due, part.alive)

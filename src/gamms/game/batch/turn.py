@@ -1,19 +1,19 @@
 """What array forms of rules get: one turn of all games that are played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from copy import copy
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
-from gamms.game.batch.columns import lock, once, places_of, put_locked, some_rows
+from gamms.game.batch.columns import kept_in, lock, once, places_of, put_locked, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.movement import Movement, Paths
-from gamms.game.batch.reports import Look, World
-from gamms.game.batch.reports import nodes_in_view as in_view
+from gamms.game.batch.reports import Look, World, nodes_in_view
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
@@ -116,6 +116,25 @@ class ArrayTurn:
         """Let rules read where agents are, and change it by verbs alone."""
         known = vars(self)  # on a device some are not read yet
         lock([known[name] for name in _READ_ONLY if name in known])
+
+    def _of(self, which: BoolArray) -> Self:
+        """Return the turn of some of its games, (games,)."""
+        part, games, number = copy(self), np.flatnonzero(which), np.cumsum(which) - 1
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(part, name, value[games])
+            elif isinstance(value, Paths | Flights):
+                setattr(part, name, value.of(games))
+        part._deeds, part._done = (
+            [one._replace(at=number[one.at]) for one in [deeds.those(which[deeds.at]) for deeds in several]]
+            for several in (self._deeds, self._done)
+        )
+        part._refused = {}
+        part._find_roads()
+        return part
+
+    def _in_view(self, look: Look, looks: tuple[IntArray, IntArray], nodes: IntArray) -> BoolArray:
+        return nodes_in_view(World(self._state, self.games), look, (*looks, self.node[looks]), nodes)
 
     @property
     def is_there_by_move(self) -> BoolArray:
@@ -394,11 +413,7 @@ class ArrayTurn:
 
     def shared(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what is the same in all games and turns of the batch: what `make()` gives at the first call."""
-        known = self._shared
-        if key not in known:
-            known[key] = make()
-        found: T = known[key]
-        return found
+        return kept_in(self._shared, key, make)
 
     def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
         """Return how far it is between rows of nodes; `weight` as for `graph.distance`."""
@@ -429,22 +444,29 @@ class ArrayTurn:
         return kernels.draw_bits_rows(purposes, names, self.turn[at])
 
 
+# -- what rules of GAMMS ask beside that; what these functions name themselves is looked at with the forms ----------
+
+
 def movement_in(turn: ArrayTurn) -> Movement:
-    """Return how the agents of a turn go; for the rules of GAMMS."""
+    """Return how the agents of a turn go."""
     return turn._movement
 
 
-def nodes_in_view(turn: ArrayTurn, look: Look, at: IntArray, agents: IntArray, nodes: IntArray) -> BoolArray:
+def part_of(turn: ArrayTurn, which: BoolArray) -> ArrayTurn:
+    """Return the turn of some of its games, (games,), to look at."""
+    return turn._of(which)
+
+
+def in_view(turn: ArrayTurn, look: Look, looks: tuple[IntArray, IntArray], nodes: IntArray) -> BoolArray:
     """Return which nodes agents have in view with a sensor that looks from the air or turns with them.
 
     Args:
         turn: of the games.
         look: of the sensor.
-        at: (looks,) the games of this turn.
-        agents: (looks,) the numbers of those that look.
+        looks: (looks,) each, the games of this turn and the numbers of the agents that look.
         nodes: rows, (nodes,) each once.
 
     Returns:
         (looks, nodes)
     """
-    return in_view(World(turn._state, turn.games), look, (at, agents, turn.node[at, agents]), nodes)
+    return turn._in_view(look, looks, nodes)

@@ -1,6 +1,6 @@
 """What array forms of strategies get, and what a learner observes: the agents of a strategy in all games at once."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from copy import copy
 from typing import Any, Self, TypeVar
 
@@ -9,11 +9,11 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
-from gamms.game.batch.columns import lock
+from gamms.game.batch.columns import kept_in, lock
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import as_actions, refuse_no_actions
-from gamms.game.batch.movement import STOP, Places
+from gamms.game.batch.movement import STOP, Movement, Places
 from gamms.game.batch.reports import in_turned_cone
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
@@ -21,7 +21,6 @@ from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, see
 from gamms.game.batch.state import Arrays, GameArrays, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
-from gamms.game.deeds import DeclaredField
 from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -31,6 +30,7 @@ from gamms.typing.sensor_engine import ON_GROUND
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
 
+T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
 COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
@@ -68,23 +68,20 @@ class ArrayView(Mapping[str, Any]):
         agents: (agents,) numbers in the roster: the names in their order.
         node: rows of nodes.
         mask: which agents are asked: those that are alive; of a part of a strategy, those that it decides for.
-        movement: how the agents go.
         turn: (games,) how many turns were played.
         draw: random numbers, one for each agent.
-        deeds: what the agents do besides moving, in order; None where they are not asked.
-        outboxes: what they send, likewise.
         streets: the graph.
         roster: the agents of every game.
         memory_of: (all agents,) the number of the memory that each shares with its team, or has for itself.
     """
 
-    deeds: list[ArrayDeeds] | None = None
-    outboxes: list[Outbox] | None = None
+    _deeds: list[ArrayDeeds] | None = None  # what the agents do besides moving, in order; None: they are not asked
+    _outboxes: list[Outbox] | None = None  # what they send, likewise
     _kinds = SHOWING_AGENTS  # of the sensors that show agents here
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, asked: BoolArray | None = None) -> None:
         self._state, self.games, self.agents, self._asked = state, games, agents, asked
-        self.streets, self.movement, self._shared = state.world(games)
+        self.streets, self._movement, self._shared = state.world(games)
         self.roster, self.memory_of = state.roster, state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
@@ -97,7 +94,7 @@ class ArrayView(Mapping[str, Any]):
             self.draw = ViewDraws(keys, self.turn, state.chosen(state.drawn, games, agents)).only(self.mask)
         self._whole, self._sights = self.mask, dict[Hashable, Seen]()
 
-    def lock(self) -> None:
+    def _lock(self) -> None:
         """Let a strategy read the view, and not write into it."""
         lock((self.games, self.agents, self.node, self.mask, self.turn))
 
@@ -115,25 +112,25 @@ class ArrayView(Mapping[str, Any]):
         return len(_VALUES)
 
     @property
-    def choices(self) -> IntArray:
-        """What is legal for each agent, by the numbers of `movement`."""
+    def _choices(self) -> IntArray:
+        """What is legal for each agent, by the numbers of its movement."""
         if "all" not in self._known and self._asked is not None and self._whole.any():
             which = np.nonzero(self._whole)
-            of_asked = self.movement.choices(self.node[which], self.numbers(which))
+            of_asked = self._movement.choices(self.node[which], numbers_in(self, which))
             self._known["all"] = np.full(self.node.shape, of_asked[0])
             self._known["all"][which] = of_asked
         elif "all" not in self._known:
-            self._known["all"] = self.movement.choices(self.node, self.numbers(np.s_[:, :]))
+            self._known["all"] = self._movement.choices(self.node, numbers_in(self, np.s_[:, :]))
         return self._known["all"]
 
     @property
     def counts(self) -> IntArray:
         """How many nodes are legal for each agent, its own included."""
         if "counts" not in self._known:
-            self._known["counts"] = self.movement.counts(self.choices)
+            self._known["counts"] = self._movement.counts(self._choices)
             if self._in_air is not None:
                 self._known["counts"] = np.where(self._in_air, 1, self._known["counts"])
-            self._known["counts"].flags.writeable = self.deeds is None  # strategies cannot write into it
+            self._known["counts"].flags.writeable = self._deeds is None  # strategies cannot write into it
         return self._known["counts"]
 
     @property
@@ -159,7 +156,7 @@ class ArrayView(Mapping[str, Any]):
         Args:
             which: an index of the agents of the view that are asked for.
         """
-        rows, is_legal = self.movement.legal(self.choices[which])
+        rows, is_legal = self._movement.legal(self._choices[which])
         if self._in_air is None:
             return rows, is_legal
         in_air = np.broadcast_to(self._in_air, self.node.shape)[which]
@@ -169,7 +166,7 @@ class ArrayView(Mapping[str, Any]):
         return rows[..., :most], is_legal[..., :most]
 
     def _time(self) -> FloatArray:
-        now = self.movement.now
+        now = self._movement.now
         return now[self.games] if len(now) else np.zeros(len(self.games))
 
     def _legal(self) -> IntArray:
@@ -177,10 +174,10 @@ class ArrayView(Mapping[str, Any]):
         found: IntArray = self.xp.where(is_legal, self.streets.ids_of(rows), -1)
         return found
 
-    def places(self) -> Places:
+    def _places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
-        if len(self.movement.edge):
-            found = self.movement.places(self.node, self.numbers(np.s_[:, :]))
+        if len(self._movement.edge):
+            found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
             return found._replace(xy=self._xy(found.xy))
         known, rows = self._state.places, np.ix_(self.games, self.agents)
         if known is None:
@@ -201,7 +198,7 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): one is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
-        found = self.movement.action_to(self.choices, wanted)
+        found = self._movement.action_to(self._choices, wanted)
         return found if self._in_air is None else np.where(self._in_air, np.where(wanted == self.node, 0, -1), found)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
@@ -217,18 +214,7 @@ class ArrayView(Mapping[str, Any]):
         Returns:
             -1 where no path leads there.
         """
-        return self.movement.towards(self.node[which], targets, self.numbers(which), allowed)
-
-    def numbers(self, which: Any) -> tuple[IntArray, IntArray]:
-        """Return the numbers of games in the batch and of agents in the roster, of some agents of the view."""
-        shape = self.node.shape
-        return np.broadcast_to(self.games[:, None], shape)[which], np.broadcast_to(self.agents, shape)[which]
-
-    @property
-    def edge(self) -> IntArray:
-        """The rows of the edges that agents are on, in games by metres, (games, agents); -1: they are on nodes."""
-        row_of, edge = self.movement.row_of, self.movement.on_edge(self.numbers(np.s_[:, :]))
-        return edge if row_of is None else np.where(edge >= 0, row_of[edge], -1)
+        return self._movement.towards(self.node[which], targets, numbers_in(self, which), allowed)
 
     def only(self, asked: BoolArray) -> Self:
         """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
@@ -258,11 +244,6 @@ class ArrayView(Mapping[str, Any]):
         """The functions of the array library of the view, as the array API names them: NumPy's."""
         return np
 
-    @property
-    def declared(self) -> Mapping[str, Mapping[str, DeclaredField]]:
-        """The deeds that the game declares, and the fields of each; not for `games.observe` of games one by one."""
-        return self._state.deeds.declared
-
     def sees(self, *names: str) -> BoolArray:
         """Return who sees whom, (games, agents, all agents); see `seen`."""
         return self.seen(*names).mask
@@ -280,13 +261,13 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): there is no such deed or field.
             BadType, BadValue: a field is missing or impossible, an agent does this already, or no strategy is asked.
         """
-        if self.deeds is None:
+        if self._deeds is None:
             raise BadValue("Deeds are done by strategies that are asked: view.do is not for games.observe.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
-        for earlier in self.deeds:
+        for earlier in self._deeds:
             if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
                 raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
-        self.deeds.append(self._state.deeds.checked(deed, fields, chosen, self.agents, self.node, len(self.deeds)))
+        self._deeds.append(self._state.deeds.checked(deed, fields, chosen, self.agents, self.node, len(self._deeds)))
 
     def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
         """Let agents send a message each by a channel, as `state["outbox"]` does; in the order of the calls.
@@ -304,11 +285,11 @@ class ArrayView(Mapping[str, Any]):
         radio = self._state.radio
         if radio is None:
             raise BadValue(f"Channel {shown(channel)} cannot be used: the game has no channels. Declare it before.")
-        if self.outboxes is None:
+        if self._outboxes is None:
             raise BadValue("view.send cannot be used: it is for strategies that are asked.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
-        number = len(self.outboxes)
-        self.outboxes.append(radio.checked(channel, chosen, self.games, self.agents, to, body, number))
+        number = len(self._outboxes)
+        self._outboxes.append(radio.checked(channel, chosen, self.games, self.agents, to, body, number))
 
     def heard(self, channel: str) -> Heard:
         """Return what is in the inboxes of the agents in the mask that came by a channel.
@@ -332,7 +313,7 @@ class ArrayView(Mapping[str, Any]):
         """
         key = as_key(names, "The name of a sensor"), self._kinds
         if key not in self._sights:
-            self._sights[key] = self.looked(names)
+            self._sights[key] = self._looked(names)
         found = self._sights[key]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
@@ -341,7 +322,7 @@ class ArrayView(Mapping[str, Any]):
         narrowed._kinds = ON_GROUND
         return narrowed
 
-    def looked(self, names: tuple[str, ...]) -> Seen:
+    def _looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
         state, key = self._state, ("seen", self.agents.tobytes(), names, self._kinds)
         are_all = len(self.games) == len(state)
@@ -428,11 +409,11 @@ class ArrayView(Mapping[str, Any]):
             BadValue: an agent may go to more than 4096 nodes.
             TooLarge: vectors of so many others would not fit into memory.
         """
-        return self.encoded(as_count(others, "others", least=0), None)
+        return self._encoded(as_count(others, "others", least=0), None)
 
-    def encoded(self, others: int, actions: int | None) -> Vectors:
+    def _encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere."""
-        shared, movement = self._shared, self.movement
+        shared, movement = self._shared, self._movement
         width = movement.width if actions is None else actions
         is_plain = movement.are_plain(self.agents) and self._in_air is None
         key = "encoder", others, width, is_plain
@@ -440,7 +421,7 @@ class ArrayView(Mapping[str, Any]):
             shared[key] = Encoder(self.streets, others, width, is_plain=is_plain)
         found, encoder = self.seen(), shared[key]
         legal = None if is_plain else self.legal_rows()
-        xy = self.places().xy if movement.leaves_nodes or self._in_air is not None else None
+        xy = self._places().xy if movement.leaves_nodes or self._in_air is not None else None
         made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found), legal, xy)
         return made
 
@@ -455,15 +436,9 @@ class ArrayView(Mapping[str, Any]):
         return self._state.is_there[self.games]
 
     @property
-    def blocked(self) -> BoolArray:
+    def _blocked(self) -> BoolArray:
         """Which agents conflicts have stopped in the last turn, (games, agents), and were not asked since."""
         found: BoolArray = (self._state.blocked & (self._state.looks == 0))[np.ix_(self.games, self.agents)]
-        return found
-
-    @property
-    def moment(self) -> IntArray:
-        """(games,) a number that differs whenever agents of a game are asked, at arrivals several times in a turn."""
-        found: IntArray = self.turn * MOMENTS + self._state.looks[self.games].sum(axis=1)
         return found
 
     def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
@@ -471,18 +446,14 @@ class ArrayView(Mapping[str, Any]):
 
         All batches on equal graphs share these tables, and those of other graphs are kept up to 512 MB.
         """
-        return routes_of(self._state, self.movement, weight, self.games)
+        return routes_of(self._state, self._movement, weight, self.games)
 
     def flows(self) -> Flows:
         """Return what spreads along the edges: random walks, probabilities that diffuse, and which nodes are in reach.
 
         What it works out is kept for the batch.
         """
-        shared = self._shared
-        if "flows" not in shared:
-            shared["flows"] = Flows(self.streets)
-        found: Flows = shared["flows"]
-        return found
+        return kept_in(self._shared, "flows", lambda: Flows(self.streets))
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, at first what `make(games)` gives.
@@ -491,7 +462,7 @@ class ArrayView(Mapping[str, Any]):
         """
         return self._state.keep(key, make, is_new=bool(self._state.takes_up[self.agents].all()))
 
-    def checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
+    def _checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
         """Return actions as integers (games, agents), 0 for those that are not alive.
 
         Args:
@@ -504,7 +475,7 @@ class ArrayView(Mapping[str, Any]):
         """
         actions = as_actions(given, by)
         refuse_no_actions(actions, self.node.shape, by, np)
-        chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self.movement.idle)  # 64 bits hold STOP
+        chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self._movement.idle)  # 64 bits hold STOP
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on is not None and leads_on.all():
             return chosen
@@ -525,8 +496,25 @@ class ArrayView(Mapping[str, Any]):
             return self.counts
         which = np.nonzero(~leads_on)
         found = np.full(self.node.shape, np.iinfo(np.int64).max)
-        found[which] = self.movement.counts(self.movement.choices(self.node[which], self.numbers(which)))
+        found[which] = self._movement.counts(self._movement.choices(self.node[which], numbers_in(self, which)))
         return found
+
+
+def movement_in(view: ArrayView) -> Movement:
+    """Return how the agents of a view go; for the strategies of GAMMS."""
+    return view._movement
+
+
+def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
+    """Return the numbers of games in the batch and of agents in the roster, of some agents of a view."""
+    shape = view.node.shape
+    return np.broadcast_to(view.games[:, None], shape)[which], np.broadcast_to(view.agents, shape)[which]
+
+
+def moment_of(view: ArrayView) -> IntArray:
+    """Return a number for each game that differs whenever its agents are asked, at arrivals several times in a turn."""
+    found: IntArray = view.turn * MOMENTS + view._state.looks[view.games].sum(axis=1)
+    return found
 
 
 def on_ground(view: V) -> V:
@@ -534,16 +522,14 @@ def on_ground(view: V) -> V:
     return view._on_ground()  # what this function names itself is looked at with the forms that call it
 
 
-class Sensors(Mapping[str, Seen | SeenNodes]):
-    """What sensors show to the agents of a view, by their names; worked out when it is read."""
+class _ByName(Mapping[str, T]):
+    """What sensors show, or channels have brought, to the agents of a view; worked out when it is read."""
 
-    def __init__(self, view: ArrayView) -> None:
-        self._view, agents, numbers = view, view.roster.agents, view.agents
-        self._of_nodes = node_sensors_of(agents, numbers)
-        self._names = sorted({*names_of(agents, numbers), *self._of_nodes})
+    def __init__(self, names: Iterable[str], ask: Callable[[str], T]) -> None:
+        self._names, self._ask = tuple(names), ask
 
-    def __getitem__(self, name: str) -> Seen | SeenNodes:
-        return self._view.seen_nodes(name) if name in self._of_nodes else self._view.seen(name)
+    def __getitem__(self, name: str) -> T:
+        return self._ask(name)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -552,28 +538,17 @@ class Sensors(Mapping[str, Seen | SeenNodes]):
         return len(self._names)
 
 
-class Inbox(Mapping[str, Heard]):
-    """What the agents of a view have in their inboxes, by channels; see `ArrayView.heard`."""
-
-    def __init__(self, view: ArrayView) -> None:
-        self._view, radio = view, view._state.radio
-        self._channels = () if radio is None else tuple(radio.channels)
-
-    def __getitem__(self, channel: str) -> Heard:
-        return self._view.heard(channel)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._channels)
-
-    def __len__(self) -> int:
-        return len(self._channels)
+def _sensors(view: ArrayView) -> Mapping[str, Seen | SeenNodes]:
+    agents, of_nodes = view.roster.agents, node_sensors_of(view.roster.agents, view.agents)
+    names = sorted({*names_of(agents, view.agents), *of_nodes})
+    return _ByName(names, lambda name: view.seen_nodes(name) if name in of_nodes else view.seen(name))
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "curr_pos": lambda view: view.streets.ids_of(view.node),
-    "edge": lambda view: view.places().edge,
-    "offset_m": lambda view: view.places().offset_m,
-    "xy": lambda view: view.places().xy,
+    "edge": lambda view: view._places().edge,
+    "offset_m": lambda view: view._places().offset_m,
+    "xy": lambda view: view._places().xy,
     "z": lambda view: view._heights(),
     "legal": lambda view: view._legal(),
     "mask": lambda view: view.mask,
@@ -583,10 +558,10 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "time": lambda view: view._time(),
     "draw": lambda view: view.draw,
     "facts": lambda view: view._state.facts,
-    "sensor": Sensors,
-    "blocked": lambda view: view.blocked,
-    "deeds": lambda view: view.declared,
-    "inbox": Inbox,
+    "sensor": _sensors,
+    "blocked": lambda view: view._blocked,
+    "deeds": lambda view: view._state.deeds.declared,
+    "inbox": lambda view: _ByName(view._state.radio.channels if view._state.radio else (), view.heard),
 }
 
 _OTHERWISE = {  # keys of `state` -> what is there instead
