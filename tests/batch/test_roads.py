@@ -8,6 +8,7 @@ import gamms
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch import roads
 from gamms.game.batch.roads import NeedsOneMap
+from gamms.scenario import Scenario
 
 SEEDS = [1, 2, 3, 3]
 
@@ -239,3 +240,55 @@ def test_roads_that_are_not_there_are_refused(edges, is_open):
         ctx.game.add(wrong)
         with ctx.game.batch(2) as games, pytest.raises(UnknownName, match=str(edges[-1])):
             games.run()
+
+
+@pytest.mark.parametrize("settings", [{}, {"time_budget": 60.0}], ids=["in arrays", "one by one"])
+def test_a_deed_names_an_edge_that_is_open_in_its_game(settings):
+    def change(ctx):
+        if ctx.game.turn == 1:
+            (ctx.graph.open_roads if ctx.seed == 1 else ctx.graph.close_roads)([2 - ctx.seed])
+
+    deeds = {"deeds": {"mark": {"road": "edge"}}}
+    teams = {"red": {"count": 1, "strategy": "gamms.strategies:stay"}}
+    scenario = Scenario(map={"grid": {"width": 3, "height": 3}}, teams=teams, settings=deeds | settings)
+    with scenario.build(seed=1) as ctx:
+        ctx.graph.close_roads([1])
+        ctx.game.add(change)
+        games = ctx.game.batch(seeds=[1, 2])
+
+        def mark(*roads):
+            games.step({"red": {"deeds": {"mark": (True, {"road": np.array(roads)[:, None]})}}})
+
+        def refuses(*roads):
+            with pytest.raises(UnknownName, match="edge as 'road' of the deed 'mark'"):
+                mark(*roads)
+            return True
+
+        assert refuses(2, 1)
+        mark(2, 2)
+        assert refuses(2, 0)
+        mark(1, 2)
+        assert [[deed["road"] for deed in games.result(game).deeds] for game in (0, 1)] == [[2, 1], [2, 2]]
+        assert not games.detached
+
+
+def test_a_form_names_an_edge_that_is_open_in_its_game():
+    def close(ctx):
+        if ctx.seed == 2 and ctx.game.turn == 1:
+            ctx.graph.close_roads([0])
+
+    @gamms.array_strategy
+    def mark(view):
+        view.do("mark", True, road=0)
+        return view.node * 0
+
+    deeds = {"deeds": {"mark": {"road": "edge"}}}
+    teams = {"red": {"count": 1}}
+    scenario = Scenario(map={"grid": {"width": 3, "height": 3}}, teams=teams, settings=deeds)
+    with scenario.build(seed=2, strategies={"red": mark}) as ctx:
+        ctx.game.add(close)
+        games = ctx.game.batch(seeds=[1, 2])
+        for play in (games.step, ctx.game.step):
+            play()
+            with pytest.raises(UnknownName, match="Unknown edge as 'road' of the deed 'mark': 0"):
+                play()

@@ -84,9 +84,8 @@ class ArrayEngine:
         if settings["order"] is not None and len(settings["order"]) > 1:
             move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
             self._parts = [np.flatnonzero(of_part) for of_part in move_now]
-        self.state.deeds = DeclaredDeeds(
-            settings["deeds"], partial(checked_value, ctx=game.ctx), roster, movement.streets, len(seeds)
-        )
+        check, are_open = partial(checked_value, ctx=game.ctx), self.state.roads.are_open
+        self.state.deeds = DeclaredDeeds(settings["deeds"], check, roster, movement.streets, len(seeds), are_open)
         if settings["channels"]:
             self.state.radio = Radio(settings["channels"], roster, len(seeds))
         self._arriving = movement if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals else None

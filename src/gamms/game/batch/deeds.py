@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_array, as_key, as_one_shape
+from gamms.arguments import as_array, as_int, as_key, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, some_rows
 from gamms.game.deeds import DeclaredField, field_of
@@ -57,6 +57,10 @@ def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
     return whole.those(np.lexsort((whole.agents, whole.at)))
 
 
+def _integer(value: object, _: DeclaredField, name: str) -> int:
+    return as_int(value, name)
+
+
 class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
     """The deeds that a game declares, and those that were done in each game of a batch.
 
@@ -64,6 +68,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         declared: deed -> its fields, as `ctx.game.deeds`.
         check: returns the value of a field, plain, or raises; None: nothing is declared.
         roster, streets, num_games: of the batch.
+        are_open: returns which edges, by their ids, are open in games of these numbers; None: `check` knows that.
 
     Attributes:
         declared: deed -> its fields.
@@ -76,15 +81,26 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         roster: Roster,
         streets: Streets,
         num_games: int,
+        are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
         super().__init__(num_games)
         self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
-        self._check, self._roster, self._streets = check, roster, streets
+        self._check, self._roster, self._streets, self._are_open = check, roster, streets, are_open
 
     def checked(
-        self, deed: str, fields: Mapping[str, object], where: BoolArray, agents: IntArray, nodes: IntArray, order: int
-    ) -> ArrayDeeds:
-        """Return what agents on these nodes want to do, checked, as `ArrayView.do`; `order` is the place among all."""
+        self, deed: str, fields: Mapping[str, object], where: BoolArray, who: tuple[IntArray, IntArray],
+        nodes: IntArray, order: int,
+    ) -> ArrayDeeds:  # fmt: skip
+        """Return what agents on these nodes want to do, checked, as `ArrayView.do`.
+
+        Args:
+            deed: what.
+            fields: as given.
+            where: (games, agents) which agents do it.
+            who: the games and the agents, by their numbers in the batch and in the roster.
+            nodes: (games, agents) where they are.
+            order: the place among all deeds.
+        """
         known = self.fields_of(deed)
         for key in fields:
             if key not in known:
@@ -95,8 +111,13 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
             name, given = f"{key!r} of the deed {deed!r}", fields.get(key)
             if given is None and field.is_required:
                 raise BadValue(f"There is no {name}; it needs {', '.join(map(shown, known))}.")
-            values[key] = self._column(given, field, name, where, (at, which))
-        return ArrayDeeds(deed, at, agents[which], nodes[at, which], np.full(len(at), order), values)
+            values[key] = column = self._column(given, field, name, where, (at, which))
+            if field.kind == "edge" and self._are_open is not None:
+                named = np.flatnonzero(column != np.array(None))
+                edges = column[named].astype(np.int64)
+                for edge in edges[~self._are_open(edges, who[0][at[named]])].tolist():
+                    raise UnknownName(f"edge as {name}:", edge)
+        return ArrayDeeds(deed, at, who[1][which], nodes[at, which], np.full(len(at), order), values)
 
     def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
         """Return the fields of a deed."""
@@ -154,6 +175,8 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
                 raise BadType(f"{name} must be of the kind {field.kind!r}, not {shown(given)}.")
             return as_one_shape({name: values}, where.shape)[0][chosen].astype(dtype)
         column, check = np.empty(len(chosen[0]), object), self._check
+        if field.kind == "edge" and self._are_open is not None:
+            check = _integer
         if given is None or check is None:
             return column
         if isinstance(given, np.ndarray):

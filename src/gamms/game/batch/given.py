@@ -57,7 +57,7 @@ class Given(NamedTuple):
     def check(self, view: ArrayView, mask: BoolArray, deeds: DeclaredDeeds, radio: Radio) -> None:
         """Refuse what `act` refuses, of the agents in a mask, by what the game declares."""
         for deed, (where, fields) in self.deeds.items():
-            deeds.checked(deed, fields, where & mask, view.agents, view.node, 0)
+            deeds.checked(deed, fields, where & mask, (view.games, view.agents), view.node, 0)
         for channel, (where, body, to) in self.messages.items():
             radio.checked(channel, where & mask, view.games, view.agents, to, body, 0)
 

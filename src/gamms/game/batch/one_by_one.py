@@ -103,9 +103,8 @@ class OneByOneEngine:
             return
         self._observe_all(games)
         settings, streets = self._game.settings(), self._observed.streets
-        deeds = DeclaredDeeds(
-            settings["deeds"], partial(checked_value, ctx=self._game.ctx), self._roster, streets, len(self.seeds)
-        )
+        check = partial(checked_value, ctx=self._game.ctx)
+        deeds = DeclaredDeeds(settings["deeds"], check, self._roster, streets, len(self.seeds), self._are_open)
         radio = Radio(settings["channels"], self._roster, len(self.seeds))
         is_played = np.isin(np.arange(len(self.seeds)), games)[:, None]
         for team, one in given.items():
@@ -117,6 +116,14 @@ class OneByOneEngine:
                 if settings["decide"] == "arrival":
                     view.mask = view.mask & (view._places().edge < 0)
                 view._checked(one.moves, f"team {shown(team)}")
+
+    def _are_open(self, edges: IntArray, games: IntArray) -> BoolArray:
+        """Return which edges, by their ids, are there in games of these numbers."""
+        found = np.zeros(edges.shape, np.bool_)
+        for number in np.unique(games).tolist():
+            there = games == number
+            found[there] = np.isin(edges[there], self._load(number).ctx.graph.columns().edge_ids)
+        return found
 
     def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of a game."""

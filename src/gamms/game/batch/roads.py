@@ -304,6 +304,12 @@ class OpenRoads:
             return np.zeros(np.broadcast_shapes(edges.shape, games.shape), np.int64)
         return np.where(edges >= 0, self._states.at(np.maximum(edges, 0), games, 0), 0)
 
+    def are_open(self, edge_ids: IntArray, games: IntArray) -> BoolArray:
+        """Return which edges, by their ids, are open in games, of one shape; those that are not on the map are not."""
+        rows = self._rows_of(edge_ids)
+        found: BoolArray = (rows >= 0) & (self.states(rows, games) == 0)
+        return found
+
     @property
     def are_all_open(self) -> bool:
         """Whether no edge is closed in any game."""

@@ -267,7 +267,8 @@ class ArrayView(Mapping[str, Any]):
         for earlier in self._deeds:
             if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
                 raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
-        self._deeds.append(self._state.deeds.checked(deed, fields, chosen, self.agents, self.node, len(self._deeds)))
+        who, order = (self.games, self.agents), len(self._deeds)
+        self._deeds.append(self._state.deeds.checked(deed, fields, chosen, who, self.node, order))
 
     def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
         """Let agents send a message each by a channel, as `state["outbox"]` does; in the order of the calls.
