@@ -38,6 +38,29 @@ def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_on
 
 
 @gamms.array_strategy
+def heed(view):
+    """Walk by how many pairs of agents see each other, and where."""
+    seen = view.of(np.arange(6)).seen()
+    count = np.bincount(seen.at, seen.nodes + 1, minlength=len(view.games)).astype(np.int64)
+    return (view.draw.below(view.counts) + count[:, None]) % view.counts
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        {"type": "AGENT_RANGE", "delay_turns": 1},
+        {"type": "AGENT_ARC", "fov": 2.0},
+        {"type": "AERIAL_AGENT", "at": [20.0, 20.0, 15.0]},
+    ],
+    ids=["late", "that turn", "in the air"],
+)
+def test_it_is_shown_what_the_sensors_of_others_show(sensor, same_as_one_by_one):
+    sensors = {"eye": {"sensor_range": 25.0, **sensor}}
+    teams = {name: {**team, "sensors": ["eye"]} for name, team in SEEING["teams"].items()}
+    same_as_one_by_one(scene(sensors=sensors, teams=teams), [1, 2], {"red": heed})
+
+
+@gamms.array_strategy
 def wary(view):
     """Stay while an agent is near, whatever else is far away."""
     near = view.seen("near")

@@ -124,11 +124,11 @@ class TurnEngine:
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Sensed]:
         """Return what sensors of an agent will show in the next turn; these looks are not counted."""
-        self._phase.agent = agent.name
+        asked, self._phase.agent = self._phase.agent, agent.name
         try:
             return {name: agent.sensors[name].sense_many([agent.current_node_id]) for name in names}
         finally:
-            self._phase.agent = None
+            self._phase.agent = asked
 
     def restart_streams(self) -> None:
         """Let agents draw by the seed that the context has now."""

@@ -19,8 +19,8 @@ from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import FLIES, F, form_declared
 from gamms.game.batch.given import flown
 from gamms.game.batch.movement import Anywhere, Movement, Paths, Places
-from gamms.game.batch.one_by_one import Noted
-from gamms.game.batch.sight import Seen
+from gamms.game.batch.one_by_one import Noted, note_sights
+from gamms.game.batch.sight import Seen, noted_sensors
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
@@ -296,10 +296,8 @@ class _ViewOfOne(ArrayView):
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
         game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
-        game.noted = {
-            number: [name for name, sensor in getattr(here[number], "sensors", {}).items() if sensor.type in IN_AIR]
-            for number in agents.tolist()
-        }
+        game.noted = {number: noted_sensors(here[number]) for number in agents.tolist()}
+        note_sights(game, self._host, self._internals.parts.turns, 0)
         return ArrayView(game, self.games, agents)
 
     def _plain_outbox(self) -> list[dict[str, Any]]:

@@ -21,6 +21,7 @@ from gamms.game.deeds import checked_value
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
+from gamms.game.turn import TurnEngine
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -247,26 +248,13 @@ class OneByOneEngine:
         for i in self._flyers:
             if agents[i].type is AgentType.AERIAL and state.heights is not None:  # another kind may have come
                 *xy[i], state.heights[number, i] = agents[i].position
-        self._note_sights(number)
+        note_sights(state, ctx, self._game.internals.parts.turns, number)
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):
             progress = block.on_edge(block.row_of(agent.name)) if agent.name in known else None
             place = None if progress is None else located(ctx.graph.graph, progress)
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
-
-    def _note_sights(self, number: int) -> None:
-        """Note what sensors show that only the turn engine can ask."""
-        state, ctx, roster = self._observed, self._game.ctx, self._roster
-        numbers = {name: i for i, name in enumerate(roster.names)}
-        for i, names in state.noted.items():
-            agent, found = roster.agents[i], dict[str, tuple[IntArray, IntArray]]()
-            reports = self._game.internals.parts.turns.looks(agent, names) if agent.alive else {}
-            for sensor, report in reports.items():
-                known = [(numbers[name], node) for name, node in _reported(report, ctx) if name in numbers]
-                others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
-                found[sensor] = others, state.streets.rows(nodes)
-            state.sighted[number, i] = found
 
     def _note_legal(self, noted: "Noted", number: int, nodes: IntArray) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay."""
@@ -346,6 +334,19 @@ class OneByOneEngine:
         if result.reason == "unfinished" and self._last is not None and result.turns >= self._last:
             result.reason = "max_turns"
         return result
+
+
+def note_sights(state: GameArrays, ctx: HostContext, turns: TurnEngine, number: int) -> None:
+    """Note what sensors show in the game of a context that only its turn engine can ask."""
+    numbers = {name: i for i, name in enumerate(state.roster.names)}
+    for i, names in state.noted.items():
+        agent, found = ctx.agent.agents.get(state.roster.names[i]), dict[str, tuple[IntArray, IntArray]]()
+        reports = turns.looks(agent, names) if agent is not None and agent.alive else {}
+        for sensor, report in reports.items():
+            known = [(numbers[name], node) for name, node in _reported(report, ctx) if name in numbers]
+            others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
+            found[sensor] = others, state.streets.rows(nodes)
+        state.sighted[number, i] = found
 
 
 def _reported(report: Sensed, ctx: HostContext) -> list[tuple[str, int]]:
