@@ -39,9 +39,11 @@ def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_on
 
 @gamms.array_strategy
 def heed(view):
-    """Walk by how many pairs of agents see each other, and where."""
-    seen = view.of(np.arange(6)).seen()
-    count = np.bincount(seen.at, seen.nodes + 1, minlength=len(view.games)).astype(np.int64)
+    """Walk by how many agents and nodes the sensors of all show, and where."""
+    everyone = view.of(np.arange(6))
+    agents, nodes = everyone.seen(), everyone.seen_nodes()
+    shown = np.concatenate((agents.nodes, nodes.nodes)) + 1
+    count = np.bincount(np.concatenate((agents.at, nodes.at)), shown, minlength=len(view.games)).astype(np.int64)
     return (view.draw.below(view.counts) + count[:, None]) % view.counts
 
 
@@ -50,9 +52,10 @@ def heed(view):
     [
         {"type": "AGENT_RANGE", "delay_turns": 1},
         {"type": "AGENT_ARC", "fov": 2.0},
+        {"type": "ARC", "fov": 2.0},
         {"type": "AERIAL_AGENT", "at": [20.0, 20.0, 15.0]},
     ],
-    ids=["late", "that turn", "in the air"],
+    ids=["late", "that turn", "of nodes that turn", "in the air"],
 )
 def test_it_is_shown_what_the_sensors_of_others_show(sensor, same_as_one_by_one):
     sensors = {"eye": {"sensor_range": 25.0, **sensor}}

@@ -18,6 +18,7 @@ from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import FLIES, F, form_declared
 from gamms.game.batch.given import flown
+from gamms.game.batch.headings import Headings
 from gamms.game.batch.movement import Anywhere, Movement, Paths, Places
 from gamms.game.batch.one_by_one import Noted, note_sights
 from gamms.game.batch.sight import Seen, noted_sensors
@@ -296,6 +297,9 @@ class _ViewOfOne(ArrayView):
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
         game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
+        turned = np.zeros((len(here), 2))
+        turned[agents] = [here[number].orientation for number in agents.tolist()]
+        game.headings = Headings(movement, turned, np.full(len(here), -1), game.start, None)
         game.noted = {number: noted_sensors(here[number]) for number in agents.tolist()}
         note_sights(game, self._host, self._internals.parts.turns, 0)
         return ArrayView(game, self.games, agents)
