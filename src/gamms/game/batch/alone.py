@@ -447,12 +447,8 @@ class _TurnOfOne(ArrayTurn):
         """Return the score of a key, (1,); 0 where there is none."""
         return np.array([self._game.scores.get(key, 0)], np.float64)
 
-    def end(self, at: IntArray, reason: str | Sequence[str], winner: Sequence[Any], truncated: bool = False) -> None:
-        """End the game after this turn."""
-        at = self._as_at(at)
-        reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
-        for why, who in zip(reasons, self._each("winner", winner, at), strict=True):
-            self._game.end(why, winner=who, truncated=truncated)
+    def _end(self, _: int, how: dict[str, Any]) -> None:
+        self._game.end(**how)
 
     def eliminate(self, at: IntArray, agents: IntArray) -> None:
         """Take agents out of the game, those that are in it, each with an event."""

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class Asking:
     ) -> None:
         self._state, self._here, self._given, self._at_arrivals = state, here, given, at_arrivals
         self.outboxes, self._moment = list[Outbox](), 0  # how often agents were asked
-        self._acts: _Acts | None = None  # that are given
+        self._acts: tuple[list[ArrayDeeds], list[Outbox]] | None = None  # deeds and messages that are given
         self._routes, self.lost = list[Route](), list[Illegal]()  # of those that decide now
         self._failures: list[Failure] = []  # of those that were asked, until they are noted
 
@@ -109,8 +109,8 @@ class Asking:
         if acts is not None:
             those = np.zeros(self._state.node.shape, np.bool_)
             those[turn.games] = asked
-            deeds += _deeds_of(turn, acts.deeds, those)
-            self._send([box.those(those[box.at, box.senders]) for box in acts.outboxes])
+            deeds += _deeds_of(turn, acts[0], those)
+            self._send([box.those(those[box.at, box.senders]) for box in acts[1]])
         self.outboxes[num_sent:] = [box.sent_at(self._moment) for box in self.outboxes[num_sent:]]
         self._moment += 1
         return chosen, deeds
@@ -184,7 +184,7 @@ class Asking:
         error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
         raise error
 
-    def _given_acts(self, turn: ArrayTurn) -> "_Acts":
+    def _given_acts(self, turn: ArrayTurn) -> tuple[list[ArrayDeeds], list[Outbox]]:
         """Return the deeds and messages that were given, of games by their numbers in the batch."""
         state, deeds, outboxes = self._state, list[ArrayDeeds](), list[Outbox]()
         acting = {team: one for team, one in self._given.items() if one.deeds or one.messages}
@@ -196,7 +196,7 @@ class Asking:
             one.act(view)
             deeds += view._deeds
             outboxes += view._outboxes
-        return _Acts(deeds, outboxes)
+        return deeds, outboxes
 
     def _decided(
         self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray, asked: BoolArray | None
@@ -254,13 +254,6 @@ def _decided_by(group: Group, view: ArrayView) -> np.ndarray[Any, Any]:
     skips = (actions := as_actions(given, group.name)) == NO_ACTION
     checked = view._checked(np.where(skips, view._movement.idle, actions), group.name, may_aim=True)
     return np.where(skips & view.mask, NO_ACTION, checked)
-
-
-class _Acts(NamedTuple):
-    """Deeds and messages that were given, of games by their numbers in the batch."""
-
-    deeds: list[ArrayDeeds]
-    outboxes: list[Outbox]
 
 
 def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:

@@ -93,13 +93,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
     ) -> ArrayDeeds:  # fmt: skip
         """Return what agents on these nodes want to do, checked, as `ArrayView.do`.
 
-        Args:
-            deed: what.
-            fields: as given.
-            where: (games, agents) which agents do it.
-            who: the games and the agents, by their numbers in the batch and in the roster.
-            nodes: (games, agents) where they are.
-            order: the place among all deeds.
+        `who` are the numbers of the games and of the agents; `order` is the place among all deeds.
         """
         known = self.fields_of(deed)
         for key in fields:

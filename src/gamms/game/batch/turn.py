@@ -324,9 +324,11 @@ class ArrayTurn:
         at = self._as_at(at)
         reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
         for game, why, who in zip(self.games[at].tolist(), reasons, self._each("winner", winner, at), strict=True):
-            over = self._state.over
-            over[game] = joined_end(over[game], {"reason": why, "winner": who, "truncated": truncated})
+            self._end(game, {"reason": why, "winner": who, "truncated": truncated})
         self._state.is_going[self.games[at]] = False
+
+    def _end(self, game: int, how: dict[str, Any]) -> None:
+        self._state.over[game] = joined_end(self._state.over[game], how)
 
     def eliminate(self, at: IntArray, agents: IntArray) -> None:
         """Take agents out of the game, those that are in it, each with an event.
@@ -458,15 +460,8 @@ def part_of(turn: ArrayTurn, which: BoolArray) -> ArrayTurn:
 
 
 def in_view(turn: ArrayTurn, look: Look, looks: tuple[IntArray, IntArray], nodes: IntArray) -> BoolArray:
-    """Return which nodes agents have in view with a sensor that looks from the air or turns with them.
+    """Return which nodes, each given once, agents have in view with a sensor of theirs, (looks, nodes).
 
-    Args:
-        turn: of the games.
-        look: of the sensor.
-        looks: (looks,) each, the games of this turn and the numbers of the agents that look.
-        nodes: rows, (nodes,) each once.
-
-    Returns:
-        (looks, nodes)
+    `looks` are the games of the turn and the numbers of the agents; it looks from the air or turns with them.
     """
     return turn._in_view(look, looks, nodes)
