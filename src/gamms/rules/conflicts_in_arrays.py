@@ -43,7 +43,7 @@ class Movers(Protocol):
 
 
 class MovesTurn(Protocol):
-    """What is asked of a turn: an `ArrayTurn`, or a turn of one game. Arrays have the axes (games, agents)."""
+    """What is asked of a turn: `MovesOfGames`, or `MovesOfOneGame`. Arrays have the axes (games, agents)."""
 
     @property
     def roster(self) -> Movers:
