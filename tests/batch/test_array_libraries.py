@@ -250,6 +250,17 @@ def test_routes_take_and_refuse_the_same_in_any_library(place, verb, sources, ta
         assert found == outcome(lambda: getattr(here, verb)(sources, targets), np.asarray)
 
 
+def test_the_view_of_other_agents_is_the_same_in_any_library(place):
+    with scene().batch(2, **place.options) as games, scene().batch(2) as known:
+        games.step()
+        known.step()
+        there, here = (batch.observe("red").of(np.arange(6)) for batch in (games, known))
+        assert place.read(there["curr_pos"]).tolist() == here["curr_pos"].tolist()
+        assert place.read(there.draw.random()).tolist() == here.draw.random().tolist()
+        with pytest.raises(BadValue, match=r"view\.on_host\(\)\.in_games"):
+            there.in_games(np.array([0]))
+
+
 def test_streets_read_one_number_to_check_what_a_strategy_passes(place):
     with scene().batch(2, **place.options) as games:
         view = games.observe("red")

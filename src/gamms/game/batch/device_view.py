@@ -1,7 +1,7 @@
 """What portable forms of strategies get: the views, draws, streets and routes of a batch on a device."""
 
 from collections.abc import Callable, Hashable
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -215,6 +215,21 @@ class DeviceView(ArrayView):
         """Return the view in NumPy, of all games: where agents are on a GPU, they are copied."""
         view = ArrayView(self._state, np.arange(len(self._state)), self.agents)
         return on_ground(view) if self._kinds is ON_GROUND else view
+
+    def of(self, agents: IntArray) -> "DeviceView":
+        """Return the view of other agents in the same games, by their numbers in the roster, ascending; copies."""
+        return moved(self.on_host().of(agents), self.library)
+
+    def in_games(self, which: IntArray) -> NoReturn:
+        """Refuse to leave out games.
+
+        Raises:
+            BadValue: always.
+        """
+        raise BadValue(
+            f"view.in_games({shown(which)}) is for views in NumPy, as shapes never change on a device: ask "
+            "view.on_host().in_games(which)."
+        )
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[Tensor, Tensor]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
