@@ -1,5 +1,6 @@
 """What each kind of sensor sees, case by case."""
 
+from copy import deepcopy
 from math import pi, sqrt
 
 import numpy as np
@@ -227,3 +228,40 @@ def test_agents_that_a_drawer_moves_while_others_decide_are_seen_where_they_are(
         ctx.game.step()
     assert seen[40:45] == [0] * 5
     assert seen[45:] == [None] * 35
+
+
+def test_sensors_that_look_alike_show_in_turns_what_each_shows_by_itself():
+    ctx, seen = gamms.create_context(seed=1), {}
+    nodes = np.arange(64)
+    ctx.graph.add_nodes(nodes, 10.0 * (nodes % 8), 10.0 * (nodes // 8))
+    ctx.graph.add_edges(nodes[:63], nodes[:63], nodes[1:])
+
+    def strategy(state):
+        seen[state["name"]] = deepcopy(state["sensor"])
+        state["sensor"]["map"][1]["nodes"].clear()  # which is its own
+        state["sensor"]["near"][1].clear()
+        state["action"] = state["draw"].choice(state["legal"])
+
+    for i in range(40):
+        near, around = (f"{kind}_{i}" for kind in ("near", "map"))
+        sensors = {"near": ctx.sensor.create_sensor(near, "AGENT_RANGE", sensor_range=15.0)}
+        sensors["map"] = ctx.sensor.create_sensor(around, "RANGE", sensor_range=15.0)
+        sensors["again"] = ctx.sensor.create_sensor(f"again_{i}", "AGENT_RANGE", sensor_range=15.0 if i % 2 else 25.0)
+        ctx.agent.create_agent(f"a{i}", start_node_id=i, sensors=sensors, strategy=strategy, team="ab"[i % 2])
+    changes = [
+        lambda: setattr(ctx.sensor.get_sensor("near_3"), "range", 35.0),
+        lambda: setattr(ctx.sensor.get_sensor("near_4").notice, "team", "b"),
+        lambda: setattr(ctx.sensor.get_sensor("near_5"), "at", 63),
+        lambda: setattr(ctx.sensor.get_sensor("map_6"), "fov", pi),
+        lambda: ctx.sensor.get_sensor("near_7").set_owner(None),
+        lambda: ctx.graph.graph.remove_node(63),
+        lambda: ctx.agent.delete_agent("a8"),
+    ]
+    for change in [lambda: None, lambda: None, *changes]:
+        change()
+        if change is changes[5]:
+            ctx.sensor.get_sensor("near_5").at = None
+        alone = {name: agent.sense() for name, agent in ctx.agent.agents.items()}
+        seen.clear()
+        ctx.game.step()
+        assert seen == alone

@@ -21,6 +21,7 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import Carried, ISensor
 
 
 class Commanded:
@@ -94,6 +95,9 @@ class Part:
         )
         are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.individuals = [slot.asked for slot in asked] if are_usual else []
+        self._slots = asked
+        self._looks = list[tuple[list[ISensor], list[int]]]()
+        self._looked_at: int | None = None  # the version of how sensors are set for which these are known
         self.is_usual = bool(self.individuals) and self.see_world_only and not self.commanded
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
@@ -160,6 +164,23 @@ class Part:
         self.ground = slots.selection if len(ground) == len(slots) else Selection([rows[i] for i in ground])
         self.paced = [i for i in slots.paced if i in mine]
         return asked
+
+    def looks(self, version: int) -> list[tuple[list[ISensor], list[int]]]:
+        """Return the sensors of individuals that look alike, and the places of their agents in `individuals`.
+
+        There these sensors are a type and the number of those that look alike, without what they have seen last.
+
+        Args:
+            version: of how sensors are set.
+        """
+        if self._looked_at != version:
+            alike = dict[Hashable, tuple[int, list[ISensor], list[int]]]()
+            for place, (agent, strategy, template, key, kind, carried, last) in enumerate(self.individuals):
+                if template is not None and key is None and carried:
+                    sensors = tuple([_grouped(one, alike, place) for one in self._slots[place].carried])
+                    self.individuals[place] = agent, strategy, template, key, kind, sensors, last
+            self._looked_at, self._looks = version, [group[1:] for group in alike.values()]
+        return self._looks
 
     def of_ground(self, values: Any) -> Any:
         """Return those values, one per slot, that are of agents on the ground."""
@@ -355,6 +376,18 @@ class TurnOrder:
         self._moved = None if are_few else np.zeros(agents, np.int32)
         self._turns, self._stayed = 0, []
         self._blocked = np.zeros(0 if are_few else agents, np.int32)
+
+
+def _grouped(one: Carried, alike: dict[Hashable, tuple[int, list[ISensor], list[int]]], place: int) -> Carried:
+    """Add a sensor that an agent carries to those that look alike, if there may be such."""
+    name, _, _, look = one
+    key = getattr(look, "looks_alike", None)
+    if key is None:
+        return one
+    number, sensors, places = alike.setdefault(key, (len(alike), [], []))
+    sensors.append(look)
+    places.append(place)
+    return name, None, look.type, number
 
 
 def note_lost(error: BaseException, ctx: HostContext) -> None:

@@ -59,7 +59,9 @@ class Kind(NamedTuple):
         given = {name: getattr(sensor, ATTRIBUTES_OF.get(name, name)) for name in self.keywords}
         for setting in self.settings:
             part, _, name = setting.rpartition(".")
-            value = getattr(getattr(sensor, part) if part else sensor, name)
+            # NOTE: without making the part where nothing in it is set (benchmarks: peers).
+            owner = getattr(sensor, f"_{part}") if part else sensor
+            value = None if owner is None else getattr(owner, name)
             if value is not None:
                 given[name] = value
         return given

@@ -1,6 +1,6 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import partial
 from math import inf, pi
 from typing import Any, cast
@@ -109,6 +109,12 @@ class GroundSensor(Sensor):
             raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
         return node_id  # the graph checks it
 
+    @property
+    def looks_alike(self) -> Hashable:  # type: ignore[override] # it depends on how it is set
+        """What those have in common that see all around from their agents' nodes."""
+        is_usual = self._is_ours and not self._is_occluded and "sense" not in self.__dict__
+        return (type(self), self.range) if is_usual and self.fov == FULL_CIRCLE and self._at is None else None
+
     def _tunnel(self, place: Place) -> int:
         """Return the tunnel of a place (x, y): that of its owner, which is on an edge; 0 on the surface."""
         if self._owner is None or self._at is not None or not isinstance(place, tuple):
@@ -203,6 +209,21 @@ class MapSensor(GroundSensor):
         nodes, edges = self._look(place, heading) if hidden else self._memory.views.look(place, radius, fov, heading)
         last[0] = {"nodes": nodes.copy(), "edges": edges.copy()}
         last[1] = (place, radius, fov, heading)
+
+    @refused_while_deciding
+    def sense_each(self, sensors: Sequence[Any], node_ids: Sequence[int]) -> Iterator[Any]:
+        """Look with sensors that look alike, with one whenever the next is asked for, and yield what each sees."""
+        # NOTE: without the calls of `sense`, which take as long as the copies (benchmarks: peers).
+        phase, moment, radius, fov = self._phase, self._phase.moment, self.range, self.fov
+        known = {} if moment is None else self._memory.views.known(radius)
+        for sensor, node_id in zip(sensors, node_ids, strict=True):
+            last, seen = sensor._last, known.get(node_id)
+            if seen is None or phase.moment is not moment:
+                sensor.sense(node_id)
+            else:
+                last[0] = {"nodes": seen[0].copy(), "edges": seen[1].copy()}
+                last[1] = (node_id, radius, fov, ALL_AROUND)
+            yield last[0]
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
@@ -348,6 +369,26 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if look is not None and self.notice.has_errors:
             data = self._report(look, node_id, data)
         last[0], last[1] = data, (place, radius, fov, heading)
+
+    @property
+    def looks_alike(self) -> Hashable:  # type: ignore[override] # as above
+        """What those have in common that see all around from their agents' nodes, and report all that they see."""
+        return super().looks_alike if self._notice is None or self._notice.reports_all else None
+
+    @refused_while_deciding
+    def sense_each(self, sensors: Sequence[Any], node_ids: Sequence[int]) -> Iterator[Any]:
+        """Look with sensors that look alike, with one whenever the next is asked for, and yield what each sees."""
+        phase, moment, radius, fov = self._phase, self._phase.moment, self.range, self.fov
+        known = {} if moment is None else self._memory.nearby.known_by_name(radius, len(sensors))
+        for sensor, node_id in zip(sensors, node_ids, strict=True):
+            last, found = sensor._last, known.get(node_id)
+            if found is None or phase.moment is not moment:
+                sensor.sense(node_id)
+            else:
+                last[0] = data = found.copy()
+                data.pop(sensor._owner, None)
+                last[1] = (node_id, radius, fov, ALL_AROUND)
+            yield last[0]
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are positions in `names`. `data` stays as it is."""

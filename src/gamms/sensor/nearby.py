@@ -3,7 +3,7 @@
 `Memory` is all that the built-in sensors of a context share.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from itertools import count
 from math import inf
 from typing import NamedTuple
@@ -212,6 +212,19 @@ class NearbyAgents:
             on_edges = sorted(set(positions.travellers) - set(positions.inactive)) if rows is None else rows
             nodes.update(self.on_edges(positions, on_edges))
         return nodes
+
+    def known_by_name(self, radius: float, looks: int) -> Mapping[int, dict[str, int]]:
+        """Return what `by_name` returns of nodes with an agent, for so many looks; none where it is not worth its cost.
+
+        To be called while agents decide, and valid as long as nothing changes.
+        """
+        if radius == inf:
+            return {}
+        positions, counted = self._catch_up(), self._looks_at(radius)
+        if not counted.is_frequent:
+            return {}
+        counted.count += looks
+        return counted.by_name or counted.name_all(radius, positions, self.places)
 
     def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
         """Return what is reported of those agents that are on edges, by their names."""
@@ -422,8 +435,9 @@ def near_places(
     if positions.travellers or not squares + radius * radius < _FAR * _FAR:
         return None
     living = positions.living if positions.inactive else None
-    there = kernels.Area(*(xy if living is None else xy[living]).T)
-    parts = [*kernels.near_each_other(kernels.Area(*here.T), there, radius)]
+    # NOTE: in rows of their own, as subtracting columns of a table copies them (benchmarks: peers).
+    there = kernels.Area(*(xy if living is None else xy[living]).T.copy())
+    parts = [*kernels.near_each_other(kernels.Area(*here.T.copy()), there, radius)]
     at, rows = parts[0] if len(parts) == 1 else [np.concatenate(part) for part in zip(*parts, strict=True)]
     return at, rows if living is None else living[rows]
 

@@ -1,7 +1,7 @@
 """Contract of the sensor engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from enum import Enum
 from typing import Any, TypedDict, Unpack
 
@@ -85,6 +85,7 @@ class ISensor(ABC):
     # -- may override -------------------------------------------------------------------------------------------
 
     sees_world_only: bool = False  # whether it looks at nothing but the graph and the agents
+    looks_alike: Hashable = None  # equal for those whose looks `sense_each` may share now; None: it looks by itself
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes: exactly what `sense` would see from each of them.
@@ -100,6 +101,16 @@ class ISensor(ABC):
             self.sense(node_id)
             values[look] = self.data
         return Sensed(np.arange(len(values) + 1), values)
+
+    def sense_each(self, sensors: Sequence["ISensor"], node_ids: Sequence[int]) -> Iterator[Any]:
+        """Let sensors look that look alike, this one among them, one whenever the next is asked for.
+
+        Yields:
+            The `data` of each, after it has looked from its node.
+        """
+        for sensor, node_id in zip(sensors, node_ids, strict=True):
+            sensor.sense(node_id)
+            yield sensor.data
 
     def reset(self) -> None:  # noqa: B027 - most sensors of a user's own have nothing to forget
         """Forget what was sensed and drawn, as if it had just been made; called when a game is reset."""
