@@ -139,6 +139,18 @@ def test_a_flight_is_paid_for_by_an_agent_that_is_put_elsewhere_afterwards_and_h
     assert amounts(ctx, "battery") == {"a": 12, "flying": 7, "hovering": 12}
 
 
+def test_agents_that_fly_may_be_charged_before_they_have_moved(road):
+    ctx = road()
+    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 5.0}
+    ctx.agent.create_agent("flying", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
+    ctx.agent.create_agent("out", **kind)
+    ctx.game.eliminate("out")
+    ctx.game.add(resource("battery", 12, per_metre=1), phase="before")
+    ctx.game.step()
+    ctx.game.step()
+    assert amounts(ctx, "battery") == {"flying": 7, "out": 12}
+
+
 def test_without_an_edge_the_straight_line_counts_and_who_is_stopped_pays_nothing(road):
     ctx = road(a=("red", 0, 7), b=("red", 5, 6), c=("red", 6))
     ctx.game.legal, ctx.game.conflicts = "any", Conflicts(capacity=1)

@@ -175,8 +175,8 @@ class _Tank(NamedTuple):
         for deed in ctx.game.performed():
             deeds.setdefault(deed.agent, []).append(deed.kind)
         if state["turn"] != ctx.game.turn:  # with an order of play there are several checks in a turn
-            counts = ctx.game.counts
-            state["flights"] = {one.name: counts[one.name]["moves"] for one in self._agents(ctx) if _flies(one)}
+            flying = [agent.name for agent in self._agents(ctx) if _flies(agent)]
+            state["flights"] = {name: _num_moves(ctx, name) for name in flying}
             state["turn"] = ctx.game.turn
         for agent in ctx.game.agents:
             if not self._counts(agent):
@@ -212,7 +212,7 @@ class _Tank(NamedTuple):
                 self._give(ctx, agent, self.start)
                 continue
             if _flies(agent):
-                flights = ctx.game.counts[name]["moves"] - state["flights"].get(name, 0)
+                flights = _num_moves(ctx, name) - state["flights"].get(name, 0)
                 price = flights * self.per_metre * (agent.speed or 0.0)
             else:
                 price = self._price(ctx, moves[name], lengths) if name in moves else 0.0
@@ -396,6 +396,12 @@ def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> Float
 def _check_declared(ctx: Context, deed: str) -> None:
     if deed not in ctx.game.deeds:
         raise UnknownName("deed" if ctx.game.deeds else "deed, as ctx.game.deeds declares none:", deed, ctx.game.deeds)
+
+
+def _num_moves(ctx: Context, name: str) -> int:
+    """Return how often an agent has moved; one that was not asked yet has no counts."""
+    counts = ctx.game.counts.get(name)
+    return counts["moves"] if counts else 0
 
 
 def _flies(agent: IAgent) -> bool:
