@@ -84,7 +84,7 @@ LEAVE = re.compile(
     "comes with another team, kind or speed|"
     r"gives the nodes of its way|it is not known what is kept under 'toll'"
 )
-ONE_BY_ONE = re.compile("draws for several|draws at a fixed place for several|a game that is over|'before'")
+ONE_BY_ONE = re.compile("draws for several|draws at a fixed place for several|a game that is over")
 
 
 def attentive(state, *more):

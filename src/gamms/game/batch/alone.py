@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.arguments import as_context, as_function_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.begun import Begins, movement_of
+from gamms.game.batch.begun import IS_WHOLE, Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, kept_in, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -19,7 +19,8 @@ from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import FLIES, F, form_declared
 from gamms.game.batch.given import flown
 from gamms.game.batch.headings import Headings
-from gamms.game.batch.movement import Anywhere, Movement, Paths, Places
+from gamms.game.batch.last_turn import LastTurn
+from gamms.game.batch.movement import Anywhere, Movement, Places
 from gamms.game.batch.one_by_one import Noted, note_sights
 from gamms.game.batch.sight import Seen, noted_sensors
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
@@ -35,7 +36,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
-from gamms.typing import AgentType, IContext
+from gamms.typing import IContext
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
@@ -173,6 +174,9 @@ def _remembered_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arr
         names = dict.fromkeys(chain.from_iterable(kept.values()))
         found[key] = {name: _joined(key, {number: one[name] for number, one in kept.items()}) for name in names}
     return found
+
+
+setattr(_remembered_alone, IS_WHOLE, True)
 
 
 def _joined(key: Hashable, arrays: Mapping[int, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
@@ -359,13 +363,10 @@ class _TurnOfOne(ArrayTurn):
 
     def __init__(self, ctx: HostContext) -> None:
         game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
-        (movement, shared), agents = _world(ctx), roster.agents
+        movement, shared = _world(ctx)
         state = _game_of(ctx, roster, movement, shared)
         check = partial(checked_value, ctx=ctx)
         state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
-        paced = [one.speed is not None and one.type is not AgentType.AERIAL for one in agents]
-        is_one_edge = game.legal == "any" or not any(paced)
-        are_all_at_once = len(game.order or ()) < 2
         self._by_metres = game.speed_unit != "edges"
         state.change_roads = self._roads_changed
         super().__init__(state, np.zeros(1, np.int64))
@@ -375,33 +376,12 @@ class _TurnOfOne(ArrayTurn):
         self._was_put = np.zeros(self.node.shape, np.bool_)  # who flew, or was put, to the node where its move ends
         moves: TurnMoves | None = game.internals.state.moves
         if moves is not None:
-            has_paths = not (self._by_metres or (is_one_edge and (are_all_at_once or self._is_moving)))
-            self._take_moves(moves, has_paths=has_paths)
+            self.starts, self.ends, self.took_part, paths = LastTurn.of(moves, roster, movement, self.node)
+            self.paths = None if self._by_metres else paths
+            for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
+                self._was_put[0, number] = moves.was_put(moves.order.index_of[roster.names[number]])
         done = [(0, self._number[one.agent], i, one.kind, one.values) for i, one in enumerate(game.performed())]
         self._deeds += state.deeds.from_plain(done, self.starts)
-
-    def _take_moves(self, moves: TurnMoves, *, has_paths: bool) -> None:
-        """Take how the agents have moved."""
-        pairs = [(i, self._number[name]) for name, i in moves.order.index_of.items() if name in self._number]
-        slots, numbers = [i for i, _ in pairs], [number for _, number in pairs]
-        self.starts, self.ends, rows = self.node.copy(), self.node.copy(), self.streets.rows
-        self.starts[0, numbers] = rows([int(moves.starts[i]) for i in slots])
-        self.ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
-        self.took_part[0, numbers] = True
-        flying = [(i, number) for i, number in pairs if self.roster.flies[number]]
-        self._was_put[0, [number for i, number in flying if moves.was_put(i)]] = True
-        if not has_paths:
-            return
-        tracks = [moves.track(i) for i in slots]
-        shape = (*self.node.shape, max((len(track.path) for track in tracks), default=1))
-        nodes, times = np.repeat(self.node[..., None], shape[-1], axis=-1), np.full(shape, np.inf)
-        times[..., 0], lengths, waits = 0.0, np.ones(self.node.shape, np.int64), np.zeros(self.node.shape, np.bool_)
-        for number, track in zip(numbers, tracks, strict=True):
-            length = lengths[0, number] = len(track.path)
-            nodes[0, number, :length], nodes[0, number, length:] = rows(list(track.path)), rows(track.path[-1])
-            times[0, number, : len(track.times)] = track.times
-            waits[0, number] = length > 1 and track.path[0] == track.path[1]
-        self.paths = Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
 
     def _roads_changed(self, _: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
         graph = self._ctx.graph

@@ -1,10 +1,11 @@
-"""What agents remember when a batch begins in the middle of their game, in arrays."""
+"""Batches that begin in the middle of a game, in arrays: what agents remember there, and how they moved last."""
 
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_players import DEEDS, busy, look
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
@@ -188,8 +189,85 @@ def test_strategies_in_arrays_alone_go_on_with_what_they_keep(is_shared):
             view.keep("calls", lambda games: {"number": np.zeros(games)})["number"][:] += view.agents[0]
         return patient_in_arrays(view)
 
-    with scene(side=4, max_turns=9).build(seed=1, strategies={"red": waits}) as ctx:
-        for _ in range(4):
+    with scene(side=4, max_turns=9).build(seed=1) as ctx:
+        ctx.game.step()
+        for name in ("red_0", "red_1", "red_2"):
+            ctx.agent.get_agent(name).register_strategy(waits(ctx))
+        assert check(ctx, rounds=1) is None  # nothing was kept yet
+        for _ in range(3):
             ctx.game.step()
         why = check(ctx, rounds=1)
         assert ("'calls'" in why) if is_shared else (why is None)
+
+
+@gamms.array_rule
+def gates(turn):
+    """Note which agents were at some nodes in the turn, and when."""
+    found = turn.visits(turn.streets.columns.node_ids % 2 == 0)
+    times = {"begin": found.begin.tolist(), "end": found.end.tolist()}
+    turn.emit("gate", found.at, agents={"agent": found.agents}, nodes={"node": found.nodes}, values=times)
+
+
+WAYS = {
+    "one edge": {},
+    "in parts": {"order": [["blue"], ["red"]]},
+    "anywhere": {"legal": "any"},
+    "speeds": {"speed": 2.5},
+    "speeds, in parts": {"speed": 1.5, "order": [["red"], ["blue"]]},
+    "metres": {"speed": 17.0, "speed_unit": "metres"},
+    "metres, in parts": {"speed": 7.0, "speed_unit": "metres", "order": [["red"], ["blue"]]},
+    "metres, at arrivals": {"speed": 23.0, "speed_unit": "metres", "decide": "arrival"},
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_rules_before_turns_know_how_agents_have_moved_before_the_batch(way):
+    given = dict(WAYS[way])
+    speed = given.pop("speed", None)
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}, "phase": "before"}
+    scenario = scene(
+        [tag, {"rule": "respawn", "with": {"after": 2}}], side=4, settings=given | {"deeds": DEEDS}, max_turns=6
+    )
+    if speed is not None:
+        scenario = scenario.replace(**{f"teams.{team}.speed": speed for team in ("red", "blue")})
+    with scenario.build(seed=3, strategies={"red": busy}) as ctx:
+        drone = {"type": "AERIAL", "speed": 6.0, "start_node_id": 5, "team": "blue"}
+        ctx.agent.create_agent("drone", **drone, strategy=random_walk)
+        ctx.game.add(look, phase="before")
+        if "speed_unit" not in given:
+            ctx.game.add(gates, phase="before")
+        for turn in range(4):
+            ctx.game.step()
+            if turn % 2:
+                assert check(ctx, rounds=turn // 2 + 1) == "the rule 'look', which is called game by game"
+
+
+def test_games_that_are_reset_have_the_last_moves_of_their_beginning_beside_others_that_went_on():
+    with scene(side=4, max_turns=8, settings={"order": [["blue"], ["red"]]}).build(seed=3) as ctx:
+        ctx.game.add(gates, phase="before")
+        ctx.game.step()
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            games.reset([1], seeds=[7])
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_rules_before_turns_look_along_no_node_that_was_removed():
+    with (
+        scene(side=4)
+        .replace(**{"teams.red.speed": 3, "teams.red.count": 1, "teams.blue.count": 1})
+        .build(seed=1) as ctx
+    ):
+        ctx.game.add(gates, phase="before")
+        ctx.agent.get_agent("red_0").register_strategy(patrol(ctx, [0, 15]))
+        ctx.agent.get_agent("red_0").current_node_id = 0
+        ctx.game.step()
+        passed = ctx.game.moves["red_0"].path[1]
+        with ctx.game.batch(1) as games:
+            assert games.slow is None
+        ctx.graph.graph.remove_node(passed)
+        with ctx.game.batch(1) as games:
+            assert games.slow.startswith("rules of the phase 'before', and last moves along what is not on the map")
