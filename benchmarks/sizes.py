@@ -31,9 +31,16 @@ from gamms.recorder.formats import blocks
 
 
 def million():
-    """A team of a million agents on a million nodes, which a plan of arrays moves."""
-    ctx = teams.lattice(1000)
-    yield "create a million agents", *spent(lambda: ctx.agent.create_team("red", np.arange(1_000_000)))
+    """A team of a million agents on a million nodes, which the program moves, then a plan of arrays."""
+    ctx, made = teams.lattice(1000), []
+    yield "create a million agents", *spent(lambda: made.append(ctx.agent.create_team("red", np.arange(1_000_000))))
+    (team,) = made
+    team.random_actions()
+    yield "their random_actions()", *spent(team.random_actions, times=3)
+    nodes = team.random_actions()
+    yield "their move(…)", *spent(lambda: team.move(nodes), times=3)
+    ctx.game.step()
+    yield "a turn in which they have neither a strategy nor sensors", *spent(ctx.game.step, times=5)
     ctx.game.command("red", teams.by_keys, arrays=True)
     yield "the first turn of a million agents", *spent(ctx.game.step)
     yield "a later turn", *spent(ctx.game.step, times=5)

@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from enum import Enum
+from functools import lru_cache
 from itertools import islice
 from numbers import Real
 from operator import index
@@ -471,6 +472,12 @@ def misspelt(given: Collection[str], known: Collection[str], kind: str = "keywor
     Any may be given here, so that only those are named that are very much like one that is missing. `kind` says what
     they are.
     """
-    missing = [name for name in known if name not in given]
+    missing = tuple([name for name in known if name not in given])
     unknown = islice((name for name in given if name not in known), _MANY)
-    return [f"Unknown {kind} {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, missing, _MISSPELT))]
+    return [f"Unknown {kind} {shown(name)}.{hint}" for name in unknown if (hint := _misspelt_hint(name, missing))]
+
+
+@lru_cache(maxsize=64, typed=True)
+def _misspelt_hint(name: str, missing: tuple[str, ...]) -> str:
+    """Return the hint that a name is one of those that are missing; kept, as agents have the same attributes."""
+    return nearest(name, missing, _MISSPELT)

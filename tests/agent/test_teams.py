@@ -186,6 +186,55 @@ def test_all_move_or_none(ctx):
     assert team.node_ids.tolist() == before
 
 
+def test_the_first_member_that_cannot_go_is_named(ctx):
+    team = ctx.agent.create_team("red", [12, 0, 24])  # red_1 is in a corner: that it cannot go is known first
+    with pytest.raises(BadValue, match="Agent 'red_0' cannot go to node 24: no edge leads there from node 12"):
+        team.move([24, 24, 0])
+    team.set("alive", False, where=[True, False, False])
+    with pytest.raises(BadValue, match="Agent 'red_1' cannot go to node 24"):
+        team.move([24, 24, 0])
+    with pytest.raises(BadValue, match="Agent 'red_2' cannot go to node -1"):
+        team.move([24, 0, -1])
+    team.move([24, 1, 24])
+    assert team.node_ids.tolist() == [12, 1, 24]
+
+
+def test_a_team_moves_along_open_roads(ctx):
+    team, graph = ctx.agent.create_team("red", [0] * 60), ctx.graph
+    columns = graph.columns()
+    edge = int(columns.edge_ids[(columns.sources == 0) & (columns.targets == 1)][0])
+    assert set(team.random_actions().tolist()) == {0, 1, 5}
+    graph.close_roads([edge])
+    assert set(team.random_actions().tolist()) == {0, 5}
+    with pytest.raises(BadValue, match="'red_3' cannot go to node 1"):
+        team.move([5, 0, 0, *[1] * 57])
+    graph.open_roads([edge])
+    team.move([5, 0, 0, *[1] * 57])
+
+
+def test_many_looks_at_neighbours_show_what_few_do(ctx):
+    ctx.graph.close_roads([3, 9])
+    nodes, sensor = np.arange(1000) % 25, ctx.sensor.get_sensor("near")
+    many, few = sensor.sense_many(nodes), sensor.sense_many(range(25))
+    assert [look.tolist() for look in many] == [few[node].tolist() for node in nodes.tolist()]
+    with pytest.raises(UnknownName, match="node 25"):
+        sensor.sense_many([*nodes, 25])
+
+
+def test_members_with_neither_strategy_nor_sensors_are_not_made_in_turns(ctx):
+    team = ctx.agent.create_team("red", [0, 1, 2])
+    ctx.agent.create_agent("blue", start_node_id=3, strategy=gamms.strategies.random_walk)
+    ctx.game.add(gamms.rules.time_limit(9))
+    ctx.game.step()
+    assert [agent.name for agent in ctx.agent.storage.made()] == ["blue"]
+    ctx.agent.get_agent("red_1").register_strategy(gamms.strategies.random_walk)
+    ctx.game.step()
+    assert [agent.name for agent in ctx.agent.storage.made()] == ["red_1", "blue"]
+    result = ctx.game.run()
+    assert (result.agents["red_0"]["moves"], team.node_ids[[0, 2]].tolist()) == (0, [0, 2])
+    assert result.agents["red_1"]["moves"] > 0
+
+
 def test_random_actions_do_not_depend_on_other_teams(ctx):
     first = ctx.agent.create_team("red", [12] * 50)
     drawn = first.random_actions()

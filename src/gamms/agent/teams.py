@@ -331,15 +331,26 @@ class Team:
 
         They follow from the seed of the context, the names, and how often this was called.
         """
-        near = self._ctx.graph.graph.neighborhoods
-        legal = [near[node] for node in self.node_ids.tolist()]
+        _, first, counts, targets = self._legal()
         purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:
             self._keys = kernels.name_keys(self.names)
         bits = kernels.draw_bits_many(purpose, self._keys, self._draws)
         self._draws += 1
-        chosen = kernels.below_many(bits, np.array(list(map(len, legal))))
-        return np.array([nodes[k] for nodes, k in zip(legal, chosen.tolist(), strict=True)], np.int64)
+        chosen: IntArray = targets[first + kernels.below_many(bits, counts)]
+        return chosen
+
+    def _legal(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Return where members are, and which nodes are legal from there.
+
+        These are their nodes, and of each the place of the first legal one, and how many there are, (agents,) each;
+        and at these places the ids of nodes.
+        """
+        routes, nodes = self._ctx.graph.routes, self.node_ids
+        offsets, targets = routes.neighborhoods()
+        rows = routes.rows(nodes)
+        first = offsets[rows]
+        return nodes, first, offsets[rows + 1] - first, self._ctx.graph.columns().node_ids[targets]
 
     def move(self, node_ids: object) -> None:
         """Move all living members at once, each along one edge or not at all.
@@ -351,22 +362,36 @@ class Team:
             BadValue: one is not legal, or there are more or fewer than members; none has moved then.
         """
         phase_of(self._ctx).refuse(f"move team {self.name!r}")
-        wanted = as_ids(node_ids, "node_ids")
+        wanted, alive = np.array(as_ids(node_ids, "node_ids"), np.int64), self.alive
         if len(wanted) != len(self):
             raise BadValue(f"Team {self.name!r} has {len(self)} agents, and {len(wanted)} node_ids were given.")
-        near, alive = self._ctx.graph.graph.neighborhoods, self.alive.tolist()
-        for i, (here, node) in enumerate(zip(self.node_ids.tolist(), wanted, strict=True)):
-            if alive[i] and node not in near[here]:
-                raise BadValue(
-                    f"Agent {self.names[i]!r} cannot go to node {node}: no edge leads there from node {here}."
-                )
-        rows, deleted = self._selection()
-        present = zip(rows.rows, without(wanted, deleted), without(alive, deleted), strict=True)
-        moves = [(row, node) for row, node, lives in present if lives]
-        self._block_of().move_all(Selection([row for row, _ in moves]), [node for _, node in moves])
+        self._refuse_illegal(wanted, alive)
+        (rows, deleted), block = self._selection(), self._block_of()
+        is_there = alive.copy()
+        is_there[[*deleted]] = False
+        if not is_there.all():
+            rows = Selection(rows.array[np.delete(is_there, [*deleted])].tolist())
+        nodes = wanted[is_there]
+        block.move_all(rows, nodes.data if block.has_arrays else nodes.tolist())
         for i, agent in deleted.items():
             if alive[i]:
-                agent._block.move(agent._row, wanted[i])
+                agent._block.move(agent._row, int(wanted[i]))
+
+    def _refuse_illegal(self, wanted: IntArray, alive: BoolArray) -> None:
+        """Refuse nodes, (agents,), of which one is not legal for a member that lives."""
+        nodes, first, counts, targets = self._legal()
+        left, number, wrong = np.flatnonzero(alive), 0, len(self)
+        while len(left):  # look at the first legal node of each, then at the second, until it is the wanted one
+            is_left = counts[left] > number
+            wrong = min(wrong, *left[~is_left][:1].tolist(), len(self))
+            left = left[is_left]
+            left = left[targets[first[left] + number] != wanted[left]]
+            number += 1
+        if wrong < len(self):
+            raise BadValue(
+                f"Agent {self.names[wrong]!r} cannot go to node {wanted[wrong]}: no edge leads there from node "
+                f"{nodes[wrong]}."
+            )
 
 
 def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -> Agent:

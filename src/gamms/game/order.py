@@ -76,7 +76,7 @@ class Part:
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
-        is_usual: whether these individuals are all who decide, and see the world only.
+        is_usual: whether these individuals are all there are, and see the world only.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
         ground: the rows of these.
         paced: the indices of the slots of agents on the ground that may cover part of an edge.
@@ -98,7 +98,7 @@ class Part:
         self._slots = asked
         self._looks = list[tuple[list[ISensor], list[int]]]()
         self._looked_at: int | None = None  # the version of how sensors are set for which these are known
-        self.is_usual = bool(self.individuals) and self.see_world_only and not self.commanded
+        self.is_usual = len(self.individuals) == len(self.members) > 0 and self.see_world_only
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
     def _take_slots(
@@ -144,6 +144,9 @@ class Part:
                 cast("list[int]", of_team[teams[i]]).append(i)
         blind = {team for team in of_team if team in plans and plans[team].arrays}
         self.observing = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
+        idle = slots.idle() if self.observing else ()
+        if idle:  # NOTE: agents that just stand there take no time (benchmarks: teams)
+            self.observing = [i for i in self.observing if slots.teams[i] in plans or slots.names[i] not in idle]
         chosen = slots.those(self.observing)
         self.see_world_only = all(slot.sees_world_only for slot in chosen)
         self.asked, asked = self.observing, chosen

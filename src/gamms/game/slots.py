@@ -207,7 +207,10 @@ class LazySlots(Sequence[AgentSlot]):
         flying: the indices of those who fly.
         paced: the indices of those on the ground that may cover part of an edge.
         are_plain: whether all move along one edge, on the ground.
+        idle: returns the names of agents with neither a strategy nor sensors.
     """
+
+    idle: Callable[[], Collection[str]]
 
     def __init__(
         self,
@@ -387,11 +390,16 @@ class SlotMaker:
             slot.row = access.row
             return slot
 
+        def idle() -> set[str]:
+            found = {name for name, one in zip(block.names, agents.storage.strategies(), strict=True) if one is None}
+            return found and found - {agent.name for agent in agents.storage.made() if agent.sensors}
+
         now = [block.names[row] for row in change.rows]
         if block.has_arrays:
             past = before if since is not None and isinstance(before, LazySlots) else None
             departure = agents.storage.last_departure
             slots = LazySlots(block, self._settings, make, self._state.counts, departure, past, change)
+            slots.idle = idle
             slots.make([name for name in now if name in known])
             return slots, None if since is None else change
         if since is None:

@@ -21,6 +21,9 @@ class Ways(Protocol):
     def weights(self, weight: str | None) -> FloatArray:
         """Return what each edge costs, (edges,)."""
 
+    def neighborhoods(self) -> tuple[IntArray, IntArray]:
+        """Return the nodes that each node has an edge to, itself first, as offsets (nodes + 1,) and rows."""
+
 
 class Streets:
     """The nodes of a graph, and where an agent may go from each along one edge.
@@ -39,7 +42,7 @@ class Streets:
 
     def __init__(self, columns: GraphColumns, queries: Ways) -> None:
         self.columns, self._queries, self.num_nodes = columns, queries, len(columns.node_ids)
-        self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, self.num_nodes)
+        self.offsets, self.targets = queries.neighborhoods()
         self.counts: IntArray = np.diff(self.offsets)
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")

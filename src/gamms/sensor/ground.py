@@ -39,6 +39,7 @@ from gamms.typing.sensor_engine import SensorType
 ALL_AROUND: Heading = (0.0, 0.0)
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 _FEW = 24  # agents: more are compared as arrays
+_MANY = 256  # looks at neighbours, from which on they are read from arrays of all edges
 
 
 class GroundSensor(Sensor):
@@ -291,8 +292,13 @@ class NeighborSensor(Sensor):
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes. `data` stays as it is."""
-        near = self._neighborhoods
-        return Sensed(*ragged([[*near[node_id]] for node_id in as_ids(node_ids, "node_ids")]))
+        near, nodes = self._neighborhoods, as_ids(node_ids, "node_ids")
+        if len(nodes) < _MANY:
+            return Sensed(*ragged([[*near[node_id]] for node_id in nodes]))
+        graph = self.ctx.graph
+        offsets, targets = graph.routes.neighborhoods()
+        places, ends = kernels.chosen_runs(offsets, graph.routes.rows(nodes))
+        return Sensed(ends, graph.columns().node_ids[targets[places]])
 
     @property
     def neighborhoods(self) -> Mapping[int, Sequence[int]]:

@@ -180,6 +180,10 @@ class Routes(ABC):
 
         return self.remember(("arcs", weight, reverse), make)
 
+    def neighborhoods(self) -> tuple[IntArray, IntArray]:
+        """Return offsets (nodes + 1,) and rows: each node itself, then its neighbours, as `kernels.neighborhoods`."""
+        return self.remember(("neighborhoods",), lambda: kernels.neighborhoods(*self.ends(), len(self.ids())))
+
 
 class EdgeRoutes(Routes):
     """The slow default of routing, made of ids for each query.
@@ -402,6 +406,18 @@ class RouteQueries:
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
         """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
         return self._routes.arcs(weight, reverse=reverse)
+
+    def neighborhoods(self) -> tuple[IntArray, IntArray]:
+        """Return offsets (nodes + 1,) and rows of nodes: each node itself, then its neighbours; not to be changed."""
+        return self._routes.neighborhoods()
+
+    def rows(self, nodes: NodeIds) -> IntArray:
+        """Return the rows of nodes.
+
+        Raises:
+            UnknownName (KeyError): one is not on the map.
+        """
+        return self._routes.rows(nodes, "nodes")
 
     def weights(self, weight: str | None) -> FloatArray:
         """Return what each edge costs, (edges,)."""

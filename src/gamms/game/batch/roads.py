@@ -131,6 +131,11 @@ class _OpenWays:
         ends = (columns.targets, columns.sources) if reverse else (columns.sources, columns.targets)
         return kernels.make_arcs(ends[0][rows], ends[1][rows], self.weights(weight), len(columns.node_ids))
 
+    def neighborhoods(self) -> tuple[IntArray, IntArray]:
+        """Return the nodes that each node has an open edge to, itself first, as offsets (nodes + 1,) and rows."""
+        columns, rows = self._whole.columns, self._roads.rows
+        return kernels.neighborhoods(columns.sources[rows], columns.targets[rows], len(columns.node_ids))
+
 
 class OpenRoads:
     """The roads of all games of a batch.
