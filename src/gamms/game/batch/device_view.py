@@ -221,11 +221,7 @@ class DeviceView(ArrayView):
         return moved(self.on_host().of(agents), self.library)
 
     def in_games(self, which: IntArray) -> NoReturn:
-        """Refuse to leave out games.
-
-        Raises:
-            BadValue: always.
-        """
+        """Refuse to leave out games (BadValue)."""
         raise BadValue(
             f"view.in_games({shown(which)}) is for views in NumPy, as shapes never change on a device: ask "
             "view.on_host().in_games(which)."
