@@ -23,6 +23,7 @@ An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
 **Arrays.** Most have an array form, which plays many games at once and follows its scalar form: `offer_form`.
+What one keeps of memories is in `memories.py`, for games that have begun, too: `Kept`.
 
 `travel.py` has those that need no enemies, `encounters.py` those that act on enemies, `assignment.py` the one by which
 a team shares them out, `sweeping.py` the one by which it visits all nodes; read `knowledge.py` first, which has what
