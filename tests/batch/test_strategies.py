@@ -134,6 +134,13 @@ def test_a_node_where_agents_are_never_noticed_is_not_swept_by_sight(same_as_one
     same_as_one_by_one(scenario, [1], {"red": lambda ctx: sweep(ctx, by_sight=True), "blue": random_walk})
 
 
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_what_is_swept_by_sight_turns_with_its_agent_in_arrays_as_alone(unit, same_as_one_by_one):
+    ahead = {"type": "AGENT_ARC", "fov": 1.6, "detection": [[0.0, 1.0], [18.0, 0.0]], "orientation": [0.6, 0.8]}
+    scenario = hunted(sight=ahead, settings={"speed_unit": unit}).replace(**{"teams.red.speed": 2.5, "max_turns": 10})
+    same_as_one_by_one(scenario, [1], {"red": lambda ctx: sweep(ctx, by_sight=True), "blue": random_walk})
+
+
 def test_agents_turn_round_on_the_only_street_in_arrays_as_alone(same_as_one_by_one):
     to_and_fro = {
         team: lambda ctx, nodes=nodes: mix(0.5, *(goto(ctx, node) for node in nodes))

@@ -25,7 +25,6 @@ from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
     BOARDS,
-    COVERS,
     IS_BLIND,
     IS_LEGAL,
     MAY_SKIP,
@@ -341,7 +340,7 @@ def offer_form(
     form: Callable[..., IntArray],
     *values: Hashable,
     parts: Collection[object] = (),
-    looks: bool | str = False,
+    looks: bool = False,
     may_skip: bool | None = None,
     is_portable: bool = False,
     kept: Kept | None = None,
@@ -353,7 +352,7 @@ def offer_form(
         form: called with these values, then the forms of the parts, then the view.
         values: numbers, names and the like.
         parts: the strategies that it calls.
-        looks: whether it asks what sensors show, besides its parts; `COVERS`: and which nodes they have in view.
+        looks: whether it asks what sensors show, or have in view, besides its parts.
         may_skip: whether it may set no action; None: where one of its parts may.
         is_portable: whether the form is that for other array libraries, too; its actions are legal.
         kept: what it remembers, besides its parts; None: nothing.
@@ -366,7 +365,6 @@ def offer_form(
     made: Any = partial(form, *values, *forms)
     setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
     setattr(made, BOARDS, tuple(boards))
-    setattr(made, COVERS, looks == COVERS or any(getattr(one, COVERS, False) for one in forms))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
     others = [getattr(one, PORTABLE, None) for one in forms]

@@ -11,7 +11,7 @@ from gamms.arguments import as_context, as_flag
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.view import COVERS, ArrayStrategy, ArrayView, moment_of
+from gamms.game.batch.view import ArrayStrategy, ArrayView, moment_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -78,9 +78,8 @@ def sweep(
             target = memory["sweep target"] = _next_to_visit(ctx, state, chosen, visited)
         move_to(ctx, state, target, fallback, "sweep")
 
-    looks = COVERS if sees else False
     kept = Kept(_sweep_begun, board="sweep")
-    offer_form(strategy, _sweep_in_arrays, chosen, sees, again, parts=[fallback], looks=looks, kept=kept)
+    offer_form(strategy, _sweep_in_arrays, chosen, sees, again, parts=[fallback], looks=sees, kept=kept)
     return strategy
 
 

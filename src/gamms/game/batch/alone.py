@@ -344,6 +344,15 @@ class _ViewOfOne(ArrayView):
         none = np.zeros(len(number), np.int64)
         return Seen((1, 1, len(self.roster.names)), none, none, np.array([*number.values()], np.int64), nodes)
 
+    def covered(self) -> BoolArray:
+        """Return on which nodes the sensors of the agent would show agents with some probability, (1, 1, nodes)."""
+        name, found = self.roster.names[self.agents[0]], np.zeros((1, 1, self.streets.num_nodes), np.bool_)
+        sensors = self.roster.agents[self.agents[0]].sensors
+        for sensor in [sensors[key] for key, (kind, _) in self._sensed.items() if kind in ON_GROUND]:
+            there = sensor.coverage(int(self.streets.ids(self.node[0, 0])), name)
+            found[0, 0, self.streets.rows(there.node_ids[there.detection > 0.0])] = True
+        return found
+
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return what `state["sensor"]` shows."""
         found = [np.zeros(0, np.int64)]

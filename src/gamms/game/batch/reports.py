@@ -327,12 +327,16 @@ def _noticed(world: World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
         return None
     offsets = _offsets(world, lookout, pairs)
     far = np.hypot(*offsets) if look.quat is None else np.sqrt(kernels.squares(*offsets))
+    return kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < _chances(lookout, far)
+
+
+def _chances(lookout: Lookout, far: FloatArray) -> FloatArray:
+    """Return how probable it is that agents are noticed at distances, (agents,)."""
+    look = lookout.look
     if look.chance is None:
-        chances = chances_at(far, np.array(look.chances))
-    else:
-        sensors = sorted({repr(draws[0]) for draws in lookout.draws if draws is not None})
-        chances = chances_given(look.chance, far, f"detection of {' and '.join(sensors)}")
-    return kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < chances
+        return chances_at(far, np.array(look.chances))
+    sensors = sorted({repr(draws[0]) for draws in lookout.draws if draws is not None})
+    return chances_given(look.chance, far, f"detection of {' and '.join(sensors)}")
 
 
 def _drawn(world: World, lookout: Lookout, pairs: Pairs, purpose: str, *which: str) -> BitArray:
@@ -477,14 +481,40 @@ def _are_seen_from_air(world: World, look: Look, looking: tuple[IntArray, IntArr
     return found
 
 
-def _covered_from_nodes(world: World, look: AgentLook, at: IntArray, looking: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the nodes that agents have in view as numbers of looks, ascending, and rows."""
+def covered(world: World, lookout: Lookout, asked: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return on which nodes sensors on the ground would show agents with some probability, from the nodes passed last.
+
+    Args:
+        world: where agents are.
+        lookout: the sensors.
+        asked: (games, agents of the view) which agents look.
+
+    Returns:
+        The games and agents of the view, and rows of nodes.
+    """
+    look, (x, y) = lookout.look, world.state.streets.axes
+    at, carriers = np.nonzero(asked[:, lookout.columns] & (look.delay == 0))  # what is late shows nothing of now
+    looking = lookout.carriers[carriers]
+    node = world.node[at, looking]
+    spots = Spots(node, np.zeros(len(node), np.bool_), x[node], y[node])
+    which, rows = _covered_from_nodes(world, look, at, looking, spots)
+    if look.chances is not None or look.chance is not None:
+        x0, y0 = (spots.x[which], spots.y[which]) if look.place is None else look.place[:2]
+        shown = _chances(lookout, np.hypot(x[rows] - x0, y[rows] - y0)) > 0.0
+        which, rows = which[shown], rows[shown]
+    return at[which], lookout.columns[carriers[which]], rows
+
+
+def _covered_from_nodes(
+    world: World, look: AgentLook, at: IntArray, looking: IntArray, spots: Spots | None = None
+) -> tuple[IntArray, IntArray]:
+    """Return the nodes in view from spots, None: where agents are, as numbers of looks, ascending, and rows."""
     shared, streets = world.state.shared, world.state.streets
     key = "covered", look.what
     if key not in shared:
         place = None if look.place is None else (look.place[0], look.place[1])
         shared[key] = KnownViews(streets, NodeLook(look.radius, place, from_node=look.covers))
-    spots, (x, y) = world.spots(at, looking), streets.axes
+    spots, (x, y) = world.spots(at, looking) if spots is None else spots, streets.axes
     is_beside = spots.on_edge & (look.place is None)
     on_node, on_edge = np.flatnonzero(~is_beside), np.flatnonzero(is_beside)
     ends, rows = shared[key].of(spots.node[on_node])

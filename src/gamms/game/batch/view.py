@@ -14,7 +14,7 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import as_actions, refuse_no_actions
 from gamms.game.batch.movement import STOP, Movement, Places
-from gamms.game.batch.reports import in_turned_cone
+from gamms.game.batch.reports import World, covered, in_turned_cone
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
@@ -33,7 +33,6 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
-COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
 BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
@@ -358,21 +357,12 @@ class ArrayView(Mapping[str, Any]):
         return seen_nodes(self.node, self.mask, shared[key], self.streets.num_nodes, self._are_ahead, near)
 
     def covered(self) -> BoolArray:
-        """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes).
-
-        It is worked out for each sensor and node when one first looks from there; none may turn with its agent.
-        """
-        found = np.zeros((*self.node.shape, self.streets.num_nodes), np.bool_)
-        for column, agent in enumerate(self.roster.agents[number] for number in self.agents.tolist()):
-            name = self.roster.names[self.agents[column]]
-            for sensor in [one for one in agent.sensors.values() if one.type in ON_GROUND]:
-                known = self._state.shared.setdefault(("covered by", name, sensor.sensor_id), {})
-                games = np.flatnonzero(self.mask[:, column])
-                for node in np.unique(self.node[games, column]).tolist():
-                    if node not in known:
-                        there = sensor.coverage(int(self.streets.ids(node)), name)
-                        known[node] = self.streets.rows(there.node_ids[there.detection > 0.0])
-                    found[games[self.node[games, column] == node, None], column, known[node]] = True
+        """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes)."""
+        key, found = ("covers", self.agents.tobytes()), np.zeros((*self.node.shape, self.streets.num_nodes), np.bool_)
+        if key not in self._state.shared:
+            self._state.shared[key] = lookouts(self.roster, self.agents, (), kinds=ON_GROUND)
+        for lookout in self._state.shared[key]:
+            found[covered(World(self._state, self.games), lookout, self.mask)] = True
         return found
 
     def _near(self, at: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray]:
