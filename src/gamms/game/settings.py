@@ -314,6 +314,7 @@ class RuleSet:
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
         """Replace all rules, without what they draw."""
         self.rules = rules
+        self._of_phase = {phase: [(one, one.rule) for one in rules if one.phase == phase] for phase in PHASES}
         checks = ["check" for one in rules if hasattr(one.rule, "check")]
         self.phases = frozenset([*checks, *(one.phase for one in rules)])
         self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
@@ -365,12 +366,11 @@ class RuleSet:
 
         A game that ends before a turn ends at once. Return whether a rule was called.
         """
-        seen = rules = self.rules
+        seen, called = self.rules, self._of_phase[phase]
         was_called = False
-        while rules:
-            for named in rules:
-                _, rule, when = named
-                if when == phase and (self.rules is seen or named in self.rules):
+        while True:
+            for named, rule in called:
+                if self.rules is seen or named in self.rules:
                     try:
                         rule(self._ctx)
                     except Exception as error:
@@ -381,9 +381,10 @@ class RuleSet:
                         return True
             if self.rules is seen:
                 return was_called
-            rules = tuple(one for one in self.rules if one not in seen)
-            seen = (*seen, *rules)
-        return was_called
+            added = [one for one in self.rules if one not in seen]
+            if not added:
+                return was_called
+            seen, called = (*seen, *added), [(one, one.rule) for one in added if one.phase == phase]
 
     def check(self, state: GameState) -> bool:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
