@@ -207,13 +207,15 @@ def test_games_that_are_played_one_by_one_have_the_same_rows():
 
 def test_agents_that_come_without_sensors_are_observed_one_by_one():
     def recruit(ctx):
-        ctx.agent.create_agent("red_1", start_node_id=0, team="red")
+        if ctx.game.turn == 1:
+            ctx.agent.create_agent("red_1", start_node_id=0, team="red")
 
-    late = {"late": {"type": "AGENT_RANGE", "sensor_range": 25.0, "delay_turns": 1}}
+    late = {"late": {"type": "AGENT_RANGE", "sensor_range": 1000.0, "delay_turns": 1}}
     teams = {"red": {"count": 1, "sensors": ["late"]}, "blue": {"count": 1}}
     with scene(sensors=late, teams=teams, settings={"time_budget": 60.0}).build(seed=1) as ctx:
         ctx.game.add(recruit)
         games = ctx.game.batch(2, most_agents={"red": 2})
-        games.step()
+        for _ in range(3):
+            games.step()
         assert games.observe("red").mask.all()
-        assert games.observe("red").seen().mask.shape == (2, 2, 3)
+        assert games.observe("red").seen().mask[0].tolist() == [[True, False, True], [False] * 3]  # it carries none

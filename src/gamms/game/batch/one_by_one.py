@@ -340,9 +340,9 @@ def note_sights(state: GameArrays, ctx: HostContext, turns: TurnEngine, number: 
     """Note what sensors show in the game of a context that only its turn engine can ask."""
     numbers = {name: i for i, name in enumerate(state.roster.names)}
     for i, names in state.noted.items():
-        agent, found = state.roster.agents[i], dict[str, tuple[IntArray, IntArray]]()
-        reports = turns.looks(agent, names) if agent.alive else {}
-        for sensor, report in reports.items():
+        agent, found = ctx.agent.agents.get(state.roster.names[i]), dict[str, tuple[IntArray, IntArray]]()
+        carried = [] if agent is None or not agent.alive else [name for name in names if name in agent.sensors]
+        for sensor, report in (turns.looks(agent, carried) if agent is not None and carried else {}).items():
             known = [(numbers[name], node) for name, node in _reported(report, ctx) if name in numbers]
             others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
             found[sensor] = others, state.streets.rows(nodes)
