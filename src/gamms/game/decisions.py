@@ -264,7 +264,7 @@ class Decisions:
         # NOTE: to go on with those that look alike takes half of calling each (benchmarks: peers).
         looks = [
             sensors[0].sense_each(sensors, [starts[place] for place in places])
-            for sensors, places in part.looks(phase.sensor_changes)
+            for sensors, places in (part.looks(phase.sensor_changes) if part.has_looks else ())
         ]
         for i, here, (agent, strategy, template, key, kind, result, last) in asked:
             if template is None:

@@ -76,6 +76,7 @@ class Part:
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
+        has_looks: whether one of these carries sensors that are to look.
         is_usual: whether these individuals are all there are, and see the world only.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
         ground: the rows of these.
@@ -95,7 +96,7 @@ class Part:
         )
         are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.individuals = [slot.asked for slot in asked] if are_usual else []
-        self._slots = asked
+        self._slots, self.has_looks = asked, any(one[3] is None and one[5] for one in self.individuals)
         self._looks = list[tuple[list[ISensor], list[int]]]()
         self._looked_at: int | None = None  # the version of how sensors are set for which these are known
         self.is_usual = len(self.individuals) == len(self.members) > 0 and self.see_world_only
