@@ -199,17 +199,18 @@ def test_the_first_member_that_cannot_go_is_named(ctx):
     assert team.node_ids.tolist() == [12, 1, 24]
 
 
-def test_a_team_moves_along_open_roads(ctx):
-    team, graph = ctx.agent.create_team("red", [0] * 60), ctx.graph
+@pytest.mark.parametrize("number", [60, 300])
+def test_a_team_moves_along_open_roads(ctx, number):
+    team, graph = ctx.agent.create_team("red", [0] * number), ctx.graph
     columns = graph.columns()
     edge = int(columns.edge_ids[(columns.sources == 0) & (columns.targets == 1)][0])
     assert set(team.random_actions().tolist()) == {0, 1, 5}
     graph.close_roads([edge])
     assert set(team.random_actions().tolist()) == {0, 5}
     with pytest.raises(BadValue, match="'red_3' cannot go to node 1"):
-        team.move([5, 0, 0, *[1] * 57])
+        team.move([5, 0, 0, *[1] * (number - 3)])
     graph.open_roads([edge])
-    team.move([5, 0, 0, *[1] * 57])
+    team.move([5, 0, 0, *[1] * (number - 3)])
 
 
 def test_many_looks_at_neighbours_show_what_few_do(ctx):

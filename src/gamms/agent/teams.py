@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from operator import length_hint
 from typing import TYPE_CHECKING, Any, cast
 
@@ -36,6 +36,7 @@ _OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _s
 """Columns of agents in their block -> the check of a value."""
 _NO_COLUMNS = frozenset({"name", "names", "node_ids", "agents", "start_node_id", "sensors", "team", "strategy"})
 _NO_COLUMNS |= {"type", "agent_type"}
+_MANY = 256  # members, from which on legal nodes are read from arrays of all edges
 _BYTES_PER_MEMBER, _BYTES_PER_AGENT = 450, 1_400  # measured, of members in columns and of those that are made at once
 _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "current_node_id": lambda agent, node: agent._known(node),
@@ -331,26 +332,30 @@ class Team:
 
         They follow from the seed of the context, the names, and how often this was called.
         """
-        _, first, counts, targets = self._legal()
+        _, first, counts, ids_at = self._legal()
         purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:
             self._keys = kernels.name_keys(self.names)
         bits = kernels.draw_bits_many(purpose, self._keys, self._draws)
         self._draws += 1
-        chosen: IntArray = targets[first + kernels.below_many(bits, counts)]
-        return chosen
+        return ids_at(first + kernels.below_many(bits, counts))
 
-    def _legal(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    def _legal(self) -> tuple[IntArray, IntArray, IntArray, Callable[[IntArray], IntArray]]:
         """Return where members are, and which nodes are legal from there.
 
         These are their nodes, and of each the place of the first legal one, and how many there are, (agents,) each;
-        and at these places the ids of nodes.
+        and what returns the ids of nodes at some places.
         """
-        routes, nodes = self._ctx.graph.routes, self.node_ids
+        graph, nodes = self._ctx.graph, self.node_ids
+        if len(nodes) < _MANY:  # that few do not need arrays of all edges, which are made when roads change, too
+            legal = [graph.graph.neighborhoods[node] for node in nodes.tolist()]
+            counts = np.array([len(near) for near in legal], np.int64)
+            ids = np.array([*chain.from_iterable(legal)], np.int64)
+            return nodes, np.cumsum(counts) - counts, counts, ids.take
+        routes, node_ids = graph.routes, graph.columns().node_ids
         offsets, targets = routes.neighborhoods()
         rows = routes.rows(nodes)
-        first = offsets[rows]
-        return nodes, first, offsets[rows + 1] - first, self._ctx.graph.columns().node_ids[targets]
+        return nodes, offsets[rows], offsets[rows + 1] - offsets[rows], lambda places: node_ids[targets[places]]
 
     def move(self, node_ids: object) -> None:
         """Move all living members at once, each along one edge or not at all.
@@ -379,13 +384,13 @@ class Team:
 
     def _refuse_illegal(self, wanted: IntArray, alive: BoolArray) -> None:
         """Refuse nodes, (agents,), of which one is not legal for a member that lives."""
-        nodes, first, counts, targets = self._legal()
+        nodes, first, counts, ids_at = self._legal()
         left, number, wrong = np.flatnonzero(alive), 0, len(self)
         while len(left):  # look at the first legal node of each, then at the second, until it is the wanted one
             is_left = counts[left] > number
             wrong = min(wrong, *left[~is_left][:1].tolist(), len(self))
             left = left[is_left]
-            left = left[targets[first[left] + number] != wanted[left]]
+            left = left[ids_at(first[left] + number) != wanted[left]]
             number += 1
         if wrong < len(self):
             raise BadValue(
