@@ -1,5 +1,6 @@
 """The law of batches: whatever is played in arrays is played as the turn engine plays it, event by event."""
 
+import re
 from math import hypot
 
 import numpy as np
@@ -9,6 +10,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from random_games import TEAMS, Drawn, games
 from random_players import LEAVE, ONE_BY_ONE
+
+from gamms.errors import GammsError
 
 LAWS = settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 # Games are too large to be made smaller in reasonable time; from its tenth example on Hypothesis mostly repeats parts.
@@ -105,6 +108,8 @@ def test_a_batch_of_a_game_that_has_begun_goes_on_as_the_game_alone(drawn, turns
     with drawn.open() as ctx:
         for _ in range(min(turns, drawn.max_turns - 1)):
             ctx.game.step()
+        living = {agent.team for agent in ctx.game.agents}
+        ctx.game.order = [left for part in ctx.game.order or () if (left := [*living.intersection(part)])] or None
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
@@ -113,18 +118,36 @@ def check_games(ctx, drawn, seeds, again, from_outside):
     reserved = {team: [one for one in names if one not in ctx.agent.agents] for team, names in drawn.reserved.items()}
     with ctx.game.batch(seeds=seeds, most_agents=reserved) as played, ctx.game.fork(0).ctx as alone:
         assert played.is_in_arrays or ONE_BY_ONE.search(played.slow), played.slow
-        for turns, which, other in again:
-            for _ in range(turns):
-                from_outside.step(played)
-            those = sorted({number % len(seeds) for number in which})
-            played.reset(those, seeds=[played.seeds[number] + other for number in those])
-        while from_outside.teams and not played.is_over.all():
-            from_outside.step(played)
-        played.run()
+        try:
+            play(played, again, from_outside)
+        except GammsError as error:
+            check_error(error, played, alone, from_outside)
+            return
         assert all(map(LEAVE.search, played.detached.values())), played.detached
         for number, seed in enumerate(played.seeds):
             alone.game.reset(seed=seed)
             assert plain(played.result(number)) == plain(from_outside.play_alone(alone, number))
+
+
+def play(played, again, from_outside):
+    """Play a batch to its end; some games begin again after some turns."""
+    for turns, which, other in again:
+        for _ in range(turns):
+            from_outside.step(played)
+        those = sorted({number % len(played) for number in which})
+        played.reset(those, seeds=[played.seeds[number] + other for number in those])
+    while from_outside.teams and not played.is_over.all():
+        from_outside.step(played)
+    played.run()
+
+
+def check_error(error, played, alone, from_outside):
+    """Check that the game that an error names raises the same when it is played alone, in the same turn."""
+    number = int(re.search(r"In game (\d+) of a batch", " ".join(error.__notes__))[1])
+    alone.game.reset(seed=played.seeds[number])
+    with pytest.raises(type(error)) as raised:
+        from_outside.play_alone(alone, number)
+    assert (str(raised.value), alone.game.turn) == (str(error), played.turn[number])
 
 
 def test_agents_that_are_put_back_while_on_an_edge_stay_there():

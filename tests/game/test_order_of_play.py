@@ -163,6 +163,23 @@ def test_a_team_that_the_order_leaves_out_is_an_error_before_the_turn():
         assert ctx.agent.get_agent("rob").current_node_id == 6
 
 
+def test_in_a_batch_a_team_without_living_agents_may_be_left_out_of_the_order():
+    with road([["cops"], ["robbers"]]) as ctx:
+        for name, team in (("cop", "cops"), ("rob", "robbers")):
+            ctx.agent.create_agent(name, start_node_id=5, team=team, strategy=gamms.strategies.random_walk)
+        ctx.game.step()
+        ctx.game.order, ctx.game.max_turns = [["cops"]], 3
+        with (
+            ctx.game.batch(2) as games,
+            pytest.raises(BadValue, match="leaves out team 'robbers', of which agent 'rob'"),
+        ):
+            games.run()
+        ctx.game.eliminate("rob")
+        with ctx.game.batch(2) as games:
+            games.run()
+            assert (games.slow, games.turn.tolist()) == (None, [3, 3])
+
+
 @settings(max_examples=12)
 @given(
     teams=st.lists(st.sampled_from("xyz"), min_size=1, max_size=5),

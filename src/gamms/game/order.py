@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.deciding import Deciders
-from gamms.errors import UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
 from gamms.ir.agents import AgentBlock
@@ -392,6 +392,13 @@ def _grouped(one: Carried, alike: dict[Hashable, tuple[int, list[ISensor], list[
     sensors.append(look)
     places.append(place)
     return name, None, look.type, number
+
+
+def left_out(name: str, team: Hashable) -> BadValue:
+    """Return the error of an order of play that leaves out the team of a living agent."""
+    return BadValue(
+        f"ctx.game.order leaves out team {shown(team)}, of which agent {name!r} is. Add the team to one of its lists."
+    )
 
 
 def note_lost(error: BaseException, ctx: HostContext) -> None:

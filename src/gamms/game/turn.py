@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms.deciding import DecidePhase
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.legality import Legality, ResolvedAction, action_of
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
-from gamms.game.order import Part, TurnOrder, note_lost
+from gamms.game.order import Part, TurnOrder, left_out, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused, stopped_by
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.agents import AgentBlock
@@ -25,7 +25,7 @@ from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
 from gamms.readonly import ReadOnlyMapping, copied
-from gamms.text import as_code, shown
+from gamms.text import as_code
 from gamms.typing.agent_engine import Departure, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Move
@@ -230,10 +230,7 @@ class TurnEngine:
         """
         order = self.order()
         if order.unlisted is not None:
-            raise BadValue(
-                f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
-                f"{order.unlisted.name!r} is. Add the team to one of its lists."
-            )
+            raise left_out(order.unlisted.name, order.unlisted.team)
         self._groups, self.is_moving = order.groups, True
         try:
             if order.is_usual and not (observers or rules.act_before_moves):

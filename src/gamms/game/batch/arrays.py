@@ -45,6 +45,7 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.batch.why_not import as_prepared, teams_asked, why_not_decided
 from gamms.game.deeds import checked_value
 from gamms.game.messages import ANTENNA, Scene
+from gamms.game.order import left_out
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
 from gamms.ir.game_state import PHASES
@@ -81,8 +82,9 @@ class ArrayEngine:
             self.state.share_memories()
         self._last: int | None = settings["max_turns"]
         self._parts: list[IntArray | None] = [None]  # the agents that move at once, one part after the other; None: all
-        if settings["order"] is not None and len(settings["order"]) > 1:
-            move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
+        move_now = np.stack([roster.plays_for(teams) for teams in settings["order"] or [None]])  # (parts, agents)
+        self._is_listed = move_now.any(axis=0)
+        if len(move_now) > 1:
             self._parts = [np.flatnonzero(of_part) for of_part in move_now]
         check, are_open = partial(checked_value, ctx=game.ctx), self.state.roads.are_open
         self.state.deeds = DeclaredDeeds(settings["deeds"], check, roster, movement.streets, len(seeds), are_open)
@@ -267,6 +269,7 @@ class ArrayEngine:
         """Play one turn of games whose rules of the phase "before" were applied."""
         state, asking = self.state, Asking(self.state, self._here, given, at_arrivals=self._arriving is not None)
         actions, is_given = asking.given(turn, self._resting(turn.games))
+        self._refuse_left_out(turn)
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
@@ -298,6 +301,14 @@ class ArrayEngine:
             self._play_part(turn, moves, in_conflict, [one.without(illegal) for one in deeds], part)
         if len(turn.games):
             self._finish(turn, asking.outboxes)
+
+    def _refuse_left_out(self, turn: ArrayTurn) -> None:
+        """Refuse to play a turn of games in which agents live that are in no part of it."""
+        for at, agent in np.argwhere(turn.alive & ~self._is_listed)[:1].tolist():
+            roster, game = turn.roster, int(turn.games[at])
+            error = left_out(roster.names[agent], roster.teams[roster.team_of[agent]])
+            error.add_note(f"In game {game} of a batch, with the seed {self.state.seeds[game]}.")
+            raise error
 
     def _leave_closed_edges(self, turn: ArrayTurn, asked: BoolArray) -> None:
         """Put agents, (games, agents), whose edges were closed on the nodes that they had passed last."""

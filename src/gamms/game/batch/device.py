@@ -395,7 +395,7 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
         (has_begun, "a game that has begun"),
         (settings["speed_unit"] != "edges", f"speed_unit={settings['speed_unit']!r}"),
         (settings["legal"] != "edges", f"legal={settings['legal']!r}"),
-        (settings["order"] is not None and len(settings["order"]) > 1, "an order of play"),
+        (settings["order"] is not None, "an order of play"),
         (bool(settings["deeds"]), "deeds"),
         (bool(settings["channels"]), "channels"),
         (bool(settings["plans"]), "plans of teams"),

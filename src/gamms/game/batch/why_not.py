@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable, Iterator, Sequence
 from math import isfinite
-from typing import Any
 
 from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
@@ -19,7 +18,6 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     """Return what keeps games from being played in arrays, in words; None: nothing."""
     settings, asked, scalar, agents = game.settings(), teams_asked(game), called_one_by_one(game), agents_of(game)
     reasons = [
-        (_leaves_out_a_team(settings["order"], agents), "an order of play without one of the teams"),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
     ]
@@ -43,7 +41,6 @@ def _why_not_moved(game: PlayedGame) -> str | None:
         (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
-        (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
     ]
     for agent in agents_of(game):
         is_endless = agent.speed is not None and not isfinite(agent.speed)
@@ -85,7 +82,3 @@ def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
 
 def _flies(agent: IAgent) -> bool:
     return agent.type is AgentType.AERIAL
-
-
-def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
-    return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)
