@@ -205,26 +205,54 @@ def test_an_observer_asks_for_routes_by_game_or_of_games_with_the_same_roads():
                 view.routes().distances(view.node, view.node, at=4)
 
 
+def hole(ctx):
+    """Close some roads, others in each game, and open two of them later."""
+    turn = ctx.game.turn
+    if turn in (2, 4):
+        ctx.graph.close_roads([(ctx.seed * 7 + turn + k) % 80 for k in (3, 0, 40)])
+    if turn == 6:
+        ctx.graph.open_roads(ctx.graph.closed_roads[2:4])
+
+
+@gamms.array_rule(of=hole)
+def hole_in_arrays(turn):
+    kept = turn.keep("hole", lambda games: {"closed": np.full((games, 6), -1)})["closed"]
+    for at, (game, seed, now) in enumerate(zip(turn.games, turn.seeds.tolist(), turn.turn.tolist(), strict=True)):
+        if now in (2, 4):
+            edges = [(seed * 7 + now + k) % 80 for k in (3, 0, 40)]
+            turn.close_roads(np.array([at]), edges)
+            kept[game, (now - 2) * 3 // 2 :][:3] = sorted(edges)
+        if now == 6:
+            turn.open_roads(np.array([at]), kept[game, 2:4].tolist())
+
+
 def test_forms_of_rules_close_other_roads_in_each_game():
-    def hole(ctx):
-        turn = ctx.game.turn
-        if turn in (2, 4):
-            ctx.graph.close_roads([(ctx.seed * 7 + turn + k) % 80 for k in (3, 0, 40)])
-        if turn == 6:
-            ctx.graph.open_roads(ctx.graph.closed_roads[2:4])
-
-    @gamms.array_rule(of=hole)
-    def hole_in_arrays(turn):
-        kept = turn.keep("hole", lambda games: {"closed": np.full((games, 6), -1)})["closed"]
-        for at, (game, seed, now) in enumerate(zip(turn.games, turn.seeds.tolist(), turn.turn.tolist(), strict=True)):
-            if now in (2, 4):
-                edges = [(seed * 7 + now + k) % 80 for k in (3, 0, 40)]
-                turn.close_roads(np.array([at]), edges)
-                kept[game, (now - 2) * 3 // 2 :][:3] = sorted(edges)
-            if now == 6:
-                turn.open_roads(np.array([at]), kept[game, 2:4].tolist())
-
     check(scene(), rules=(hole,))
+
+
+@pytest.mark.parametrize(("turns", "settings"), [(3, {}), (7, {"speed_unit": "metres"})])
+def test_games_in_which_roads_were_closed_go_on_from_columns(turns, settings):
+    scenario = scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}], settings=settings)
+    speeds = {f"teams.{team}.speed": 7.0 for team in ("red", "blue")} if settings else {}
+    with scenario.replace(**speeds).build(seed=1) as ctx:
+        ctx.game.add(hole)
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.batch(seeds=[5, 3, 1]) as others:
+            others.step()
+            for _ in range(turns):
+                games.step()
+            columns, rows = games.columns(), np.array([1, 2, 0])  # the first of another seed
+            others.load({name: values[rows] for name, values in columns.items()}, turns)
+            assert (others.columns()["roads"] == columns["roads"][rows]).all()
+            assert ((columns["roads"] < 0).sum(axis=1) == (2 if turns > 6 else 0)).all()
+            while not games.is_over.all():
+                games.step()
+                others.step()
+            for mine, other in ((2, 1), (0, 2)):
+                events = [event for event in games.result(mine).events if event["turn"] > turns]
+                assert others.result(other).events == events
+                assert (games.columns()["node"][mine] == others.columns()["node"][other]).all()
+            others.load({name: values[rows] for name, values in columns.items() if name != "roads"}, turns)
+            assert "roads" not in others.columns()
 
 
 @pytest.mark.parametrize(("edges", "is_open"), [([999], False), ([5], True)])

@@ -8,6 +8,7 @@ import networkx as nx
 import numpy as np
 from scipy.optimize import linprog
 
+import gamms
 from gamms.scenario import Scenario
 
 FOLDER = Path(__file__).parent
@@ -167,6 +168,17 @@ def shut(ctx):
         edges = [one for one in graph.get_edges() if {graph.get_edge(one).source, graph.get_edge(one).target} == {3, 4}]
         for edge in edges:
             graph.remove_edge(edge)
+
+
+@gamms.array_rule
+def shut_in_arrays(turn):
+    """Do what `shut` does."""
+    was_shut = turn.keep("shut", lambda games: {"is": np.zeros(games, np.bool_)})["is"]
+    columns, cop = turn.streets.columns, turn.roster.names.index("cop_0")
+    at = np.flatnonzero(~was_shut[turn.games] & (turn.node[:, cop] != turn.streets.rows(0)))
+    was_shut[turn.games[at]] = True
+    ends = np.sort(columns.node_ids[np.stack((columns.sources, columns.targets))], axis=0)
+    turn.close_roads(at, columns.edge_ids[(ends == [[3], [4]]).all(axis=0)].tolist())
 
 
 def nothing(ctx):

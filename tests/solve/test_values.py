@@ -267,8 +267,9 @@ def test_games_in_arrays_and_in_contexts_have_the_same_states_and_values():
     assert sorted(map(tuple, in_arrays.table.nodes)) == sorted(map(tuple, in_context.table.nodes))
 
 
-def test_roads_that_a_rule_closes_are_part_of_states():
-    rules = [*PURSUIT, "solved_games:shut"]
+@pytest.mark.parametrize("rule", ["solved_games:shut", "solved_games:shut_in_arrays"])
+def test_roads_that_a_rule_closes_are_part_of_states(rule):
+    rules = [*PURSUIT, rule]
     scenario = pursuit("path", [0], [3], turns=7, settings=TURNS)
     assert solve(scenario, reward="turns", team="cops").value == -4.0
     closing = solve(scenario.replace(rules=rules), reward="turns", team="cops")

@@ -283,7 +283,7 @@ class ArrayWorld:
         batch.step()  # now rules and strategies have what they remember
         batch.reset()
         self._streets = batch.observe(batch.teams[0]).streets
-        self._start = batch.columns()
+        self._start, self._maps = batch.columns(), dict[bytes, int]()  # which roads are open -> a number from 1 on
         self._acting = [batch.observe(team).agents for team in setup.teams]
 
     def close(self) -> None:
@@ -346,12 +346,21 @@ class ArrayWorld:
             team: columns.pop(("score", team), np.zeros(self.rows)) + more * (place + 1)
             for place, team in enumerate(self._batch.teams)
         }
+        numbers, maps = columns.pop("roads", np.zeros(self.rows, np.int64)), [*self._maps]
+        if numbers.any():
+            at_start = bytes(len(maps[0]))
+            packed = b"".join(maps[number - 1] if number else at_start for number in numbers.tolist())
+            columns["roads"] = np.frombuffer(packed, np.int32).reshape(self.rows, -1)
         self._batch.load(columns, turn, scores)
         return scores
 
     def _states(self) -> States:
         batch = self._batch
         columns = batch.columns()
+        roads, number = columns.get("roads", np.zeros((len(batch), 0), np.int32)), self._maps
+        columns["roads"] = np.array(
+            [number.setdefault(row.tobytes(), 1 + len(number)) if row.any() else 0 for row in roads]
+        )
         if self.with_scores:
             columns |= {("score", team): batch.scores.get(team, np.zeros(len(batch))) for team in batch.teams}
         packed = [np.ascontiguousarray(one).reshape(len(batch), -1).view(np.uint8) for one in columns.values()]

@@ -368,15 +368,14 @@ class Batch(Fixed):
         """Return what the next turns of all games follow from besides turn, scores and seeds, for `load`.
 
         That is where agents are and what rules and strategies remember, as arrays (games, …), of which rows can be
-        taken, repeated and put together.
+        taken, repeated and put together. Where rules have closed or opened roads, `"roads"` says which, (games, edges)
+        in the order of the map and of those that were closed at the start: 0 as then, 1 closed since, -k the k-th of
+        those that were opened, which are behind the others. Without it roads are as at the start.
 
         Raises:
-            BadValue: the games are not played in NumPy's arrays, or rules have closed roads in them.
+            BadValue: the games, or some of them, are not played in NumPy's arrays.
         """
-        state = self._arrays("columns").state
-        if state.apart or state.roads.are_closed:
-            raise BadValue("A rule has closed roads in these games, which columns do not have: play them one by one.")
-        return state.columns()
+        return self._arrays("columns").state.columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
         """Let all games be at the moments that `columns` of such games say, with their own seeds and without events.
@@ -397,8 +396,9 @@ class Batch(Fixed):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> ArrayEngine:
-        if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow is not None:
-            why = self.slow or self.library
+        apart = next(iter(self.detached.values()), None)
+        if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow or apart:
+            why = self.slow or self.library or apart
             raise BadValue(f"{what} is for games that are played in NumPy's arrays; these are not, because of {why}.")
         return self._engine
 

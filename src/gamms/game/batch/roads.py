@@ -222,6 +222,38 @@ class OpenRoads:
             places = np.flatnonzero(number == one)
             yield self._maps[int(games[places[0]])], places
 
+    # -- columns ----------------------------------------------------------------------------------------------------
+
+    @property
+    def no_columns(self) -> IntArray:
+        """What `columns` returns where all games have the map of the start; it takes no memory."""
+        return np.broadcast_to(np.int32(0), (len(self.number), len(self.whole.columns.edge_ids)))
+
+    def columns(self) -> IntArray:
+        """Return which roads are open, (games, edges): 0 as at the start, 1 closed since, -k the k-th to be opened."""
+        found = self.no_columns.copy()
+        for roads, games in self.by_map(np.arange(len(self.number))):
+            if roads is not None:
+                found[games[:, None], roads.gone] = 1
+                found[games[:, None], roads.opened] = -1 - np.arange(len(roads.opened))
+        return found
+
+    def of_columns(self, columns: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
+        """Yield the maps that games have by such columns, and the games that have each."""
+        games, ids = dict[bytes, list[int]](), self.whole.columns.edge_ids
+        for game, row in enumerate(columns):
+            games.setdefault(row.tobytes(), []).append(game)
+        for those in games.values():
+            row, roads = columns[those[0]], None
+            opened = np.flatnonzero(row < 0)
+            for edges, is_open in (
+                (np.flatnonzero(row[: self._at_start]), False),
+                (opened[np.argsort(-row[opened], kind="stable")], True),
+            ):
+                if len(edges):
+                    roads = self.changed(roads, ids[edges].tolist(), is_open=is_open)
+            yield roads, np.array(those)
+
     # -- maps -------------------------------------------------------------------------------------------------------
 
     def map_with(self, edge_ids: IntArray, closed: ClosedEdges) -> RoadMap | None:

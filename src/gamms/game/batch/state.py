@@ -408,7 +408,8 @@ class GameArrays:
         That is where agents are and what rules and strategies remember, and not the turn, scores, seeds and logs, deeds
         and messages, and how agents moved in the last turn.
         """
-        return {name: one.copy() for name, one in self._remembered().items()}
+        found = {name: one.copy() for name, one in self._remembered().items()}
+        return found | {"roads": self.roads.columns()} if self.roads.are_closed else found
 
     def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
@@ -422,26 +423,38 @@ class GameArrays:
             found["stops"] = self.stops
         return found
 
-    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
-        """Put all games where others were, by their `columns`, without events and errors."""
-        mine = self._remembered()
-        shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
+    def _refuse_others(self, columns: Columns, mine: Columns) -> None:
+        """Refuse columns that are not those of as many such games, whose columns are `mine`."""
+        like = {**mine, "roads": self.roads.no_columns} if "roads" in columns else mine
+        shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (like, columns))
         wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
         if wrong:
             raise BadValue(
                 f"columns are those of as many such games, after a turn of these: {shown(wrong[0])} has the shape "
                 f"{given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: it is not there."
             )
+        nodes, edges = len(self.streets.columns.node_ids), self.roads.no_columns.shape[1]
+        limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "start", "previous"), (0, nodes))
+        limits |= {"begun": (-1, nodes), "edge": (-1, edges), "roads": (-edges, 2)}
         for name, values in columns.items():
-            if not np.can_cast(np.asarray(values).dtype, mine[name].dtype, "same_kind"):
-                raise BadValue(f"The column {name!r} is of {mine[name].dtype}, not of {np.asarray(values).dtype}.")
-        last = len(self.streets.columns.node_ids) - 1
-        for name in ("node", "start", *(("previous",) if self.headings is not None else ())):
-            rows = np.asarray(columns[name])
-            if rows.min(initial=0) < 0 or rows.max(initial=0) > last:
-                raise BadValue(f"The column {name!r} has rows of nodes, from 0 to {last}, not {shown(rows)}.")
-        for name, values in columns.items():
-            mine[name][:] = values
+            numbers, kind = np.asarray(values), like[name].dtype
+            if not np.can_cast(numbers.dtype, kind, "same_kind"):
+                raise BadValue(f"The column {name!r} is of {kind}, not of {numbers.dtype}.")
+            if name in limits:
+                least, end = limits[name]
+                others = numbers[(numbers < least) | (numbers >= end)]
+                if len(others):
+                    raise BadValue(f"The column {name!r} has numbers from {least} to {end - 1}, not {others[0]}.")
+
+    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
+        """Put all games where others were, by their `columns`, without events and errors."""
+        mine = self._remembered()
+        self._refuse_others(columns, mine)
+        self.put_roads(np.arange(len(self)), None)
+        for roads, games in self.roads.of_columns(np.asarray(columns["roads"])) if "roads" in columns else ():
+            self.put_roads(games, roads)
+        for name, values in mine.items():
+            values[:] = columns[name]
         self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
         self.over = [None] * len(self)
         for errors in filter(None, self.errors):
