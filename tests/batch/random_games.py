@@ -223,11 +223,15 @@ by_metres = {
     "speed_unit": st.sampled_from(["metres", "metres", "metres_per_second"]),
     "weight": st.sampled_from(["length", "slow"]),
 }
+JUMPING = ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]
+JUMPS = [
+    {},
+    {"speed_unit": "metres", "decide": "arrival", "speeds": [0.4, None]},
+    {"speed_unit": "metres_per_second", "turn_seconds": 3.0, "speeds": [0.4, 1.0]},
+]
 MOTIONS = {
     "one edge": st.none(),
-    "anywhere": st.just(
-        {"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]}
-    ),
+    "anywhere": st.sampled_from(JUMPS).map(lambda more: {"legal": "any", "strategies": [*JUMPING], **more}),
     "edges": paced(),
     "metres": paced(decide=st.just("turn"), **by_metres),
     "metres, at arrivals": paced(decide=st.just("arrival"), **by_metres),

@@ -22,7 +22,7 @@ from gamms.game.moves import TurnMoves
 from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.rules import meetings
-from gamms.rules.meetings import Meeting, Visit
+from gamms.rules.meetings import Meeting, visits_of
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
@@ -372,24 +372,6 @@ def _at_end(track: Track) -> Track:
     last = track.legs[-1]._replace(begin=track.legs[-1].end, since=1.0, until=1.0) if track.legs else None
     is_on_edge = last is not None and 0.0 < last.end < 1.0
     return Track(track.path[-1:], (1.0,), (last,) if last is not None and is_on_edge else ())
-
-
-def visits_of(track: Track) -> Sequence[Visit]:
-    """Return the nodes that an agent was at; the one that it left at once belongs to the turn before."""
-    path, times, legs = track
-    if legs:
-        return meetings.visits_by_legs(track)
-    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks: turns).
-    if len(path) == 1:
-        return ((path[0], times[0], 1.0),)
-    if len(path) == 2 and path[0] != path[1]:
-        return ((path[1], times[1], 1.0),)
-    left = [
-        after if end == start else now
-        for (start, end), (now, after) in zip(pairwise(path), pairwise(times), strict=True)
-    ]
-    visits = list(zip(path, times, (*left, 1.0), strict=True))
-    return visits if path[1] == path[0] else visits[1:]
 
 
 def legs_of(track: Track) -> Sequence[Leg]:

@@ -75,7 +75,7 @@ class Journey:
 
     def __init__(self, name: str, track: Track, at: Position | None = None) -> None:
         self.name, self.track, self.at = name, track, at
-        self.visits, self.legs = visits_by_legs(track), track.legs
+        self.visits, self.legs = visits_of(track), track.legs
 
     def node_at(self, time: float) -> int:
         """Return the node that it has passed last."""
@@ -96,11 +96,26 @@ class Journey:
         return node.x, node.y
 
 
-def visits_by_legs(track: Track) -> Sequence[Visit]:
-    """Return the nodes that an agent was on; the one that it left at once belongs to the turn before."""
+def visits_of(track: Track) -> Sequence[Visit]:
+    """Return the nodes that an agent was at; the one that it left at once belongs to the turn before."""
     path, times, legs = track
-    if not legs:
-        return ((path[-1], times[-1], 1.0),)
+    if legs:
+        return _visits_by_legs(track)
+    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks: turns).
+    if len(path) == 1:
+        return ((path[0], times[0], 1.0),)
+    if len(path) == 2 and path[0] != path[1]:
+        return ((path[1], times[1], 1.0),)
+    left = [
+        after if end == start else now
+        for (start, end), (now, after) in zip(pairwise(path), pairwise(times), strict=True)
+    ]
+    visits = list(zip(path, times, (*left, 1.0), strict=True))
+    return visits if path[1] == path[0] else visits[1:]
+
+
+def _visits_by_legs(track: Track) -> Sequence[Visit]:
+    path, times, legs = track
     first = legs[0]
     visits = [(path[0], times[0], first.since)] if first.begin in (0.0, 1.0) and first.since > times[0] else []
     for leg, after in zip(legs, (*legs[1:], None), strict=True):

@@ -348,7 +348,7 @@ def _lengths_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> Flo
     if turn.paths is None:
         return _edges_in_arrays(turn, starts, ends)
     legs = turn.paths.legs
-    if legs is not None:
+    if legs is not None and legs.edge.size:
         total = np.zeros(ends.shape)
         for number in range(legs.edge.shape[-1]):  # one leg after the other, as they are summed up for one agent
             edge, begin, end = legs.edge[..., number], legs.begin[..., number], legs.end[..., number]

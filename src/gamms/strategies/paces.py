@@ -9,7 +9,6 @@ import numpy as np
 
 from gamms.context import Context
 from gamms.game.batch.sight import Seen
-from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import ArrayView, movement_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -74,9 +73,9 @@ class ArrayPaces:
     def __init__(self, view: ArrayView) -> None:
         self._view, by = view, movement_in(view)
         speeds = [agent.speed for agent in view.roster.agents]
-        seconds = by.terms.turn_seconds if isinstance(by, ByMetres) else 1.0
-        self._speeds = np.array([1.0 if speed is None else speed * seconds for speed in speeds])
-        self._by_length = np.array([speed is not None for speed in speeds]) & isinstance(by, ByMetres)
+        seconds = by.turn_seconds
+        self._speeds = np.array([1.0 if speed is None else speed * (seconds or 1.0) for speed in speeds])
+        self._by_length = np.array([speed is not None for speed in speeds]) & (seconds is not None)
 
     def turns_to(self, agents: IntArray, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return what the function `turns_to` does."""

@@ -15,7 +15,7 @@ from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import BEGINS, key_of
 from gamms.game.batch.last_turn import LastTurn, last_flights
 from gamms.game.batch.movement import Anywhere, Movement
-from gamms.game.batch.reach import TravelTerms
+from gamms.game.batch.reach import TravelTerms, seconds_of_turn
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.moves import TurnMoves
@@ -40,7 +40,9 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False) -
     whole = Streets(*graph.storage.reopened()) if closed else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     if settings["legal"] == "any":
-        return Anywhere(streets, whole, closed)
+        anywhere = Anywhere(streets, whole, closed)
+        anywhere.turn_seconds = seconds_of_turn(settings)
+        return anywhere
     if settings["speed_unit"] != "edges":
         return ByMetres(streets, speeds, TravelTerms.of(game, whole or streets), whole, closed)
     if speeds.count(None) == len(speeds):
@@ -224,7 +226,8 @@ def _are_on_map(game: PlayedGame) -> bool:
 
 
 def _why_not_placed(game: PlayedGame) -> Iterator[str]:
-    by_metres, block = game.settings()["speed_unit"] != "edges", game.ctx.agent.block
+    settings, block = game.settings(), game.ctx.agent.block
+    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
     has_node, (edges, closed) = game.ctx.graph.graph.has_node, game.ctx.graph.storage.roads()
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row, started = block.row_of(agent.name), game.internals.start_of(agent)

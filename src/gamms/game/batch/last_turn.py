@@ -47,6 +47,8 @@ class LastTurn(NamedTuple):
             tracks = [moves.track(i) for i in slots]
             if any(_SHORT.get(len(track.path)) != track.times or _waits(track) for track in tracks):
                 paths = _paths(tracks, numbers, movement, starts)
+        if len(movement.edge) and not isinstance(movement, ByMetres):
+            paths = (paths or _as_paths(starts, ends)).without_legs()
         return cls(starts, ends, took_part, paths)
 
     def put(self, state: GameArrays, games: IntArray, dropped: BoolArray) -> None:

@@ -239,6 +239,12 @@ class Paths(NamedTuple):
             waits=self.waits & ~which,
         )
 
+    def without_legs(self) -> "Paths":
+        """Return these paths in games by metres, of agents that are on no edge."""
+        none, on_node = np.zeros((*self.lengths.shape, 0)), np.full(self.lengths.shape, -1)
+        rows = none.astype(np.int64)
+        return self._replace(legs=Legs(rows, rows, none, none, none, none), edge=on_node, motion=on_node * 0)
+
     def spread(self, games: IntArray, number: int) -> "Paths":
         """Return them as those of so many games, of which they are some; those of the others mean nothing."""
         at = np.zeros(number, np.int64)
@@ -347,6 +353,7 @@ class Movement:
         idle: the action of agents that decide nothing.
         is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
         leaves_nodes: whether agents may be elsewhere than on nodes.
+        turn_seconds: how long a turn lasts, in the time of speeds by metres; None: speeds count edges.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
         roads: of the games; None: in all of them those are open that are in `streets`.
     """
@@ -354,6 +361,7 @@ class Movement:
     idle = 0
     is_plain, leaves_nodes = True, False
     all_roads: OpenRoads
+    turn_seconds: float | None = None
     remembers: tuple[str, ...] = ()
     roads: OpenRoads | None = None
     _at_start: "Movement | None" = None  # on the map of the start, where this is on another one
@@ -536,9 +544,29 @@ class Movement:
 
 
 class Anywhere(Movement):
-    """Agents that go to any node in a turn."""
+    """Agents that go to any node in a turn; in games by metres, rules find them on no edge."""
 
     is_plain = False
+
+    def begin(self, shape: tuple[int, int]) -> None:
+        """Reserve memory for so many games and agents."""
+        super().begin(shape)
+        if self.turn_seconds is not None:
+            self.edge = np.full(shape, -1)
+
+    def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
+        """Return where actions lead, of all agents of some games."""
+        return self._without_legs(super().moves(node, actions, games))
+
+    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
+        """Return the moves of agents that go as the turn engine has found, (agents,)."""
+        return self._without_legs(super().moves_of(actions))
+
+    def _without_legs(self, moves: Moves) -> Moves:
+        if self.turn_seconds is None:
+            return moves
+        place = np.full(moves.ends.shape, -1), np.zeros(moves.ends.shape)
+        return moves._replace(paths=moves.as_paths().without_legs(), progress=place, before=place)
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the numbers of the choices of agents: those of their nodes, whatever roads are open."""

@@ -42,8 +42,13 @@ class TravelTerms(NamedTuple):
         weight, is_by_seconds = settings["weight"], settings["speed_unit"] == "metres_per_second"
         costs = np.asarray(streets.weights(weight), np.float64)
         seconds = costs if weight == "travel_time" and is_by_seconds else None
-        turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
-        return cls(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
+        return cls(weight, costs, seconds, seconds_of_turn(settings) or 1.0, settings["decide"] == "arrival")
+
+
+def seconds_of_turn(settings: Mapping[str, Any]) -> float | None:
+    """Return how long a turn of a game lasts, in the time of speeds by metres; None: speeds count edges."""
+    lasts: dict[str, float | None] = {"edges": None, "metres": 1.0, "metres_per_second": settings["turn_seconds"]}
+    return lasts[settings["speed_unit"]]
 
 
 class EdgesBetween:

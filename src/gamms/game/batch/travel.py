@@ -67,7 +67,7 @@ class ByMetres(Movement):
         closed: ClosedEdges | None = None,
     ) -> None:
         super().__init__(streets, whole, closed)
-        self.terms = terms
+        self.terms, self.turn_seconds = terms, terms.turn_seconds
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)

@@ -170,7 +170,7 @@ class ArrayTurn:
         nodes = np.where(by_move[..., None], paths.nodes, self.node[..., None])
         number, skips_first = np.arange(nodes.shape[-1]), by_move & ~paths.stays & ~paths.waits
         counts = living[..., None] & (number >= skips_first[..., None]) & (number < lengths[..., None])
-        if paths.legs is not None:  # who waits on a node is not there again when it leaves
+        if paths.legs is not None and paths.legs.edge.size:  # who waits on a node is not there again when it leaves
             counts[..., 1:2] &= ~(by_move & paths.waits)[..., None]
         at, agents, number = np.nonzero(counts & which[nodes] if is_of_nodes else counts)
         has_moved = by_move[at, agents]

@@ -35,10 +35,9 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
 def _why_not_moved(game: PlayedGame) -> str | None:
     """Return what has no array form of how agents move, in words; None: all has."""
     settings = game.settings()
-    by_metres, conflicts = settings["speed_unit"] != "edges", settings["conflicts"]
+    by_metres, conflicts = settings["speed_unit"] != "edges" and settings["legal"] == "edges", settings["conflicts"]
     at_arrivals = by_metres and settings["decide"] == "arrival"
     reasons = [
-        (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
     ]
