@@ -238,4 +238,4 @@ class LegalNodes:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]
             return chosen
-        return self._streets.ids(self._streets.ends_of(self._rows, actions))
+        return self._streets.ids_of(self._streets.ends_of(self._rows, actions))

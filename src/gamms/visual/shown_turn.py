@@ -73,7 +73,7 @@ class Moves(NamedTuple):
 
 _NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
 MOST_TURNS = 200  # that are remembered
-_MOST_PLACES = 1 << 22  # that are: of 100,000 agents 41 turns
+_MOST_PLACES = 1 << 20  # that are: of 100,000 agents 10 turns
 
 
 def as_turns(trails: object) -> int:
