@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_games import games
 from test_laws import LAWS
+from test_roads import hole
 from test_strategies import MADE, hunted
 
 import gamms
@@ -20,6 +21,7 @@ from gamms import kernels
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.device import DeviceEngine
 from gamms.game.batch.device_view import nodes_of_all
+from gamms.game.batch.roads import NeedsOneMap
 from gamms.strategies import random_walk
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -269,6 +271,45 @@ def test_streets_read_one_number_to_check_what_a_strategy_passes(place):
         assert games.library.num_reads == before
         view.streets.step(view.node, view.counts - 1)
         assert games.library.num_reads == before + 1
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_games_are_played_in_numpy_once_roads_are_closed(place, phase):
+    patrol = {"function": "gamms.strategies:patrol", "with": {"nodes": [0, 12, 20]}}
+    scenario, results, shown = scene([TAG]).replace(**{"teams.red.strategy": patrol}), [], []
+    for chosen in ({}, place.options):
+        with scenario.build(seed=1) as ctx:
+            ctx.game.add(hole, phase=phase)
+            with ctx.game.batch(seeds=[1, 2, 3], **chosen) as games:
+                for turn in range(8):
+                    assert turn > 1 or "closed roads" not in (games.slow or "")
+                    if turn == 7:
+                        games.reset([1])
+                    view = games.observe("blue")
+                    games.step({"blue": view.draw.below(view.counts)}, on_illegal="stay")
+                view = games.observe("red")
+                with pytest.raises(NeedsOneMap, match=r"view\.in_games"):
+                    _ = view.streets.counts
+                with pytest.raises(NeedsOneMap, match=r"view\.in_games"):
+                    view.routes().distances(view.node, view.node)
+                shown.append([place.read(one).tolist() for one in (*view.legal_rows(), view.action_to(7), view["xy"])])
+                games.run()
+                results.append([plain(games.result(number)) for number in range(3)])
+                is_copied = chosen and not games.library.on_host
+                assert games.slow == (
+                    f"closed roads, which NumPy plays: {games.library} gets copies" if is_copied else None
+                )
+    assert results[0] == results[1]
+    assert shown[0] == shown[1]
+
+
+def test_what_is_observed_of_games_that_numpy_plays_is_that_of_numpy(place):
+    scenario, shown = scene().replace(**{"teams.red.speed": 2.0}), []
+    for chosen in ({}, place.options):
+        with scenario.batch(2, **chosen) as games:
+            view = games.observe("red")
+            shown.append([place.read(one).tolist() for one in (*view.legal_rows(), view.towards(view.node * 0 + 24))])
+    assert shown[0] == shown[1]
 
 
 def test_given_actions_are_kept_for_recordings(place, tmp_path):

@@ -7,21 +7,22 @@ shapes never change; games that are over are masked.
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, in_turns, kept_in
-from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing, with_others
+from gamms.game.batch.device_view import ON_DEVICE, DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.game_forms import Group
-from gamms.game.batch.given import Given
+from gamms.game.batch.given import Given, on_host
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.scalar_rules import collectors_of
 from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import IS_LEGAL, MAY_SKIP, PORTABLE, ArrayView
 from gamms.game.batch.why_not import teams_asked
@@ -58,10 +59,13 @@ class DeviceGames(GameArrays):
         self._is_old = False  # whether the device knows more than the host
         super().__init__(roster, movement, seeds, start)
         self.streets_there = DeviceStreets(movement.streets, library)
+        self.is_on_host = False  # for good, once roads were closed
         self.upload()
 
     def upload(self) -> None:
         """Put where agents are, as the host knows it, on the device."""
+        if self.is_on_host:
+            return
         put = self.library.put
         self.there = dict(
             zip(_COLUMNS, map(put, (self._node, *self.last_moves[:2], self._alive, self.last_moves[2])), strict=True)
@@ -69,6 +73,23 @@ class DeviceGames(GameArrays):
         self.there |= {"moves": put(self.counts["moves"]), "keys": put(as_signed(self.draw_keys()))}
         self.turn_there = put(self.turn)
         self._is_old = False
+
+    def leave_device(self) -> None:
+        """Have on the host alone how agents have moved, and what strategies remember; from now on."""
+        self.download()
+        self.is_on_host, get = True, self.library.get
+        for column, name in zip(self.last_moves[:3], ("starts", "ends", "took_part"), strict=True):
+            column[:] = get(self.there[name])
+        for key in [key for key in self.kept if isinstance(key, tuple) and key[0] == ON_DEVICE]:
+            self.kept[key[1]] = self._read(self.kept.pop(key))
+            self._makers[key[1]] = partial(self._made, self._makers.pop(key))
+        self.now.clear()
+
+    def _read(self, columns: Arrays) -> Arrays:
+        return {name: np.array(self.library.get(column)) for name, column in columns.items()}
+
+    def _made(self, make: Callable[[int], Arrays], games: int) -> Arrays:
+        return self._read(make(games))
 
     def download(self) -> None:
         """Read where agents are."""
@@ -98,9 +119,9 @@ class DeviceGames(GameArrays):
         self._alive = are
 
     @property
-    def everyone(self) -> tuple[Tensor, Tensor]:
-        """The nodes of all agents on the device, and who is alive."""
-        return self.there["node"], self.there["alive"]
+    def everyone(self) -> tuple[Tensor, Tensor] | None:
+        """The nodes of all agents on the device, and who is alive; None: they are on the host."""
+        return None if self.is_on_host else (self.there["node"], self.there["alive"])
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin some games again."""
@@ -214,7 +235,7 @@ class DeviceTurn:
 
     def shared(self, key: Hashable, make: Callable[[], np.ndarray[Any, Any]]) -> Tensor:
         """Return on the device what `make()` gives, in NumPy, at the first call."""
-        return kept_in(self._state.shared, ("on a device", key), lambda: self.put(make()))
+        return kept_in(self._state.shared, (ON_DEVICE, key), lambda: self.put(make()))
 
     def kept(self, key: Hashable) -> Mapping[str, np.ndarray[Any, Any]]:
         """Return what a rule remembers, in NumPy; nothing before it was called."""
@@ -236,7 +257,6 @@ class DeviceEngine(ArrayEngine):
         self.library = library
         super().__init__(game, seeds, start, roster)
         self._resolver = game.settings()["conflicts"]
-        self.state.change_roads = None  # of the streets on the device
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return DeviceGames(roster, movement, seeds, start, self.library)
@@ -244,11 +264,17 @@ class DeviceEngine(ArrayEngine):
     def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         """Play one turn of all games that are not over; see `ArrayEngine.step`."""
         state, playing = self.state, ~self.is_over
+        if self._has_left():
+            super().step(on_host(given, self.library), before_moves)
+            return
         if self._here.rules["before"]:
             self._given(only_playing(state.there["alive"], playing, self.library), given)
             for named, form in self._here.rules["before"]:
                 self._play(named, form, ~self.is_over)
             playing = ~self.is_over
+        if self._has_left():  # one of them has closed roads
+            self._move_all(on_host(given, self.library), before_moves)
+            return
         if not playing.any():
             return
         mask = only_playing(state.there["alive"], playing, self.library)
@@ -259,6 +285,16 @@ class DeviceEngine(ArrayEngine):
         state.move(self._unopposed(playing, node, ends), playing)
         for named, form in self._here.rules["after"]:
             self._play(named, form, playing)
+
+    def _has_left(self) -> bool:
+        """Have all games on the host from the turn on in which roads are closed in one; return whether they are."""
+        if self.state.roads.are_closed and not self.state.is_on_host:
+            self.state.leave_device()
+        return self.state.is_on_host
+
+    def why_slow(self) -> str | None:
+        """Return what has games of a device played on the host since they began, in words; None: nothing."""
+        return _copied("closed roads", self.library) if self._has_left() else None
 
     def _actions(self, mask: Tensor, given: Mapping[Hashable, Given]) -> Tensor:
         """Return what all agents do, (games, agents)."""
@@ -362,6 +398,8 @@ class DeviceEngine(ArrayEngine):
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games, on the device."""
+        if self._has_left():
+            return super().view(agents)
         return self._view(agents, self.state.there["alive"])
 
     def result(self, game: int) -> Any:
@@ -381,8 +419,12 @@ def engine_for(
     why = _why_not_on_device(game) if roster.is_first.all() else "rows of agents that may come"
     if why is None:
         return DeviceEngine(game, seeds, start, roster, library), _read_in_each_turn(game, library)
-    slow = None if library.on_host else f"{why}, which NumPy plays: {library} gets copies"
-    return ArrayEngine(game, seeds, start, roster), slow
+    return ArrayEngine(game, seeds, start, roster), _copied(why, library)
+
+
+def _copied(what: str, library: ArrayLibrary) -> str | None:
+    """Say that something is played in NumPy; None: on the host there are no copies."""
+    return None if library.on_host else f"{what}, which NumPy plays: {library} gets copies"
 
 
 def _why_not_on_device(game: PlayedGame) -> str | None:

@@ -11,9 +11,9 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import Table, kept_in, some_rows
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor, refuse_no_actions
-from gamms.game.batch.movement import Places
+from gamms.game.batch.movement import Index, Places
 from gamms.game.batch.reports import Lookout
-from gamms.game.batch.roads import refuse_several_maps
+from gamms.game.batch.roads import StreetsOfMaps, refuse_several_maps
 from gamms.game.batch.routes import RouteTable, of_asked
 from gamms.game.batch.sight import Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
@@ -27,6 +27,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing.sensor_engine import ON_GROUND
 
+ON_DEVICE = "on a device"  # the first part of keys of what is kept there
 _ALL_AT_FIRST = 1 << 10  # nodes of a map whose routes are all computed when one is asked for
 
 
@@ -134,6 +135,14 @@ class DeviceStreets(Streets):
         return library.put(ask(*(library.get(one) if library.is_own(one) else one for one in given)))
 
 
+class DeviceStreetsOfMaps(StreetsOfMaps, DeviceStreets):
+    """The nodes of maps that differ in the roads that are open, on a device."""
+
+    def __init__(self, streets: DeviceStreets) -> None:
+        super().__init__(streets)
+        self.host = StreetsOfMaps(streets.host)
+
+
 class DeviceDraws(ViewDraws):
     """The keyed draws of the agents of a view, as arrays on the device: bits are int64."""
 
@@ -182,7 +191,7 @@ class DeviceView(ArrayView):
         keys: Tensor,
     ) -> None:  # fmt: skip
         self._state, self.agents, self.streets = state, agents, streets
-        self.roster, self.memory_of = state.roster, state.memory_of
+        self.roster, self.memory_of, self._shared = state.roster, state.memory_of, state.shared
         self.library, self._movement = streets.library, state.movement
         self.node, self.mask, self.turn = node, alive, turn
         self._known = dict[str, Tensor]()
@@ -227,7 +236,7 @@ class DeviceView(ArrayView):
             "view.on_host().in_games(which)."
         )
 
-    def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[Tensor, Tensor]:
+    def legal_rows(self, which: Index = np.s_[:, :]) -> tuple[Tensor, Tensor]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
         xp, table, node = self.xp, self.streets.legal, self.node[which]
         rows = xp.reshape(xp.take(table, xp.reshape(node, (-1,)), axis=0), (*node.shape, table.shape[1]))
@@ -254,7 +263,7 @@ class DeviceView(ArrayView):
             as_one_shape({"nodes": np.empty(tuple(rows.shape))}, tuple(self.node.shape))
         return self.streets.numbers_of(self.node, self.xp.broadcast_to(rows, self.node.shape))
 
-    def towards(self, targets: Tensor, which: Any = np.s_[:, :], allowed: Tensor | None = None) -> Tensor:
+    def towards(self, targets: Tensor, which: Index = np.s_[:, :], allowed: Tensor | None = None) -> Tensor:
         """Return the actions by which agents go towards nodes, rows of them; -1 where no path leads there."""
         if allowed is not None:
             raise BadValue(f"view.towards(allowed=…) is for arrays of NumPy, not for {self.library}.")
@@ -313,11 +322,11 @@ class DeviceView(ArrayView):
 
     def routes(self, weight: str | None = "length") -> "DeviceRoutes":  # type: ignore[override] # the same in arrays
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
-        return kept_in(self._state.shared, ("routes on a device", weight), lambda: DeviceRoutes(self.streets, weight))
+        return kept_in(self._shared, ("routes on a device", weight), lambda: DeviceRoutes(self.streets, weight))
 
     def flows(self) -> "DeviceFlows":
         """Return what spreads along the edges; it is worked out in NumPy, and kept for the batch."""
-        return kept_in(self._state.shared, "flows on a device", lambda: DeviceFlows(self.streets))
+        return kept_in(self._shared, "flows on a device", lambda: DeviceFlows(self.streets))
 
     def keep(self, key: Any, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, on the device.
@@ -328,7 +337,7 @@ class DeviceView(ArrayView):
         def put(games: int) -> Arrays:
             return {name: self.library.put(column) for name, column in make(games).items()}
 
-        return self._state.keep(("on a device", key), put)
+        return self._state.keep((ON_DEVICE, key), put)
 
     def _checked(self, given: object, by: str, *, may_aim: bool = False) -> Tensor:  # noqa: ARG002 - none aim here
         """Return actions as integers (games, agents), 0 for those that are not in the mask."""
@@ -526,18 +535,25 @@ class CopiedView(DeviceView):
         put, state = streets.library.put, view._state
         keys = kernels.as_signed(np.ascontiguousarray(state.draw_keys()[:, view.agents]))
         super().__init__(state, streets, view.agents, *map(put, (view.node, view.mask, view.turn, keys)))
-        self._known, self._of_host = {"counts": put(view.counts)}, view
+        self._known, self._of_host, self._shared = {"counts": put(view.counts)}, view, view._shared
 
     def on_host(self) -> ArrayView:
         """Return the view in NumPy."""
         return self._of_host
 
-    def _legal(self) -> Tensor:
-        return self.library.put(self.on_host()["legal"])
+    def legal_rows(self, which: Index = np.s_[:, :]) -> tuple[Tensor, Tensor]:
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
+        rows, counts = self.on_host().legal_rows(which)
+        return self.library.put(rows), self.library.put(counts)
+
+    def towards(self, targets: Tensor, which: Index = np.s_[:, :], allowed: Tensor | None = None) -> Tensor:
+        """Return the actions by which agents go towards nodes, rows of them; -1 where no path leads there."""
+        rows, get = self.library.get(targets), self.library.get
+        return self.library.put(self.on_host().towards(rows, which, None if allowed is None else get(allowed)))
 
     def routes(self, weight: str | None = "length") -> "DeviceRoutes":  # type: ignore[override] # the same in arrays
         """Return how far it is to nodes, and which action leads there, where all games have the same roads."""
-        if self._state.roads.are_closed:
+        if isinstance(self.streets, DeviceStreetsOfMaps):
             refuse_several_maps("What view.routes() says on a device")
         return super().routes(weight)
 
@@ -549,9 +565,14 @@ class CopiedView(DeviceView):
 
 def moved(view: ArrayView, library: ArrayLibrary) -> DeviceView:
     """Return a view of all games, which are played on the host, with copies of its arrays on a device."""
-    state = view._state
-    streets = kept_in(state.shared, "streets on a device", lambda: DeviceStreets(state.streets, library))
-    return CopiedView(view, streets)
+    state, streets = view._state, view.streets
+
+    def made() -> DeviceStreets:
+        if isinstance(streets, StreetsOfMaps):
+            return DeviceStreetsOfMaps(DeviceStreets(state.streets, library))
+        return DeviceStreets(streets, library)
+
+    return CopiedView(view, kept_in(view._shared, "streets on a device", made))
 
 
 def columns_of(table: Tensor, agents: IntArray, library: ArrayLibrary) -> Tensor:

@@ -14,7 +14,7 @@ from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
-from gamms.game.batch.given import Acting, Given, as_given, as_kept
+from gamms.game.batch.given import Acting, Given, as_given, as_kept, on_host
 from gamms.game.batch.libraries import ArrayLibrary, as_actions, refuse_no_actions
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
@@ -186,12 +186,12 @@ class Batch(Fixed):
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         if self._apart is not None and given:
             games = [number for number in self.detached if self._apart.over(number) is None]
-            self._apart.check(self._on_host(given), np.array(games, np.int64))
+            self._apart.check(on_host(given, self.library), np.array(games, np.int64))
         before, were_over, is_played = self._engine.turns(), self._engine.is_over, False
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
-                    actions_there = given if isinstance(self._engine, DeviceEngine) else self._on_host(given)
+                    actions_there = given if isinstance(self._engine, DeviceEngine) else on_host(given, self.library)
                     if isinstance(self._engine, ArrayEngine):
                         self._engine.step(actions_there, partial(self._play_apart, given))
                     else:
@@ -204,6 +204,8 @@ class Batch(Fixed):
                 else:
                     self._restart_apart(were_over)
             self._show_apart()
+        if isinstance(self._engine, DeviceEngine):
+            self._put_public(slow=self._engine.why_slow() or self.slow)
         return self._put(~self._engine.is_over)
 
     def _note(self, given: dict[Hashable, Given]) -> None:
@@ -234,7 +236,7 @@ class Batch(Fixed):
                 missing = [*missing, given]
             for one in missing:
                 if apart.over(number) is None:
-                    apart.step_game(number, self._on_host(one))
+                    apart.step_game(number, on_host(one, self.library))
             if to_the_end and apart.over(number) is None:
                 apart.run(number)
 
@@ -512,7 +514,7 @@ class Batch(Fixed):
             acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
                 given = {} if self._log is None or turn >= num_given else self._log[first + turn]
-                acting.take(self._on_host(given), number)
+                acting.take(on_host(given, self.library), number)
                 ctx.game.step()
             acting.end()
 
@@ -549,12 +551,6 @@ class Batch(Fixed):
     def _put(self, array: T) -> T:
         """Return an array of the host as one of the library of the batch."""
         return array if self.library is None else self.library.put(array)
-
-    def _on_host(self, given: Mapping[Hashable, Given]) -> dict[Hashable, Given]:
-        """Return actions with moves as arrays of the host."""
-        if (library := self.library) is None:
-            return dict(given)
-        return {team: one._replace(moves=library.get(one.moves)) for team, one in given.items()}
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.flights import as_flights
-from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -92,6 +92,13 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
     if flights is not None:
         flights = as_flights(flights, f"Flights of team {shown(team)}", shape)
     return Given(value.get("moves"), deeds, messages, flights)
+
+
+def on_host(given: Mapping[Hashable, Given], library: ArrayLibrary | None) -> dict[Hashable, Given]:
+    """Return actions with moves as arrays of the host."""
+    if library is None:
+        return dict(given)
+    return {team: one._replace(moves=library.get(one.moves)) for team, one in given.items()}
 
 
 def as_kept(moves: Tensor, xp: ModuleType) -> Tensor:

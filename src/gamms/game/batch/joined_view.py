@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gamms.game.batch.columns import joined_rows, some_rows
-from gamms.game.batch.movement import Places
+from gamms.game.batch.movement import Index, Places
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SeenNodes
@@ -56,7 +56,7 @@ class JoinedView(ArrayView):
         """How many nodes are legal for each agent, its own included."""
         return self._joined(lambda view: view.counts, 1)
 
-    def legal_rows(self, which: tuple[IntArray | slice, IntArray | slice] = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
+    def legal_rows(self, which: Index = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
         rows = self._joined(lambda view: view.legal_rows()[0], 0)
         return rows[which], self._joined(lambda view: view.legal_rows()[1], 0)[which] > 0

@@ -33,6 +33,7 @@ _MOST_ACTIONS = 4096  # that masks and vectors have
 
 
 Which = tuple[IntArray | slice, IntArray]  # games and agents, as an index
+Index = tuple[IntArray | slice, IntArray | slice]  # likewise
 
 
 class Places(NamedTuple):

@@ -261,7 +261,7 @@ class GameArrays:
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         roads: which are open in each game.
-        change_roads: opens or closes roads in games, by ids of edges; None: that is not possible.
+        change_roads: opens or closes roads in games, by ids of edges.
         apart: games that the turn engine plays, by their numbers, and why.
         observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
@@ -282,6 +282,7 @@ class GameArrays:
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
+    change_roads: Callable[[IntArray, tuple[int, ...], bool], None]
     note_blocked: Callable[[int, int, str | None], None] | None = None
     flyers: Flyers | None = None
     last_flights: Flights | None = None
@@ -296,7 +297,6 @@ class GameArrays:
         self.observed_apart: GameArrays | None = None
         self.roads = movement.all_roads
         self._of_maps: World | None = None  # of games that have several maps
-        self.change_roads: Callable[[IntArray, tuple[int, ...], bool], None] | None = None
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
         self.is_there = self.alive.copy()
         self.last_moves = LastMoves(start.copy(), start.copy(), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))

@@ -374,7 +374,6 @@ class ArrayTurn:
 
         Raises:
             UnknownName (KeyError): there is no such edge in one of them.
-            BadValue: the games are played on a device.
         """
         self._change_roads(at, edges, is_open=False)
 
@@ -383,11 +382,8 @@ class ArrayTurn:
         self._change_roads(at, edges, is_open=True)
 
     def _change_roads(self, at: IntArray, edges: Sequence[int], *, is_open: bool) -> None:
-        change = self._state.change_roads
-        if change is None:
-            raise BadValue("Roads are opened and closed in arrays of NumPy alone: make the batch without xp=.")
         if len(at) and len(edges):
-            change(self.games[self._as_at(at)], tuple(edges), is_open)
+            self._state.change_roads(self.games[self._as_at(at)], tuple(edges), is_open)
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and where they are, (games, these, 3)."""
