@@ -343,6 +343,31 @@ def test_plans_and_awaited_strategies_go_on_in_a_fork(grid):
 # -- when -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("come", range(3))
+def test_agents_of_a_fork_meet_where_they_are_in_the_fork(grid, come):
+    """Agents that came between the last turn and the fork were left out, where versions of both games were equal."""
+    ctx = grid()
+    for name, team, node in (("a", "red", 5), ("b", "blue", 6)):
+        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=gamms.strategies.stay)
+    ctx.game.step()
+    for number in range(come):
+        ctx.agent.create_agent(f"c{number}", start_node_id=6, team="red")
+    fork = ctx.game.fork(1)
+    assert len(rules.contacts(fork.ctx, "red", "blue")) == come
+    fork.ctx.agent.get_agent("a").current_node_id = 6
+    assert len(rules.contacts(fork.ctx, "red", "blue")) == come + 1
+    assert len(rules.contacts(ctx, "red", "blue")) == come
+
+
+def test_a_fork_by_metres_knows_how_its_agents_moved_when_the_game_goes_on(grid):
+    ctx = grid(speed_unit="metres")
+    agent = ctx.agent.create_agent("a", start_node_id=0, speed=0.7, strategy=gamms.strategies.random_walk)
+    ctx.game.step()
+    fork, tracks = ctx.game.fork(1), ctx.game.tracks([agent])
+    ctx.game.step()
+    assert fork.tracks(fork.agents) == tracks
+
+
 def test_forks_belong_to_the_program_that_runs_the_game(grid):
     with grid() as ctx:
         refused = []

@@ -122,9 +122,12 @@ class TurnMoves:
             for kind, values in action.deeds.items()
         ]
 
-    def of_agents(self, agents: Mapping[str, IAgent], twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
-        """Return the same moves of other agents, each of which takes the place of the one of its name."""
+    def of_agents(
+        self, agents: Mapping[str, IAgent], block: AgentBlock, twin_of: Callable[[IAgent], IAgent]
+    ) -> "TurnMoves":
+        """Return the same moves of other agents, in their block, each of which takes the place of one of its name."""
         order, slots = copy(self.order), self.slots
+        order.block, order.structure_version = block, -1  # whose changes are counted from another number
         if isinstance(slots, LazySlots):
             order.slots = slots.of_agents(agents)
         else:
@@ -243,8 +246,11 @@ class TurnMoves:
         slot, action = self.slots[i], self.actions.get(i)
         if slot.flies:
             return action is not None and action.position not in (None, slot.agent.prev_position)
-        ended, now = None if action is None else action.progress, self.order.progress[self.order.selection.rows[i]]
-        return slot.travels and (now and now[:-1]) != (ended and ended[:-1])  # how it moves there is no matter
+        if not slot.travels:
+            return False
+        block, ended = self.order.block, None if action is None else action.progress
+        now = block.progress[block.row_of(slot.name)] if slot.name in block.rows else ended
+        return (now and now[:-1]) != (ended and ended[:-1])  # how it moves there is no matter
 
     def stop(self, i: int) -> bool:
         """Keep the agent of a slot where it is; return whether it was about to go elsewhere."""

@@ -81,7 +81,8 @@ class Snapshot:
         """Copy the snapshot together with the context that it is of."""
         moves, agents = self._values["moves"], deepcopy(self._parts["agent_engine"], memo).agents
         if moves is not None and id(moves) not in memo:  # which hold views of arrays
-            memo[id(moves)] = moves.of_agents(agents, partial(_twin_of, memo))
+            block = memo.get(id(moves.order.block), moves.order.block)
+            memo[id(moves)] = moves.of_agents(agents, block, partial(_twin_of, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
         return Snapshot(self.turn, self.seed, of, values, parts)
 
@@ -241,7 +242,8 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     _renew_states(target)
     moves: TurnMoves | None = source.state.moves
     if moves is not None:
-        target.state.moves = moves.of_agents(target.ctx.agent.agents, partial(_twin_of, memo))
+        agents = target.ctx.agent
+        target.state.moves = moves.of_agents(agents.agents, agents.block, partial(_twin_of, memo))
 
 
 def _twin_of(memo: Memo, agent: Any) -> Any:

@@ -108,6 +108,9 @@ class RowsByName:
         self.version += 1
         self.enter_all(names)
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._number_of
+
     def enter(self, name: str) -> None:
         """Add a row."""
         number = self._number_of[name] = self._numbers[-1] + 1 if self._numbers else 0
