@@ -393,10 +393,10 @@ class ArrayTurn:
         return flyers.agents, flyers.xyz[self.games]
 
     def start_of(self, agents: IntArray) -> IntArray:
-        """Return where agents began, (games, agents)."""
-        return np.where(
-            self.roster.is_first[agents], self._state.start[np.ix_(self.games, agents)], self.node[:, agents]
-        )
+        """Return where agents began, (games, agents); -1 of those that have not come."""
+        rows = np.ix_(self.games, agents)
+        come = np.where(self._state.is_there[rows], self.node[:, agents], -1)
+        return np.where(self.roster.is_first[agents], self._state.start[rows], come)
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, put back or eliminated so far."""
