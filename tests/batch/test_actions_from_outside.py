@@ -123,9 +123,14 @@ def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind
         assert games.turn.tolist() == [0, 0]
 
 
-def test_messages_from_outside_need_a_channel():
-    with scene().batch(2) as games, pytest.raises(BadValue, match=r"Channel 'radio' .* the game has no channels"):
-        games.step({"red": {"messages": {"radio": (True, 1)}}})
+@pytest.mark.parametrize("xp", [None, np])
+def test_deeds_and_messages_from_outside_are_those_that_the_game_declares(xp):
+    with scene().batch(2, xp=xp) as games:
+        with pytest.raises(BadValue, match=r"Channel 'radio' .* the game has no channels"):
+            games.step({"red": {"messages": {"radio": (True, 1)}}})
+        with pytest.raises(UnknownName, match=r"Unknown deed, as ctx\.game\.deeds declares none: 'scan'"):
+            games.step({"red": {"deeds": {"scan": True}}})
+        assert games.turn.tolist() == [0, 0]
 
 
 def opening(ctx):

@@ -168,22 +168,26 @@ def test_a_form_can_be_declared_beside_a_strategy_a_rule_and_its_check():
             assert sum(agent["blocked"] for agent in games.result(1).agents.values()) > 0
 
 
-def test_plans_with_a_form_are_played_in_arrays():
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_plans_with_a_form_are_played_in_arrays_and_others_asked(unit):
     def ahead(team):
         return team.targets[team.offsets[1:] - 1]
 
-    with scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]).build(seed=1) as ctx:
-        ctx.game.command("red", ahead, arrays=True)
-        with ctx.game.batch(seeds=[3, 4]) as games:
-            assert games.slow is not None
-            assert games.slow.startswith("the plan of team 'red'")
-        gamms.array_strategy(of=ahead)(lambda view: view.counts - 1)
-        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
-            games.run()
-            for number, seed in enumerate((3, 4)):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+    scenario = scene([tag], settings={"speed_unit": unit}).replace(**{"teams.red.speed": 7.0})
+    with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as alone:
+        for has_form in (False, True):
+            if has_form:
+                gamms.array_strategy(of=ahead)(lambda view: view.counts - 1)
+            for one in (ctx, alone):
+                one.game.command("red", ahead, arrays=True)
+            with ctx.game.batch(seeds=[3, 4]) as games:
+                assert (games.slow is None) == has_form
+                assert has_form or games.slow.startswith("the plan of team 'red'")
+                games.run()
+                for number, seed in enumerate((3, 4)):
+                    alone.game.reset(seed=seed)
+                    assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_a_form_is_replaced_by_itself_alone():

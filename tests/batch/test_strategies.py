@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain
+from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -201,10 +201,21 @@ def test_what_the_array_form_of_a_target_returns_is_checked(rows, message):
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
     strategies = {"red": lambda ctx: chase(ctx, None), "blue": lambda ctx: mix(0.5, unblock(flee(ctx, None)), stay)}
     same_as_one_by_one(hunted(), [1], strategies)
+    travel = hunted(sight={"sensor_range": 0.0}, settings={"speed_unit": "metres", "decide": "arrival"})
+    travel = travel.replace(**{"teams.red.speed": 23.0, "teams.red.count": 1})  # so that it arrives in some games alone
+    same_as_one_by_one(travel, [1, 2], {"red": lambda ctx: mix(0.5, random_walk, chase(ctx, None))})
     assert hunted().play(seed=1, strategies=strategies).errors
     strict = hunted(settings={"on_illegal": "raise"})
     with strict.batch(2, strategies=strategies) as games, pytest.raises(IllegalAction, match=r"not set.*legal are \["):
         games.run()
+
+
+def test_agents_on_a_map_without_edges_stay_by_metres():
+    scenario = scene(red=1, blue=1, side=1, max_turns=2, settings={"speed_unit": "metres"})
+    with scenario.batch(1, strategies={"red": unblock(stay)}) as games:
+        games.run()
+        assert games.observe("red").counts.tolist() == [[1]]
+        assert games.result(0) == scenario.play(seed=0, strategies={"red": unblock(stay)})
 
 
 def test_agents_that_block_each_other_give_way_in_arrays_as_alone(same_as_one_by_one):

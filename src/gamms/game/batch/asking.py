@@ -70,7 +70,7 @@ class Asking:
     def check(self, turn: ArrayTurn, asked: BoolArray | None) -> None:
         """Refuse what was given and cannot be done as the games are now; nothing changes."""
         self.given(turn, asked)
-        self._given_acts(turn)
+        self.acts(turn)
 
     def moves(self, turn: ArrayTurn, actions: IntArray) -> Moves:
         """Return where the actions of those that were asked lead, of all agents of the games."""
@@ -93,11 +93,12 @@ class Asking:
             asked: (games, agents) which agents move.
         """
         if self._acts is None and self._given:
-            self._acts = self._given_acts(turn)
+            self._acts = self.acts(turn)
         self._state.shared[DELAYS].note(turn.games, asked)
         acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)
         flyers = self._state.flyers
-        self.lost, self.flights = [], None if flyers is None else flyers.hovering(len(turn.games))
+        self.lost, self._games = [], turn.games  # which may be some of those of the turn, where agents arrive
+        self.flights = None if flyers is None else flyers.hovering(len(turn.games))
         for team, one in self._given.items() if flyers is not None else ():
             agents, ways = turn.roster.members(team), one.flights
             ways = np.zeros((*turn.node.shape[:1], len(agents), 3)) if ways is None else ways[turn.games]
@@ -154,15 +155,17 @@ class Asking:
 
     def note(self, turn: ArrayTurn, illegal: Sequence[Illegal]) -> None:
         """Note what those did wrong who were asked last; what they send whose actions are not legal is dropped."""
-        illegal, self.lost = [*self.lost, *illegal], []
-        if illegal and self.outboxes:
+        wrong = [one._replace(at=int(self._games[one.at])) for one in self.lost]
+        wrong += [one._replace(at=int(turn.games[one.at])) for one in illegal if turn.alive[one.at, one.agent]]
+        self.lost = []
+        if wrong and self.outboxes:
             is_dropped = np.zeros(self._state.node.shape, np.bool_)
-            is_dropped[turn.games[[one.at for one in illegal]], [one.agent for one in illegal]] = True
+            is_dropped[[one.at for one in wrong], [one.agent for one in wrong]] = True
             first = (self._moment - 1) * MOST_AT_ONCE
             self.outboxes = [box.those(~is_dropped[box.at, box.senders] | (box.order < first)) for box in self.outboxes]
-        senders = {(int(turn.games[one.at]), one.agent) for one in illegal}
+        senders = {(one.at, one.agent) for one in wrong}
         failures = [one for one in self._failures if not one.is_unsent or (one.game, one.agent) not in senders]
-        failures += [Failure.illegal(int(turn.games[i]), j, why) for i, j, why in illegal if turn.alive[i, j]]
+        failures += [Failure.illegal(*one) for one in wrong]
         for one in sorted(failures, key=itemgetter(0, 1, 2)):
             self._state.note_failure(one)
         self._failures = []
@@ -184,7 +187,7 @@ class Asking:
         error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
         raise error
 
-    def _given_acts(self, turn: ArrayTurn) -> tuple[list[ArrayDeeds], list[Outbox]]:
+    def acts(self, turn: ArrayTurn) -> tuple[list[ArrayDeeds], list[Outbox]]:
         """Return the deeds and messages that were given, of games by their numbers in the batch."""
         state, deeds, outboxes = self._state, list[ArrayDeeds](), list[Outbox]()
         acting = {team: one for team, one in self._given.items() if one.deeds or one.messages}

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine
+from gamms.game.batch.asking import Asking
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, in_turns, kept_in
 from gamms.game.batch.device_view import ON_DEVICE, DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
@@ -319,6 +320,9 @@ class DeviceEngine(ArrayEngine):
     def _given(self, mask: Tensor, given: Mapping[Hashable, Given]) -> list[tuple[IntArray, Tensor]]:
         """Return the agents and the moves, (games, agents), that were given of each team, checked."""
         parts = []
+        if any(one.deeds or one.messages for one in given.values()):  # which no game here has, so they are refused
+            playing = ArrayTurn(self.state, np.flatnonzero(~self.is_over))
+            Asking(self.state, self._here, given, at_arrivals=False).acts(playing)
         for team, wanted in given.items():
             agents = self.state.roster.members(team)
             view = self._view(agents, mask, is_own=True)

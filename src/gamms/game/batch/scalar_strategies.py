@@ -146,7 +146,7 @@ class _Targets(Legality):
             if self._settings.decide == "arrival":
                 self._fork.refuse("it gives the nodes of its way")
             return super().travelled(mover, here, wanted)
-        if wanted is not None and (mover.speed is None or wanted not in self.legal[mover.name]):
+        if wanted is not None and (mover.speed is None or wanted not in self.legal.get(mover.name, ())):
             super().travelled(mover, here, wanted)  # which may find that it cannot
         return ResolvedAction(-1 if wanted is None else wanted, (here,))
 

@@ -37,7 +37,9 @@ def _why_not_moved(game: PlayedGame) -> str | None:
     settings = game.settings()
     by_metres, conflicts = settings["speed_unit"] != "edges" and settings["legal"] == "edges", settings["conflicts"]
     at_arrivals = by_metres and settings["decide"] == "arrival"
+    graph = game.ctx.graph
     reasons = [
+        (by_metres and not len(graph.columns().edge_ids) + len(graph.closed_roads), "a map without edges, by metres"),
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
     ]
