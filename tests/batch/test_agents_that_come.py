@@ -205,13 +205,21 @@ def test_games_that_are_played_one_by_one_have_the_same_rows():
             assert games.observe("blue").mask.tolist() == [[True, True, True, True, False, False]]
 
 
+def test_agents_that_have_not_come_have_begun_nowhere():
+    goal = {"rule": "reach", "with": {"team": "red", "nodes": "starts of blue"}}
+    scenario, seeds = made().replace(rules=[goal], **{"teams.red.strategy": "gamms.strategies:stay"}), [1, 2, 3]
+    with scenario.batch(seeds=seeds, most_agents={"blue": 5}) as games:
+        games.run()
+        assert [games.result(number) for number in range(3)] == [scenario.play(seed=seed) for seed in seeds]
+
+
 def test_agents_that_come_without_sensors_are_observed_one_by_one():
     def recruit(ctx):
         if ctx.game.turn == 1:
             ctx.agent.create_agent("red_1", start_node_id=0, team="red")
 
-    late = {"late": {"type": "AGENT_RANGE", "sensor_range": 1000.0, "delay_turns": 1}}
-    teams = {"red": {"count": 1, "sensors": ["late"]}, "blue": {"count": 1}}
+    late = {"late": {"type": "AGENT_RANGE", "sensor_range": 1000.0, "delay_turns": 1}, "all": {"type": "MAP"}}
+    teams = {"red": {"count": 1, "sensors": ["late", "all"]}, "blue": {"count": 1}}
     with scene(sensors=late, teams=teams, settings={"time_budget": 60.0}).build(seed=1) as ctx:
         ctx.game.add(recruit)
         games = ctx.game.batch(2, most_agents={"red": 2})
@@ -219,3 +227,4 @@ def test_agents_that_come_without_sensors_are_observed_one_by_one():
             games.step()
         assert games.observe("red").mask.all()
         assert games.observe("red").seen().mask[0].tolist() == [[True, False, True], [False] * 3]  # it carries none
+        assert games.observe("red").seen_nodes().mask[0].all(axis=1).tolist() == [True, False]

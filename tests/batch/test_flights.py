@@ -154,8 +154,9 @@ def test_agents_see_others_from_the_air_as_in_games_alone(strategy, eyes):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
 
 
-def test_given_flights_are_those_of_games_one_by_one(tmp_path):
-    scenario, rng = flying(FUEL, TAG), np.random.default_rng(2)
+@pytest.mark.parametrize("legal", ["edges", "any"])
+def test_given_flights_are_those_of_games_one_by_one(legal, tmp_path):
+    scenario, rng = flying(FUEL, TAG).replace(**{"settings.legal": legal}), np.random.default_rng(2)
     with (
         scenario.batch(3, seed=4, record=True) as games,
         scenario.batch(3, seed=4, record=True, one_by_one=True) as others,

@@ -100,6 +100,22 @@ def test_all_sensors_together_show_each_agent_once_and_none_itself():
                 view.seen("fra")
 
 
+def test_of_several_sensors_the_last_counts_also_in_games_alone():
+    with scene().build(seed=1) as ctx:
+        kinds = {"noisy": {"position_noise_m": 9.0}, "exact": {}, "late": {"delay_turns": 1, "position_noise_m": 9.0}}
+        for name, keywords in kinds.items():
+            eye = ctx.sensor.create_sensor(name, "AGENT_RANGE", sensor_range=25.0, **keywords)
+            ctx.agent.get_agent("red_1").register_sensor(name, eye)
+        games = ctx.game.batch(2)
+        ctx.game.time_budget = 60.0
+        with games, ctx.game.batch(2) as slow:
+            for batch in (games, slow):
+                batch.step()
+            assert games.slow != slow.slow == "a time budget"
+            found = [batch.observe("red").seen(*names) for batch in (games, slow) for names in ((), [*kinds][::-1])]
+            assert len({str([column.tolist() for column in one[1:]]) for one in found}) == 1
+
+
 def test_dead_agents_see_none_and_are_not_seen():
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
     sensors = {"eye": {"type": "AGENT"}}

@@ -213,15 +213,20 @@ class OneByOneEngine:
         self._flyers = [i for i, agent in enumerate(self._roster.agents) if agent.type is AgentType.AERIAL]
         agents = range(len(self._roster.agents))
         self._odd = [i for i in agents if i in self._flyers or not movement.are_plain(np.array([i]))]
-        self._revision = self._game.ctx.graph.graph.revision
-        self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
+        self._revision = None if isinstance(movement, Anywhere) else self._game.ctx.graph.graph.revision
+        self._legal = Noted(movement) if self._flyers or not isinstance(movement, Anywhere) else None
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
         self._places = state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
-        sensors = {i: noted_sensors(agent) for i, agent in enumerate(self._roster.agents)}
-        state.noted = {i: names for i, names in sensors.items() if names}
+        self._note_sensors(state)
         if self._flyers:
             state.heights, state.movement.leaves_nodes = np.zeros(shape), True
         return state
+
+    def _note_sensors(self, state: GameArrays) -> None:
+        """Note which sensors the agents of the roster carry."""
+        sensors = {i: noted_sensors(agent) for i, agent in enumerate(self._roster.agents)}
+        state.noted = {i: names for i, names in sensors.items() if names}
+        state.shared.clear()
 
     def _observe(self, number: int) -> None:
         """Note where the agents of the game that the context has are, if that is where arrays can say."""
@@ -235,6 +240,9 @@ class OneByOneEngine:
         state, ctx, known = self._observed, self._game.ctx, self._game.ctx.agent.agents
         # One that has not come is not there; one that was deleted stays where it was.
         agents = [known.get(name, one) for name, one in zip(self._roster.names, self._roster.agents, strict=True)]
+        if agents != self._roster.agents:  # some have come, with sensors of their own
+            self._roster.agents[:] = agents
+            self._note_sensors(state)
         state.is_there[number] = [name in known for name in self._roster.names] | self._roster.is_first
         nodes = state.streets.rows([agent.current_node_id for agent in agents])
         state.turn[number], state.node[number] = self._game.turn, nodes

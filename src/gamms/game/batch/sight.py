@@ -122,8 +122,8 @@ def looks_of(
 ) -> list[AgentLook]:
     """Return how the sensors of an agent show agents: those of these names, or all of these kinds."""
     carried, found = getattr(agent, "sensors", {}), []
-    for name in names or carried:
-        if name in carried and carried[name].type in kinds and name not in left_out:
+    for name in carried:
+        if (not names or name in names) and carried[name].type in kinds and name not in left_out:
             why = why_not_seen(agent, name)
             if why is not None:
                 if may_lack_forms:
@@ -183,17 +183,16 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
 
 
 def noted_sensors(agent: IAgent) -> list[str]:
-    """Return the sensors of an agent that only the turn engine can ask in games that are played one by one.
+    """Return the sensors of an agent that show agents, that which counts first, if only the turn engine can ask one.
 
-    These look from the air, turn with the agent, report late, or are of a class of their own.
+    In games that are played one by one it asks those that look from the air, turn with the agent, report late, or are
+    of a class of their own.
     """
-    found = []
-    for name, sensor in getattr(agent, "sensors", {}).items():
-        look = look_of(sensor, agent)
-        is_odd = look is None or look.turns or look.delay
-        if sensor.type in IN_AIR or (sensor.type in SHOWING_AGENTS and is_odd):
-            found.append(name)
-    return found
+    carried = getattr(agent, "sensors", {})
+    looks = [look_of(one, agent) for one in carried.values() if one.type in SHOWING_AGENTS]
+    is_odd = any(look is None or look.quat is not None or look.turns or look.delay for look in looks)
+    ground, air = ([name for name, one in carried.items() if one.type in kinds] for kinds in (ON_GROUND, IN_AIR))
+    return [*ground[::-1], *air] if is_odd else []
 
 
 def lookouts(
