@@ -5,7 +5,7 @@ import pytest
 from batch_scenes import plain, scene
 
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.rules import last_team
+from gamms.rules import last_team, resource
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -158,6 +158,21 @@ def test_a_game_in_which_an_agent_comes_otherwise_than_rows_are_leaves_the_array
             games.run()
             assert sorted(games.detached) == [1, 3]
             assert "blue_3" in games.result(1).agents
+
+
+def test_games_in_which_agents_have_come_leave_the_arrays_with_the_others():
+    def reckon(state):
+        state["action"] = state["legal"][len(repr(state["facts"]["fuel"])) % 2]
+
+    with made().build(seed=1, strategies={"red": reckon}) as ctx:
+        ctx.game.add(resource("fuel", 9, per_edge=1))
+        ctx.game.add(reinforce, phase="before")
+        with ctx.game.batch(seeds=[2, 3], most_agents={"blue": 6}) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert sorted(games.detached) == [0, 1]
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_sensors_of_agents_that_come_are_those_that_rules_have_made():

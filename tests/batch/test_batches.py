@@ -328,8 +328,9 @@ def test_the_table_has_a_row_for_each_game():
         assert not games.terminated.any()
 
 
-def test_a_game_of_a_batch_is_recorded_byte_by_byte_as_it_would_be_alone(tmp_path):
-    scenario = scene([TAG])
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_a_game_of_a_batch_is_recorded_byte_by_byte_as_it_would_be_alone(phase, tmp_path):
+    scenario = scene([TAG, {"rule": "time_limit", "with": {"turns": 5}, "phase": phase}])
     with scenario.batch(3, seed=4) as games:
         games.run()
         games.record(1, tmp_path / "batch.ggr")

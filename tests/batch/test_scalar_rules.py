@@ -441,6 +441,7 @@ def test_a_game_whose_scores_floats_do_not_hold_exactly_leaves_the_arrays():
 def deserts(ctx):
     if ctx.game.turn == 3 and ctx.seed % 3 == 0:
         ctx.agent.delete_agent("red_0")
+        ctx.agent.get_agent("red_1").speed = 2
 
 
 def test_a_game_that_becomes_another_kind_of_game_leaves_the_arrays_alone():
@@ -462,6 +463,8 @@ def test_games_that_have_left_the_arrays_take_actions_and_are_observed_reset_and
                 others.step({"red": (turn + np.arange(3)) % others.observe("red").counts})
             assert list(games.detached) == [1]
             assert games.turn.tolist() == [6, 6, 6]
+            assert games.observe("red").mask.tolist() == [[True] * 3, [False, True, True], [True] * 3]
+            assert games.observe("red").counts[1, 1] > 5  # along two edges
             assert "red_0" not in [one["agent"] for one in games.result(1).events if one["turn"] > 3]
             assert (games.observe("blue").node[[0, 2]] == others.observe("blue").node[[0, 2]]).all()
             games.reset([1])

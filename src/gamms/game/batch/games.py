@@ -516,6 +516,8 @@ class Batch(Fixed):
                 given = {} if self._log is None or turn >= num_given else self._log[first + turn]
                 acting.take(on_host(given, self.library), number)
                 ctx.game.step()
+            if self._engine.is_over[number] and not ctx.game.is_over and turns != ctx.game.max_turns:
+                ctx.game.step()  # which a rule of the phase "before" ends
             acting.end()
 
     def _entry_of(self, game: int) -> int:

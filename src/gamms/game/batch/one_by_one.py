@@ -246,11 +246,12 @@ class OneByOneEngine:
         state.is_there[number] = [name in known for name in self._roster.names] | self._roster.is_first
         nodes = state.streets.rows([agent.current_node_id for agent in agents])
         state.turn[number], state.node[number] = self._game.turn, nodes
-        state.alive[number] = state.is_there[number] & [agent.alive for agent in agents]
+        state.alive[number] = [name in known and known[name].alive for name in self._roster.names]
         self._is_observed[number] = True
         state.now.clear()
         if self._legal is not None:
-            self._note_legal(self._legal, number, nodes)
+            paced = [i for i, agent in enumerate(agents) if agent.speed is not None]  # which rules may have set
+            self._note_legal(self._legal, number, nodes, {*self._odd, *paced})
         edge, offset_m, xy = (column[number] for column in self._places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
         for i in self._flyers:
@@ -264,13 +265,13 @@ class OneByOneEngine:
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
 
-    def _note_legal(self, noted: "Noted", number: int, nodes: IntArray) -> None:
-        """Note where the agents of the game that the context has may go: those that are out stay."""
+    def _note_legal(self, noted: "Noted", number: int, nodes: IntArray, odd: Iterable[int]) -> None:
+        """Note where the agents of the game that the context has may go: those that are out stay; some go oddly."""
         revision = self._game.ctx.graph.graph.revision
         is_known, names = revision is not None and revision == self._revision, self._roster.names
         if is_known:
             noted.note_plain(number, nodes)
-        odd = self._odd if is_known else range(len(names))
+        odd = odd if is_known else range(len(names))
         legal, rows = self._game.internals.parts.turns.legal([names[agent] for agent in odd]), noted.streets.rows
         for agent in odd:
             found = legal.get(names[agent])

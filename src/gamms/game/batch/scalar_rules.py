@@ -202,7 +202,10 @@ class RuleContext:
         for at in np.lexsort(np.concatenate((turn.alive, turn.took_part), axis=1).T).tolist():
             own = self._own[turn.games[at]]
             by_cast.setdefault(() if own is None else own.came, []).append(at)
-        for came, those in by_cast.items():
+        for came, several in by_cast.items():
+            those = [at for at in several if int(turn.games[at]) not in self._state.apart]  # some may just have left
+            if not those:
+                continue
             self.fork.stand(came)
             listed = _columns(self._state, turn, those, self.fork.rows, is_moving=phase not in ("before", "after"))
             places = ((i, columns) for columns in listed for i in range(len(columns.turns)))
