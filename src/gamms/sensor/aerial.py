@@ -276,7 +276,8 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         found = self._notice_in_arrays(self.range, owner, self._at)
         if isinstance(found, str):
             return found
-        if self._at is None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
+        carrier = self.ctx.agent.agents.get(owner)  # none: one of a game of a batch that the context does not have now
+        if self._at is None and carrier is not None and carrier.type is not AgentType.AERIAL:
             return "needs an agent that flies"
         return found._replace(**self._geometry_in_arrays())
 

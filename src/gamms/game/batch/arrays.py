@@ -52,7 +52,7 @@ from gamms.ir.game_state import PHASES
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent
+from gamms.typing import IAgent
 from gamms.typing.game import strategy_name
 
 
@@ -122,8 +122,6 @@ class ArrayEngine:
         named, kind = shown(agent.name), (agent.type, agent.team, agent.speed, key_of(form_of(decider)), sensors)
         if kind[:3] != (like.type, like.team, like.speed):
             return f"agent {named} comes with another team, kind or speed than the first of its team has"
-        if agent.type is AgentType.AERIAL:
-            return f"agent {named} comes, which flies"
         if agent.name not in self._kinds:
             why = next(map(as_prepared, preparing(agent, settings["plans"])), None)
             why = why or next((why for _, why in why_not_decided(game, [agent])), None)

@@ -99,7 +99,7 @@ class Flyers:
         start: (games, agents) rows of the nodes where agents begin, those that fly above them.
 
     Attributes:
-        agents: (flyers,) their numbers in the roster.
+        agents: (flyers,) their numbers in the roster; until one has come, it is where the first of its team began.
         start, xyz, before: (games, flyers, 3) where they began, are, and were before they flew last.
         quat: (games, flyers, 4) how they are turned.
         speeds: (flyers,) how far they go in a turn at most.
@@ -108,7 +108,8 @@ class Flyers:
     """
 
     def __init__(self, game: PlayedGame, roster: Roster, streets: Streets, start: IntArray) -> None:
-        self.agents, self._streets = np.flatnonzero(roster.flies & roster.is_first), streets
+        self.agents, self._streets = np.flatnonzero(roster.flies), streets
+        self._is_first = roster.is_first[self.agents]
         self._nearest: Callable[[FloatArray, FloatArray], IntArray] = game.ctx.graph.graph.nearest_node
         ground = game.ctx.graph.graph.ground(streets.columns.node_ids)
         nodes = len(streets.columns.node_ids)
@@ -219,10 +220,11 @@ class Flyers:
         return found
 
     def respawn(self, games: IntArray, agents: IntArray) -> None:
-        """Put some back where they began; agents on the ground do not count."""
+        """Put some back where they began, which those that came later are; agents on the ground do not count."""
         some = np.isin(agents, self.agents)
         who = games[some], np.searchsorted(self.agents, agents[some])
-        self.before[who], self.xyz[who] = self.xyz[who], self.start[who]
+        back = np.where(self._is_first[who[1], None], self.start[who], self.xyz[who])
+        self.before[who], self.xyz[who] = self.xyz[who], back
 
     def shown(self, games: IntArray, agents: IntArray, values: FloatArray, axes: slice | int) -> FloatArray:
         """Return values of agents, (games, agents, …), but of those that fly where they are on some axes."""
@@ -243,8 +245,9 @@ class Flyers:
         )
         return [[*zip(*of_game, strict=True)] for of_game in zip(*columns, strict=True)]
 
-    def put(self, game: int, which: int, place: InAir) -> None:
-        """Put one of them somewhere in a game, as `places` says it."""
+    def put(self, game: int, agent: int, place: InAir) -> None:
+        """Put one of them, by its number in the roster, somewhere in a game, as `places` says it."""
+        which = np.searchsorted(self.agents, agent)
         self.before[game, which], self.xyz[game, which], self.quat[game, which] = place
 
 

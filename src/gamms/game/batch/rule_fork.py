@@ -430,7 +430,7 @@ class RuleFork:
         """Write what has changed into the arrays."""
         state, values, block, (i, game, columns) = self._state, self._values, self.ctx.agent.block, self._at
         node, previous, alive, num_events, scores = self._loaded
-        self._write_flyers(game, columns.in_air[i])
+        self._write_flyers(game, columns.in_air[i], came)
         headings = state.headings
         assert headings is not None  # noqa: S101 - there are such rules
         rows = self.rows
@@ -457,15 +457,15 @@ class RuleFork:
         if values.scores != scores:
             state.set_scores(game, values.scores)
 
-    def _write_flyers(self, game: int, known: Mapping[int, InAir]) -> None:
-        """Write where agents are that fly and were put elsewhere."""
+    def _write_flyers(self, game: int, known: Mapping[int, InAir], came: Sequence[str]) -> None:
+        """Write where agents are that fly and were put elsewhere, or have come."""
         block, flyers = self._block, self._state.flyers
         if flyers is not None:
             block.locate()
-            for which, (row, place) in enumerate(known.items()):
+            for row in [*known, *map(block.row_of, came)]:
                 now: Any = block.previous_position[row], block.position[row], block.quat[row]
-                if now != place:
-                    flyers.put(game, which, now)
+                if now[1] is not None and now != known.get(row):
+                    flyers.put(game, self.number[block.names[row]], now)
 
     # -- what arrays do not have ------------------------------------------------------------------------------------
 

@@ -272,13 +272,12 @@ def _in_air(
     flyers = state.flyers
     if flyers is None:
         return [{}] * len(games), [{}] * len(games)
-    numbers = flyers.agents.tolist()
-    rows = [row_of[one] for one in numbers]
-    places = [dict(zip(rows, of_game, strict=True)) for of_game in flyers.places(games)]
-    names = [state.roster.names[number] for number in numbers]
-    return places, [
-        dict(zip(names, [tuple(xyz) for xyz in of_game], strict=True)) for of_game in flyers.start[games].tolist()
-    ]
+    here, is_first = np.flatnonzero(np.isin(flyers.agents, [*row_of])), state.roster.is_first[flyers.agents]
+    rows = [row_of[one] for one in flyers.agents[here].tolist()]
+    places = [dict(zip(rows, of_game, strict=True)) for of_game in flyers.places(games, here)]
+    names = [state.roster.names[number] for number in flyers.agents[is_first].tolist()]
+    starts = flyers.start[games][:, is_first].tolist()
+    return places, [dict(zip(names, [tuple(xyz) for xyz in of_game], strict=True)) for of_game in starts]
 
 
 def _deeds(state: GameArrays, turn: ArrayTurn) -> dict[tuple[int, int], dict[str, dict[str, Any]]]:
