@@ -326,6 +326,40 @@ def test_moves_of_a_snapshot_stay_when_a_member_is_put_elsewhere_before_it_moves
     assert [move.end for move in ctx.game.moves.values()] == nodes
 
 
+def test_a_team_that_comes_while_a_recording_runs_is_in_arrays_and_recorded_as_agents_are_one_by_one(tmp_path):
+    def wander(state):
+        state["action"] = state["draw"].choice(state["legal"])
+
+    def recorded(file, create):
+        ctx = gamms.create_context(seed=2)
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.agent.create_agent("anna", start_node_id=7, strategy=wander)
+        ctx.record.start(file)
+        ctx.game.step()
+        create(ctx.agent)
+        ctx.game.run(max_turns=6)
+        ctx.agent.delete_agent("red_1")
+        ctx.game.run(max_turns=6)
+        ctx.record.stop()
+        with gamms.create_context() as again:
+            for _ in again.record.replay(file):
+                pass
+            there = [(name, one.team, one.current_node_id, vars(one)) for name, one in again.agent.agents.items()]
+        with gamms.recorder.open(file) as recording:
+            return ctx.agent.block.has_arrays, there, [str(state.agents) for state in recording]
+
+    def each(agents):
+        for name, start, fuel in (("red_0", 3, 1.5), ("red_1", 4, 2.5), ("red_2", 3, 4.5)):
+            agents.create_agent(name, start_node_id=start, sensors=[], strategy=wander, team="red", fuel=fuel)
+
+    def at_once(agents):
+        agents.create_team("red", [3, 4, 3], strategy=wander, columns={"fuel": [1.5, 2.5, 4.5]})
+
+    (is_in_arrays, *found), (_, *expected) = (recorded(tmp_path / one.__name__, one) for one in (at_once, each))
+    assert is_in_arrays
+    assert found == expected
+
+
 def test_attributes_of_agents_are_found_by_their_rows_whether_or_not_members_were_made(ctx):
     ctx.agent.create_agent("anna", start_node_id=0, fuel=1)
     ctx.agent.create_team("red", [0, 1, 2, 3])

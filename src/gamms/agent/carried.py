@@ -1,9 +1,13 @@
-"""Sensors in the form in which agents ask them."""
+"""The sensors of agents: as they are given to them, and in the form in which agents ask them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of
+from gamms.arguments import as_name
+from gamms.errors import BadType
+from gamms.text import shown
+from gamms.typing import IContext
+from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, is_sensor, owner_of
 
 
 def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequence[int]]) -> Carried:
@@ -47,3 +51,32 @@ class _Look:
         finally:
             if owner not in (None, own):  # a look that no agent asks for is that of the one that registered it last
                 sensor.set_owner(owner)
+
+
+def listed(sensors: Any) -> Any:
+    """Return sensors in a form that can be read more than once; anything else stays as it is."""
+    if isinstance(sensors, list | tuple | dict | str) or not isinstance(sensors, Iterable):
+        return sensors
+    return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
+
+
+def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, ISensor]:
+    """Return the sensors that an agent is to carry, by their names in its state; 1.0.0 skips unknown ids."""
+    is_dict = type(given) is not list and isinstance(given, Mapping)
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.")
+    pairs = given.items() if isinstance(given, Mapping) else ((one, one) for one in given)
+    found = {}
+    for key, sensor in pairs:
+        is_id = isinstance(sensor, str)
+        if not is_id and not is_sensor(sensor):
+            raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes sensors and their ids.")
+        if is_dict:
+            as_name(key, "a sensor")
+        try:
+            found[key if is_id or is_dict else sensor.sensor_id] = ctx.sensor.get_sensor(sensor) if is_id else sensor
+        except KeyError as error:
+            if not skips_unknown:
+                raise
+            ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
+    return found

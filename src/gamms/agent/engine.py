@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import repeat
 from numbers import Integral
 from types import MappingProxyType
 from typing import Any, Literal, Never, overload
@@ -11,15 +12,26 @@ from weakref import WeakSet
 import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
+from gamms.agent.carried import found_sensors, listed
 from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
-from gamms.agent.teams import AgentsByName, Members, Team, column_of, is_attribute, make_member, starts_in, values_in
+from gamms.agent.teams import (
+    AgentsByName,
+    Members,
+    Team,
+    column_of,
+    is_attribute,
+    make_member,
+    note_created,
+    starts_in,
+    values_in,
+)
 from gamms.arguments import as_member, as_name, misspelt
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
-from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
+from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.journal import CLOSED, PLAIN, Muted
+from gamms.ir.journal import CLOSED, Muted
 from gamms.ir.positions import Positions
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -27,7 +39,7 @@ from gamms.typing import IContext
 from gamms.typing.actions import as_strategy, known_node
 from gamms.typing.agent_engine import AgentType, Departure, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
-from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
+from gamms.typing.sensor_engine import ISensor, owner_of
 
 _MANY = 1000  # nodes, from which on an array is quicker than a look at each
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
@@ -149,10 +161,10 @@ class AgentEngine(ContextPart, IAgentEngine):
         if as_name(name, "an agent") in self._agents:
             raise Duplicate("an agent", name)
         if "sensors" in kwargs:
-            kwargs["sensors"] = _listed(kwargs["sensors"])
+            kwargs["sensors"] = listed(kwargs["sensors"])
         given = dict(kwargs)
         kind = self._kind_of(name, kwargs) if not _KINDS_OF_KEYWORDS.isdisjoint(kwargs) else AgentType.BASIC
-        sensors = self._found_sensors(name, kwargs.pop("sensors")) if "sensors" in kwargs else {}
+        sensors = found_sensors(self._ctx, name, kwargs.pop("sensors")) if "sensors" in kwargs else {}
         strategy = kwargs.pop("strategy", None)
         hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(given, _KEYWORDS)
         hints += [hint for one, hint in _OF_FLYERS.items() if kind is AgentType.BASIC and one in kwargs]
@@ -204,8 +216,8 @@ class AgentEngine(ContextPart, IAgentEngine):
             BadType, BadValue: an argument is impossible, also by its size (TooLarge); nothing has changed then.
         """
         team = as_name(name, "a team")
-        carried = _listed(sensors)
-        nodes = starts_in(start_node_ids, are_made=bool(carried) or self._block.journal is not PLAIN)
+        carried = listed(sensors)
+        nodes = starts_in(start_node_ids, are_made=bool(carried) or not self._block.journal.is_silent)
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
         names = tuple([f"{team}_{number}" for number in range(len(nodes))])
@@ -213,17 +225,18 @@ class AgentEngine(ContextPart, IAgentEngine):
         if taken is not None:
             raise Duplicate("an agent", taken)
         values = values_in(columns, len(nodes), _others)
-        self._found_sensors(team, carried, skips_unknown=False)
-        if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):
-            members = self._added_together(names, nodes, team, strategy, values)
-            return Team(self._ctx, team, members, lambda: self._block)
+        found_sensors(self._ctx, team, carried, skips_unknown=False)
         shared = {"sensors": carried, "strategy": strategy, "team": team}
-        rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)] or [{}] * len(nodes)
+        rows = zip(nodes, zip(*values.values(), strict=True) if values else repeat(()), strict=False)
+        given = ({"start_node_id": node, **shared, **dict(zip(values, row, strict=True))} for node, row in rows)
+        if not carried and all(map(is_attribute, values)):
+            members = self._added_together(names, nodes, team, strategy, values)
+            note_created(self._block, names, given)
+            return Team(self._ctx, team, members, lambda: self._block)
         members = Members(names, strategy, {})
         try:
-            for one, node, row in zip(names, nodes, rows, strict=True):
-                made: Any = self.create_agent(one, start_node_id=node, **shared, **row)
-                members.made[one] = made
+            for one, keywords in zip(names, given, strict=True):
+                members.made[one] = self.create_agent(one, **keywords)
         except BaseException:
             for agent in members.made.values():
                 self._delete(agent)
@@ -366,29 +379,6 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._block.close_up()
         for agent, row in zip(made.values(), self._block.rows.of_each(made), strict=True):
             object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
-
-    def _found_sensors(self, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, ISensor]:
-        """Return the sensors that an agent is to carry, by their names in its state; 1.0.0 skips unknown ids."""
-        is_dict = type(given) is not list and isinstance(given, Mapping)
-        if isinstance(given, str) or not isinstance(given, Iterable):
-            raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.")
-        pairs = given.items() if isinstance(given, Mapping) else ((one, one) for one in given)
-        found = {}
-        for key, sensor in pairs:
-            is_id = isinstance(sensor, str)
-            if not is_id and not is_sensor(sensor):
-                raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes sensors and their ids.")
-            if is_dict:
-                as_name(key, "a sensor")
-            try:
-                found[key if is_id or is_dict else sensor.sensor_id] = (
-                    self._ctx.sensor.get_sensor(sensor) if is_id else sensor
-                )
-            except KeyError as error:
-                if not skips_unknown:
-                    raise
-                self._ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
-        return found
 
     def _kind_of(self, name: str, kwargs: dict[str, Any]) -> AgentType:
         """Return what `type` and its synonym `agent_type` ask for.
@@ -563,13 +553,6 @@ _NEEDED = {
     AgentType.BASIC: {"start_node_id": "the node it stands on"},
     AgentType.AERIAL: {"start_node_id": "the node it starts from", "speed": "map units per step"},
 }
-
-
-def _listed(sensors: Any) -> Any:
-    """Return sensors in a form that can be read more than once; anything else stays as it is."""
-    if isinstance(sensors, list | tuple | dict | str) or not isinstance(sensors, Iterable):
-        return sensors
-    return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
 def _as_type(given: object) -> AgentType | None:

@@ -13,6 +13,7 @@ from gamms.agent.agent import Agent, Attribute, BaseAgent
 from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.ir import events
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, without
 from gamms.ir.graph import IntArray
@@ -483,6 +484,16 @@ def starts_in(given: object, *, are_made: bool) -> list[int]:
         count = 1 << 63
     refuse_above(count * each, f"A team of {count}{more} agents, of which {most} would fit,")
     return as_ids(given, "start_node_ids")
+
+
+def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[str, Any]]) -> None:
+    """Note the creation of the last agents of a block, each with its keywords, as if they were created one by one."""
+    journal, first = block.journal, len(block.names) - len(names)
+    if journal.is_silent:
+        return
+    for row, (name, keywords) in enumerate(zip(names, given, strict=True), first):
+        journal.entered(row, name)
+        journal.note(events.AGENT_CREATE, {"name": name, "kwargs": keywords, "state": {}})
 
 
 def values_in(columns: object, count: int, others: Iterable[str]) -> dict[str, list[Any]]:
