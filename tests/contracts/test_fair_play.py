@@ -615,8 +615,8 @@ def test_array_forms_of_rules_that_do_something_else_are_told():
 def test_games_that_are_not_played_in_arrays_are_not_compared():
     def make():
         ctx = make_ctx()
-        ctx.game.order = [["red"]]
+        ctx.game.time_budget = 60.0
         return ctx
 
-    with pytest.raises(AssertionError, match="not played in arrays, because of an order of play"):
+    with pytest.raises(AssertionError, match="not played in arrays, because of a time budget"):
         check_array_forms(make)
