@@ -1,6 +1,7 @@
 """Random games: maps, teams, rules, strategies, sensors and channels, to be played in batches and alone."""
 
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 from hypothesis import strategies as st
@@ -209,7 +210,7 @@ flights = st.fixed_dictionaries(
 def paced(**more):
     """Return how agents go that have speeds, and some strategies."""
     left_out = {"guard", "intercept", "cut off"} if more else set()
-    speeds = [None, 0.3, 0.5, 1.0, 1.9, 3] if more else [None, 0.4, 1.0, 1.5, 2, 2.7, 3]
+    speeds = [None, 0.3, 0.5, 1.0, 1.9, 3, inf] if more else [None, 0.4, 1.0, 1.5, 2, 2.7, 3, inf]
     return st.fixed_dictionaries(
         {
             "speeds": st.lists(st.sampled_from(speeds), min_size=1, max_size=3),
@@ -221,7 +222,7 @@ def paced(**more):
 
 by_metres = {
     "speed_unit": st.sampled_from(["metres", "metres", "metres_per_second"]),
-    "weight": st.sampled_from(["length", "slow"]),
+    "weight": st.sampled_from(["length", "slow", "travel_time"]),
 }
 JUMPING = ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]
 JUMPS = [
@@ -345,6 +346,7 @@ class Drawn:
             ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4, **z})
         for number, (source, target, length) in enumerate(self.streets):
             edge = {"source": NODES[source], "target": NODES[target], "length": length, "slow": 2.0 - length}
+            edge["travel_time"] = 0.2 + number % 3 / 4
             if self.is_bent and number % 3:
                 (x, y), (x1, y1) = divmod(source, 7)[::-1], divmod(target, 7)[::-1]
                 between = [(x + 0.4, y - 0.3), (x1 - 0.2, y1 + 0.7)][: number % 3]

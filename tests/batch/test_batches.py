@@ -36,6 +36,12 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_b
     same_as_one_by_one(scene(rules), [3, 4, 5, 6, 3])
 
 
+@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}, {"speed_unit": "metres", "decide": "arrival"}])
+def test_agents_whose_speed_is_infinite_go_any_way_in_a_turn(settings, same_as_one_by_one):
+    speeds = {"teams.blue.speed": inf, "teams.red.speed": 2.0}
+    same_as_one_by_one(scene([TAG], settings=settings).replace(**speeds), range(3))
+
+
 def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():
     hunt = scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 15.0}}])
 
@@ -465,9 +471,8 @@ def test_agents_on_edges_are_observed_where_they_are(order):
 
 
 def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_path):
-    for speed in (None, inf):  # in arrays, and one by one
-        scenario = scene([TAG]) if speed is None else scene([TAG]).replace(**{"teams.blue.speed": speed})
-        with scenario.batch(3, seed=4, record=True) as games:
+    for one_by_one in (False, True):
+        with scene([TAG]).batch(3, seed=4, record=True, one_by_one=one_by_one) as games:
             games.step()
             games.step({"red": games.observe("red").counts - 1})
             games.reset([1])

@@ -36,7 +36,7 @@ from gamms.strategies.knowledge import (
     runs_of,
     step_towards,
 )
-from gamms.strategies.paces import LITTLE, ArrayPaces, Pace, by_pace, in_turns, pace_of, turns_from, turns_to
+from gamms.strategies.paces import ArrayPaces, Pace, by_pace, in_turns, pace_of, turns_for, turns_from, turns_to
 from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
@@ -394,7 +394,7 @@ def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray)
         ids, far = np.fromiter(near, np.int64, len(near)), np.fromiter(near.values(), np.float64, len(near))
         at = np.minimum(np.searchsorted(nodes, ids), len(nodes) - 1)
         is_asked = nodes[at] == ids
-        found[at[is_asked]] = far[is_asked] / max(speed, LITTLE)
+        found[at[is_asked]] = turns_for(far[is_asked], speed)
     return found
 
 
@@ -422,7 +422,7 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
     theirs = turns_from(ctx, name, [enemies[name]])[0]
     for (weight, speed), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
         near = ctx.graph.graph.distances([*group.values()], weight=weight)
-        own = np.minimum(own, np.array([near.get(id, inf) for id in ids]) / max(speed, LITTLE))
+        own = np.minimum(own, turns_for(np.array([near.get(id, inf) for id in ids]), speed))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
 

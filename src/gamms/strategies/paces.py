@@ -44,8 +44,14 @@ def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]
 
 
 def in_turns(far: float, speed: float) -> float:
-    """Return how many turns a way takes."""
-    return far / speed if speed else (inf if far else 0.0)
+    """Return how many turns a way takes; infinite where there is none, however high the speed is."""
+    return far / speed if speed and far < inf else (inf if far else 0.0)
+
+
+def turns_for(far: FloatArray, speed: FloatArray | float) -> FloatArray:
+    """Return how many turns ways take, likewise; agents that do not move take long."""
+    found: FloatArray = np.divide(far, np.maximum(speed, LITTLE), out=np.full(far.shape, inf), where=far < inf)
+    return found
 
 
 def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
@@ -60,7 +66,7 @@ def turns_from(
     """Return how many turns an agent takes to nodes (sources, targets); None: to all, as in `ctx.graph.columns()`."""
     weight, speed = pace_of(ctx, name)
     ends = ctx.graph.columns().node_ids if targets is None else targets
-    return ctx.graph.graph.distance_matrix(sources, ends, weight) / max(speed, LITTLE)
+    return turns_for(ctx.graph.graph.distance_matrix(sources, ends, weight), speed)
 
 
 class ArrayPaces:
@@ -81,13 +87,14 @@ class ArrayPaces:
         """Return what the function `turns_to` does."""
         far: FloatArray = self._each(agents, sources, targets, lambda weight: self._view.routes(weight).distances)
         speeds = np.broadcast_to(self._speeds[agents], far.shape)
-        return np.where(speeds > 0.0, far / np.where(speeds > 0.0, speeds, 1.0), np.where(far > 0.0, inf, 0.0))
+        found: FloatArray = np.where(far > 0.0, inf, 0.0)
+        np.divide(far, speeds, out=found, where=(speeds > 0.0) & (far < inf))
+        return found
 
     def turns_from(self, agents: IntArray, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return what the function `turns_from` does."""
         far = self._each(agents, sources, targets, lambda weight: partial(self._view.flows().far, weight=weight))
-        turns: FloatArray = far / np.maximum(self._speeds[agents], LITTLE)
-        return turns
+        return turns_for(far, self._speeds[agents])
 
     def following(self, agents: IntArray, sources: IntArray, targets: IntArray) -> IntArray:
         """Return the nodes that come next on the ways of agents, (queries,)."""

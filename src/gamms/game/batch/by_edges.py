@@ -50,7 +50,8 @@ class ByEdges(Movement):
     ) -> None:
         super().__init__(streets, whole, closed)
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
-        self._speeds = np.array([0.0 if speed is None else speed for speed in speeds])
+        # No way to a node has more edges than there are nodes.
+        self._speeds = np.array([0.0 if speed is None else min(speed, streets.num_nodes) for speed in speeds])
         self._kinds, self._kind_of = np.unique(self._speeds, return_inverse=True)
         self._sources = np.repeat(np.arange(streets.num_nodes), self.whole.counts)
         self._keys = len(self._kinds) * _REACHES * len(self.whole.targets)
@@ -191,8 +192,8 @@ class ByEdges(Movement):
         most, entries = 1, len(self.whole.targets)
         are_open = np.flatnonzero(self.streets.action_to(self._sources, self.whole.targets) >= 0)
         for kind, speed in enumerate(self._kinds.tolist()):
-            if speed == np.inf:
-                return len(self.streets.counts)
+            if speed >= self.streets.num_nodes:
+                return self.streets.num_nodes
             begun = are_open if speed % 1.0 else self.whole.offsets[:-1]
             for first in range(0, len(begun), _AT_ONCE):
                 at, _ = self._reached((kind * _REACHES + 1) * entries + begun[first : first + _AT_ONCE])
@@ -238,6 +239,9 @@ class ByEdges(Movement):
                 at = table.following(at, ends, at=games)
                 goes &= allowed[at]
                 limit += goes
+                goes &= at != ends
+                if not goes.any():
+                    break
         first = 1 if allowed is None else LIMITED
         has_path = np.isfinite(table.distances(here, ends, at=games))
         found[has_speed] = np.where(has_path, AIMS * (first + limit) + ends, -1)
@@ -290,6 +294,8 @@ class ByEdges(Movement):
         nodes, node = [way.here], way.here
         for edge in range(int(most.max(initial=1)) + 1):
             goes_on = np.flatnonzero((node != way.targets) & (edge <= most))
+            if edge > 1 and not len(goes_on):
+                break
             ahead = node.copy() if edge else first
             for is_short, table in tables.items() if edge else ():
                 some = goes_on[by_hops[goes_on] == is_short]

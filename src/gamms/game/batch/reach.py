@@ -13,6 +13,7 @@ from gamms.game.batch.roads import OpenRoads, RoadMap, ValuesOfMaps
 from gamms.game.streets import Streets
 from gamms.game.travel import SLACK
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 
 _MOST_KNOWN = 1 << 22  # nodes that are kept
 _COUNTED = 32  # the bits of a choice that say how many nodes it has; those above, where these begin
@@ -131,12 +132,19 @@ class Reach:
     Args:
         roads: of the games.
         speeds: that agents have; NaN: none, so that they go along one edge in a turn.
+        are_endless: which of these lead any distance in a turn.
         takes: returns how many turns shares of edges take at speeds; see `ByMetres.takes`.
     """
 
-    def __init__(self, roads: OpenRoads, speeds: FloatArray, takes: Callable[[Any, Any, Any], FloatArray]) -> None:
+    def __init__(
+        self,
+        roads: OpenRoads,
+        speeds: FloatArray,
+        are_endless: BoolArray,
+        takes: Callable[[Any, Any, Any], FloatArray],
+    ) -> None:
         self._roads, self._columns, self._nodes = roads, roads.whole.columns, roads.streets.num_nodes
-        self._speeds, self._takes = speeds, takes
+        self._speeds, self._are_endless, self._takes = speeds, are_endless, takes
         # NOTE: kept, because each agent on an edge looks around in each turn (benchmarks: travel).
         self._arcs: list[dict[int, list[tuple[float, int, int]]]] = [{} for _ in speeds]  # on the map of the start
         self._touched = ValuesOfMaps(roads, self._nodes, self._touched_on)
@@ -238,6 +246,8 @@ class Reach:
         found, heap = dict[int, float](), [(begun, 0, node)]
         if np.isnan(self._speeds[kind]):
             return found
+        if self._are_endless[kind]:
+            return self._all_from(node, roads)
         while heap:
             now, _, at = heappop(heap)
             if at in found:
@@ -251,6 +261,16 @@ class Reach:
                 if end not in found:
                     heappush(heap, (then, id, end))
         return found
+
+    def _all_from(self, node: int, roads: RoadMap | None) -> dict[int, float]:
+        """Return all nodes that paths of finite length lead to from a node, ascending; they are reached at once."""
+        columns, found, left = self._columns, {node}, [node]
+        while left:
+            edges = np.array(self._roads.open_from(left.pop(), roads), np.int64)
+            new = {*columns.targets[edges[columns.lengths[edges] < np.inf]].tolist()} - found
+            found |= new
+            left += new
+        return dict.fromkeys(sorted(found), 0.0)
 
     def _learn(
         self, kind: int, node: int, roads: RoadMap | None, known: dict[int, list[tuple[float, int, int]]]

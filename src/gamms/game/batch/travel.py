@@ -71,6 +71,7 @@ class ByMetres(Movement):
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)
+        self._is_endless = np.isinf(self._kinds) & (terms.seconds is None)  # by which they go any distance in a turn
         self.begin((0, len(speeds)))
 
     @cached_property
@@ -79,7 +80,7 @@ class ByMetres(Movement):
 
     @cached_property
     def _reach(self) -> Reach:
-        return Reach(self.all_roads, self._kinds, self.takes)
+        return Reach(self.all_roads, self._kinds, self._is_endless, self.takes)
 
     def on(self, roads: RoadMap) -> Self:
         """Return how the same agents go in games that have a map of their own."""
@@ -366,20 +367,18 @@ class Trip:
         self._agents = np.tile(np.arange(node.shape[1]), len(games))
         self._starts, self.here, self._before = node.ravel(), node.flatten(), by.edge[games].ravel()
         self._begun, self._from = by.on_edge((self._games, self._agents)), by.share[games].ravel()
-        self._is_paced = by._is_paced[self._agents]
-        self._speed = by._speeds[self._agents]
+        self._is_paced, self._speed = by._is_paced[self._agents], by._speeds[self._agents]
+        self._is_endless = ~self._is_paced | by._is_endless[by._kind_of[self._agents]]
         number = len(self.here)
         self._goal, self._last = np.full((2, number), -1)  # nodes; the last one is next to the goal
         self._by_length = np.zeros(number, np.bool_)  # whether the way is the shortest by length
         self._left = np.full(number, ENDLESS)  # to how many nodes more it leads
-        self._is_back = np.zeros(number, np.bool_)
-        self.goes = np.zeros(number, np.bool_)
+        self._is_back, self.goes, self._stops_short = np.zeros((3, number), np.bool_)
         self.illegal: list[Illegal] = []
         self.edge, self.share, self.now = self._begun.copy(), self._from.copy(), np.zeros(number)
         self._count, self._passed = np.zeros(number, np.int64), np.ones(number, np.int64)  # legs and nodes
-        self.legs: list[tuple[Any, ...]] = []
-        self._nodes: list[tuple[Any, ...]] = []
-        self._stops_short = np.zeros(number, np.bool_)
+        self.legs, self._nodes = list[tuple[Any, ...]](), list[tuple[Any, ...]]()
+        self._turns_per_metre = np.zeros(number)  # of those whose ways take the rest of the turn, however long they are
 
     # -- where to -------------------------------------------------------------------------------------------------
 
@@ -480,12 +479,24 @@ class Trip:
             self._nodes.append((rows, self._passed[rows], steps.node, until[on]))
             self._passed[rows] += 1
             self.edge[rows], self.share[rows], self.here[rows] = -1, 0.0, steps.node
-            if self._by.terms.decides_at_arrivals:
-                return
-            at, following = self._next_nodes(rows, steps.node)
-            rows, start = rows[at], steps.node[at]
-            edge = self._by.cheapest(start, following, self._games[rows])
-            steps = Steps(edge, np.zeros(len(rows)), np.ones(len(rows)), following)
+            rows, steps = self._next_steps(rows, steps.node)
+
+    def _next_steps(self, rows: IntArray, node: IntArray) -> tuple[IntArray, Steps]:
+        """Return which agents that come to nodes go on, and along what."""
+        at, following = self._next_nodes(rows, node)
+        edge = self._by.cheapest(node[at], following, self._games[rows[at]])
+        return rows[at], Steps(edge, np.zeros(len(at)), np.ones(len(at)), following)
+
+    def _set_paces(self, rows: IntArray, steps: Steps) -> None:
+        """Work out how fast agents go whose ways take the rest of the turn, however long they are."""
+        first, metres, before = rows, np.zeros(len(self.here)), (self._goal, self._last, self._left)
+        self._goal, self._last, self._left = (column.copy() for column in before)
+        while len(rows):
+            metres[rows] += np.abs(steps.end - steps.begin) * self._by.columns.lengths[steps.edge]
+            rows, steps = self._next_steps(rows, steps.node)
+        self._goal, self._last, self._left = before
+        left, far = 1.0 - self.now[first], metres[first]
+        self._turns_per_metre[first] = np.divide(left, far, out=np.zeros(len(first)), where=far > 0.0)
 
     def covers(self, rows: IntArray, steps: Steps) -> BoolArray:
         """Return which agents cover some part of their steps in what is left of the turn."""
@@ -497,9 +508,8 @@ class Trip:
         now, share = self.now[rows], np.abs(steps.end - steps.begin)
         metres = share * self._by.columns.lengths[steps.edge]
         with np.errstate(divide="ignore", invalid="ignore"):
-            endless = np.where(metres > 0.0, (1.0 - now) / metres, 0.0)
             paced = self._by.takes(steps.edge, share, self._speed[rows])
-            takes = np.where(self._is_paced[rows], paced, metres * endless)
+            takes = np.where(self._is_endless[rows], metres * self._turns_per_metre[rows], paced)
             part = np.where(takes < np.inf, share * (1.0 - now) / takes, 0.0)
         ends = np.where(now + takes < 1.0 - ROUNDED, now + takes, 1.0)
         stop = np.where(steps.end > steps.begin, steps.begin + part, steps.begin - part)
@@ -516,7 +526,10 @@ class Trip:
         edge[off[at]] = self._by.cheapest(here[off[at]], following, self._games[rows[off[at]]])
         node[off[at]] = following
         begin = np.where(on_edge, self.share[rows], 0.0)
-        return Steps(edge, begin, np.where(on_edge & is_back, 0.0, 1.0), node)
+        steps = Steps(edge, begin, np.where(on_edge & is_back, 0.0, 1.0), node)
+        if len(some := np.flatnonzero(self._is_endless[rows])):
+            self._set_paces(rows[some], steps.those(some))
+        return steps
 
     def _next_nodes(self, rows: IntArray, node: IntArray, *, is_first: bool = False) -> tuple[IntArray, IntArray]:
         """Return which agents that are on nodes go on, by their places in `rows`, and to which nodes next."""
@@ -524,7 +537,8 @@ class Trip:
         at_last = is_there & (self._last[rows] >= 0)
         following = np.where(at_last, self._last[rows], node)
         self._goal[rows[at_last]], self._last[rows[at_last]] = self._last[rows[at_last]], -1
-        goes_on = (self._is_paced[rows] | is_first) & (~is_there | at_last) & (self._left[rows] > 0)
+        may_go_on = self._is_paced[rows] & (not self._by.terms.decides_at_arrivals) | is_first
+        goes_on = may_go_on & (~is_there | at_last) & (self._left[rows] > 0)
         for by_length, weight in ((True, "length"), (False, self._by.terms.weight)):
             some = np.flatnonzero(goes_on & ~is_there & (self._by_length[rows] == by_length))
             if len(some):
@@ -574,17 +588,9 @@ class Trip:
         nodes, times = np.where(behind, last[:, None], nodes), np.where(behind, np.inf, times)
         stays, rests = (self._count == 0).reshape(shape), (self.edge < 0).reshape(shape)
         lengths, edge_at_end = self._passed.reshape(shape), self.edge.reshape(shape)
-        paths = Paths(
-            nodes.reshape(*shape, most),
-            times.reshape(*shape, most),
-            lengths,
-            stays,
-            np.zeros(shape, np.bool_),
-            rests,
-            legs,
-            edge_at_end,
-            np.where(self._stops_short.reshape(shape), Motion.STOPPED, last_motion(legs)),
-        )
+        nodes, times, waits = nodes.reshape(*shape, most), times.reshape(*shape, most), np.zeros(shape, np.bool_)
+        motion = np.where(self._stops_short.reshape(shape), Motion.STOPPED, last_motion(legs))
+        paths = Paths(nodes, times, lengths, stays, waits, rests, legs, edge_at_end, motion)
         ends, starts = last.reshape(shape), self._starts.reshape(shape)
         before, share = self._before.reshape(shape), self._from.reshape(shape)
         is_closed = (before >= 0) & (self._begun.reshape(shape) < 0)  # of those that are not asked: they keep it

@@ -1,7 +1,6 @@
 """Says what keeps games from being played in arrays, and which agents are asked one by one there."""
 
 from collections.abc import Hashable, Iterator, Sequence
-from math import isfinite
 
 from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
@@ -43,9 +42,6 @@ def _why_not_moved(game: PlayedGame) -> str | None:
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
     ]
-    for agent in agents_of(game):
-        is_endless = agent.speed is not None and not isfinite(agent.speed)
-        reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))
     return next((why for is_so, why in reasons if is_so), None)
 
 
