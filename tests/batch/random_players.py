@@ -12,6 +12,7 @@ from gamms.strategies import (
     chase,
     first,
     flee,
+    follow_belief,
     follow_path,
     goto,
     guard,
@@ -82,7 +83,7 @@ def rash(state):
 LEAVE = re.compile(
     "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
     "comes with another team, kind or speed|"
-    r"gives the nodes of its way|it is not known what is kept under 'toll'"
+    r"gives the nodes of its way|it is not known what is kept under 'toll'|beliefs are others where roads were closed"
 )
 ONE_BY_ONE = re.compile("draws for several|draws at a fixed place for several|a game that is over")
 
@@ -103,7 +104,7 @@ def attentive(state, *more):
         places,
         facts,
         [*memory.items()],
-        sorted(shared.items()),
+        sorted(shared.items(), key=str),
         state["name"],
         state["team"],
         state["turn"],
@@ -370,6 +371,7 @@ PACED = {
     "sweep by sight": lambda ctx: sweep(ctx, by_sight=True, repeat=True),
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 23, 1.9),
+    "search": follow_belief,
     "exit": lambda ctx: safest_exit(ctx, [8, 35]),
     "unblock": lambda ctx: unblock(chase(ctx), after=1),
     "skip": lambda ctx: first(chase(ctx, None), unblock(flee(ctx, None), after=1)),

@@ -26,7 +26,7 @@ from gamms.strategies import random_walk
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 LIMIT = {"rule": "time_limit", "with": {"turns": 12}}
-IN_NUMPY = {"guard", "safest_exit", "assign", "assign for some", "intercept", "intercept goals", "sweep", "sweep again"}
+IN_NUMPY = {"guard", "safest_exit", "assign", "intercept", "sweep", "follow_belief"}  # the first words of names
 NAMES = ["numpy", "torch", "array_api_strict", "array_api_strict on device1"]  # which others cannot read, as a GPU
 
 
@@ -106,7 +106,7 @@ def test_strategies_play_the_same_in_any_library(name, place):
             games.reset([1])
             games.run()
             results.append([plain(games.result(number)) for number in range(3)])
-            if chosen and name not in IN_NUMPY:
+            if chosen and name.split()[0] not in IN_NUMPY:
                 assert all(hasattr(agent.strategy.array_form, "portable_form") for agent in games._roster.agents)
     assert results[0] == results[1]
 

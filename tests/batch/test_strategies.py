@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms import belief
 from gamms.errors import BadType, BadValue
 from gamms.game import IllegalAction
 from gamms.scenario import Scenario
@@ -16,6 +17,7 @@ from gamms.strategies import (
     chase,
     first,
     flee,
+    follow_belief,
     follow_path,
     goto,
     guard,
@@ -60,6 +62,9 @@ MADE = {
     "intercept goals": lambda ctx: intercept(ctx, [0, 41, 20], otherwise=stay),
     "sweep": sweep,
     "sweep again": lambda ctx: sweep(ctx, [1, 9, 33, 20], repeat=True),
+    "follow_belief": follow_belief,
+    "follow_belief at times": lambda ctx: mix(0.7, follow_belief(ctx, ["blue_1", "red_2", "blue_0"]), random_walk),
+    "follow_belief of walkers": lambda ctx: follow_belief(ctx, motion=belief.random_walk(0.3, steps=2)),
     "safest_exit": lambda ctx: safest_exit(ctx, [0, 41, 20], otherwise=random_walk),
     "first": lambda ctx: first(chase(ctx, otherwise=None), flee(ctx, otherwise=None), patrol(ctx, [3, 20])),
     "mix": lambda ctx: mix(0.6, mix(0.5, random_walk, stay), first(chase(ctx, None), random_waypoints(ctx, [1, 9]))),
@@ -426,3 +431,44 @@ def test_a_part_of_a_mix_leaves_what_is_legal_for_others_as_it_is(speed, same_as
     same_as_one_by_one(
         scenario, [1, 2, 3], {"red": lambda ctx: mix(0.5, goto(ctx, 17), random_walk), "blue": random_walk}
     )
+
+
+def test_beliefs_forget_looks_in_arrays_when_they_do_alone(same_as_one_by_one):
+    eye = {"sensor_range": 10.0, "detection": 0.3}
+    few = {"max_turns": 112, "rules": [], "teams.red.count": 1, "teams.blue.count": 2}
+    scenario = hunted({"grid": {"width": 6, "height": 6}}, eye).replace(**few)
+    same_as_one_by_one(scenario, [0], {"red": lambda ctx: follow_belief(ctx, motion=belief.random_walk(0.95))})
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"settings.order": [["red"], ["blue"]]}, "in an order of play"),
+        ({"settings.speed_unit": "metres", "teams.red.speed": 7.0, "teams.blue.speed": 7.0}, "in a game by metres"),
+        ({"teams.red.strategy": "gamms.strategies:follow_belief"}, None),
+    ],
+)
+def test_it_is_said_where_beliefs_are_not_computed_in_arrays(changes, why):
+    with hunted(settings={}).replace(**changes).batch(2, strategies={"red": follow_belief}) as games:
+        assert games.slow == (why and f"the strategy follow_belief(ctx), {why}, which is asked agent by agent")
+
+
+@gamms.array_rule
+def closing(turn):
+    """Close two roads in turn 6."""
+    if len(at := np.flatnonzero(turn.turn == 6)):
+        turn.close_roads(at, [0, 1])
+
+
+def test_games_with_beliefs_leave_the_arrays_where_roads_are_closed():
+    strategies = {"red": follow_belief, "blue": stay}
+    with hunted().build(seed=1, strategies=strategies) as ctx:
+        ctx.game.add(closing)
+        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
+            while not games.is_over.all():
+                games.step({"blue": np.zeros((2, 3), np.uint8)})
+            assert all("beliefs are others where roads were closed" in why for why in games.detached.values())
+            assert games.detached.keys() == {0, 1}
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())

@@ -192,10 +192,10 @@ def test_memories_are_plain_and_short_and_forget_old_looks():
         memory = ctx.game.memories["h0"]
         assert is_plain(memory)
         known = belief.belief_of(ctx, "h0").last_seen
-        old = [key for key in belief.merge(memory) if key[1] < 170]
+        old = [key for key in belief.merge(memory) if key[1] < 160]
         assert all("looks" not in memory[key] for key in old)
         assert len(old) <= len(known)
-        assert len(memory) <= 32 + len(known)
+        assert len(memory) <= 42 + len(known)
         assert max(len(text) for text in belief.merge(memory).values()) < 300
 
 

@@ -12,8 +12,8 @@ Memories hold observations (`evidence.py`), and nothing else: beliefs are worked
 of teammates are merged by merging observations, and a recording grows by one line for each agent and turn. `Filter` has
 the probabilities without memories, for many targets at once, `GamesFilter` for those of many games.
 
-Read `belief.py` first. `reach.py` has where targets can be, `filter.py` and `motion.py` where they probably are. A new
-model of motion is a function in `motion.py`. May import: `context` and below.
+Read `belief.py` first. `reach.py` has where targets can be, `filter.py` and `motion.py` where they probably are, and
+`in_arrays.py` the same in batches. A new model of motion is a function in `motion.py`. May import: `context` and below.
 """
 
 from gamms.belief.belief import Belief, artist, belief_of, believed, observe

@@ -11,6 +11,7 @@ import numpy as np
 
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.evidence import (
+    HORIZON,
     Look,
     Observation,
     Place,
@@ -23,7 +24,7 @@ from gamms.belief.evidence import (
     required,
     turns_in,
 )
-from gamms.belief.filter import Filter, by_node
+from gamms.belief.filter import Filter, by_node, weighed
 from gamms.belief.ground import Ground, ground_of
 from gamms.belief.motion import Chain, Motion, as_motion, random_walk
 from gamms.belief.reach import Reach
@@ -50,7 +51,7 @@ Looking = Callable[[FloatArray, int, list[Observation]], FloatArray]  # in a tur
 _worked_out: WeakKeyDictionary[Ground, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
 
 
-def observe(ctx: Context, state: State | AerialState, *, share: bool = True, horizon: int = 50) -> "Belief":
+def observe(ctx: Context, state: State | AerialState, *, share: bool = True, horizon: int = HORIZON) -> "Belief":
     """Remember what the sensors show of other teams' agents now, and return what follows from all that is known.
 
     Call it in every turn. What is remembered is in `state["memory"]`, a short text for each turn.
@@ -216,9 +217,7 @@ class Belief:
             return filter.masses
 
         def look(masses: FloatArray, _: int, seen: list[Observation]) -> FloatArray:
-            filter.masses = masses
-            filter.weigh_states(likelihoods(ground, filter.chain, names, seen, metres or 0.0))
-            return filter.masses
+            return weighed(filter.chain, masses, likelihoods(ground, filter.chain, names, seen, metres or 0.0))[0]
 
         key = ("probable", ground.digest, names, model.name, model.steps, metres)
         filter.masses = self._folded(key, filter.masses, move, look)

@@ -47,6 +47,7 @@ _MAP = "belief map"  # the key of the digest of the map that was seen last
 _EVENTS = "belief events"  # the key of how many events of the game were read
 _NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
 _NEAR = 1e-6  # map units: an agent that is seen so near a node is on it
+HORIZON = 50  # for at least how many turns looks are remembered, if nothing else is said
 _ALMOST = 0.999999  # the highest probability that is written of those below 1
 
 _grounds: WeakKeyDictionary[Context, dict[str, Ground]] = WeakKeyDictionary()  # the last maps, by their digests
@@ -267,7 +268,7 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
     for memory in (required(state, "memory"), shared):
-        _prune(memory, state["turn"], as_count(horizon, "horizon"))
+        _prune(memory, forgotten_before(state["turn"], as_count(horizon, "horizon")))
     _join(shared, state["turn"])
 
 
@@ -430,7 +431,7 @@ def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     if not len(order):
         return []
     ids, chances = node_ids[order], detection[order]
-    chances = np.where(chances < 1.0, np.minimum(np.round(chances, 6), _ALMOST), 1.0)
+    chances = as_written(chances)
     is_even = bool((chances == chances[0]).all())
     is_everywhere = len(ids) == len(ctx.graph.columns().node_ids)
     steps = None if is_everywhere and is_even else np.diff(ids, prepend=0).tolist()
@@ -438,6 +439,12 @@ def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     if covered.is_convex and is_by_metres(ctx):
         return [*look, not_shown, 1]
     return [*look, *([not_shown] if not_shown else [])]
+
+
+def as_written(chances: FloatArray) -> FloatArray:
+    """Return chances to notice agents as they are remembered."""
+    found: FloatArray = np.where(chances < 1.0, np.minimum(np.round(chances, 6), _ALMOST), 1.0)
+    return found
 
 
 @lru_cache(maxsize=1 << 14)
@@ -502,14 +509,23 @@ def _keys_of(memory: Mapping[Any, Any]) -> list[Key]:
     return [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] in (ENTRY, _REPORTS)]
 
 
-def _prune(memory: Memory, turn: int, horizon: int) -> None:
-    """Forget looks that are older than some turns; where each agent was seen last stays."""
-    if turn % max(1, horizon // 2):  # NOTE: seldom, because what is worked out from the first entry on has to be again
+def forgotten_before(turn: int, horizon: int) -> int:
+    """Return the turn before which looks are forgotten, that of all agents of a team; it changes seldom.
+
+    What is worked out from the first look on has to be worked out again whenever it does.
+    """
+    return turn - turn % horizon - horizon
+
+
+def _prune(memory: Memory, before: int) -> None:
+    """Forget looks of earlier turns; where each agent was seen last stays."""
+    old = [key for key in _keys_of(memory) if key[1] < before]
+    if not any(key[0] == _REPORTS or '"looks"' in str(memory[key]) for key in old):
         return
     turns = turns_in(memory)
     last = last_sightings(turns)
-    oldest = min((one.turn for one in last.values()), default=turn)
-    for then in (one for one in turns if one < turn - horizon):
+    oldest = min((one.turn for one in last.values()), default=max(turns))
+    for then in (one for one in turns if one < before):
         memory.pop((ENTRY, then, _ALL), None)
         for by, seen in zip(turns[then].texts, turns[then].observations, strict=True):
             written = json.loads(turns[then].texts[by]).get("found", {})
@@ -519,7 +535,7 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
             if found or closed:
                 memory[ENTRY, then, by] = _as_text(({"found": found} if found else {}) | closed)
     for key in [key for key in _keys_of(memory) if key[0] == _REPORTS]:
-        kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report.turn >= turn - horizon]
+        kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report.turn >= before]
         if kept:
             memory[key] = _as_text(kept)
 

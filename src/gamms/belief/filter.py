@@ -49,21 +49,7 @@ class Masses:
 
     def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
-        likelihoods = _likelihoods(likelihoods, self.masses.shape)
-        masses, totals = np.empty_like(self.masses), np.ones(self.masses.shape[1])
-        for columns in kernels.column_blocks(masses):
-            weighed, by_state = masses[:, columns], likelihoods[:, columns]
-            np.multiply(self.masses[:, columns], by_state, out=weighed)
-            is_changed = (by_state != 1.0).any(axis=0)
-            totals[columns] = sums = np.where(is_changed, _totals(weighed), 1.0)
-            for column in np.flatnonzero(sums == 0.0).tolist():
-                shares, possible = self.chain.shares, by_state[:, column]
-                # At first no target is on an edge; and perhaps no state is possible.
-                prior = next(one for one in (shares * possible, possible, shares) if one.any())
-                weighed[:, column] = prior
-                sums[column] = _totals(weighed[:, column : column + 1])[0]
-            weighed /= sums
-        self.masses = masses
+        self.masses, totals = weighed(self.chain, self.masses, _likelihoods(likelihoods, self.masses.shape))
         return totals
 
     def _of_nodes(self) -> FloatArray:
@@ -270,6 +256,24 @@ def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:
     """Return node -> probability for those that are more than 0."""
     rows = np.flatnonzero(probabilities)
     return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))
+
+
+def weighed(chain: Chain, masses: FloatArray, likelihoods: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return masses (states, targets) after observations, and how probable these were; see `Filter.update`."""
+    found, totals = np.empty_like(masses), np.ones(masses.shape[1])
+    for columns in kernels.column_blocks(masses):
+        block, by_state = found[:, columns], likelihoods[:, columns]
+        np.multiply(masses[:, columns], by_state, out=block)
+        is_changed = (by_state != 1.0).any(axis=0)
+        totals[columns] = sums = np.where(is_changed, _totals(block), 1.0)
+        for column in np.flatnonzero(sums == 0.0).tolist():
+            shares, possible = chain.shares, by_state[:, column]
+            # At first no target is on an edge; and perhaps no state is possible.
+            prior = next(one for one in (shares * possible, possible, shares) if one.any())
+            block[:, column] = prior
+            sums[column] = _totals(block[:, column : column + 1])[0]
+        block /= sums
+    return found, totals
 
 
 def _totals(masses: FloatArray) -> FloatArray:

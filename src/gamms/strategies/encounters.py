@@ -1,17 +1,21 @@
 """Strategies that act on the enemies in sight."""
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from math import inf
 
 import numpy as np
 
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range
+from gamms.belief.in_arrays import BOARD, expected, why_not_believed
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.deciding import phase_of
+from gamms.game.batch.begun import begins_of
 from gamms.game.batch.device_view import DeviceView, nodes_of_all, sees_enemies
 from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import FloatArray, IntArray
@@ -36,6 +40,7 @@ from gamms.strategies.knowledge import (
     runs_of,
     step_towards,
 )
+from gamms.strategies.memories import Kept
 from gamms.strategies.paces import ArrayPaces, Pace, by_pace, in_turns, pace_of, turns_for, turns_from, turns_to
 from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
@@ -361,7 +366,29 @@ def follow_belief(
         node = int(ctx.graph.columns().node_ids[row]) if gains[row] > 0.0 else None
         move_to(ctx, state, node, fallback, "follow_belief")
 
+    offer_form(
+        strategy,
+        _follow_in_arrays,
+        model,
+        None if wanted is None else tuple(wanted),
+        parts=[fallback],
+        looks=True,
+        kept=Kept(begins_of(()), BOARD),
+        refuses=partial(why_not_believed, model),
+    )
     return strategy
+
+
+def _follow_in_arrays(
+    motion: belief.Motion, names: tuple[str, ...] | None, fallback: ArrayStrategy, view: ArrayView
+) -> IntArray:
+    targets, paces, rows = no_actions(view), ArrayPaces(view), np.arange(view.streets.num_nodes)
+    for places, column, chances in expected(view, motion, names):
+        here = view.node[places, column]
+        gains = chances.T / (1.0 + paces.turns_from(view.agents[[column]], here[:, None], rows))
+        best = gains.argmax(axis=1)
+        targets[places, column] = np.where(gains[np.arange(len(best)), best] > 0.0, best, NO_ACTION)
+    return moves_to(view, targets, fallback)
 
 
 # -- where to ---------------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ import numpy as np
 from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.begun import Begins, begins_of
+from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.forms import BEGINS
 from gamms.game.batch.libraries import Tensor
@@ -29,6 +30,7 @@ from gamms.game.batch.view import (
     IS_LEGAL,
     MAY_SKIP,
     PORTABLE,
+    REFUSES,
     ArrayStrategy,
     ArrayView,
     movement_in,
@@ -37,7 +39,7 @@ from gamms.game.batch.view import (
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.memories import Kept
-from gamms.typing import IContext
+from gamms.typing import IAgent, IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
 
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
 F = TypeVar("F")
+Refusing = Callable[[PlayedGame, IAgent], str | None]  # returns in words why an agent cannot be asked in arrays
 
 # The kinds that those on the ground may carry; data: {name: node}
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
@@ -344,6 +347,7 @@ def offer_form(
     may_skip: bool | None = None,
     is_portable: bool = False,
     kept: Kept | None = None,
+    refuses: Refusing | None = None,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
 
@@ -356,6 +360,7 @@ def offer_form(
         may_skip: whether it may set no action; None: where one of its parts may.
         is_portable: whether the form is that for other array libraries, too; its actions are legal.
         kept: what it remembers, besides its parts; None: nothing.
+        refuses: says in words why the form is not for an agent of a game; None: it is for all.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
     boards = [one for form in forms for one in getattr(form, BOARDS, ())]
@@ -367,6 +372,9 @@ def offer_form(
     setattr(made, BOARDS, tuple(boards))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
+    refusing = [one for form in forms for one in getattr(form, REFUSES, ())]
+    if refusing := refusing if refuses is None else [*refusing, refuses]:
+        setattr(made, REFUSES, tuple(refusing))
     others = [getattr(one, PORTABLE, None) for one in forms]
     if is_portable and None not in others:
         setattr(made, PORTABLE, partial(form, *values, *others))

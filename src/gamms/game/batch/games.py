@@ -20,7 +20,7 @@ from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import REFUSES, ArrayView
 from gamms.game.batch.why_not import teams_asked, why_not_in_arrays
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
@@ -111,7 +111,9 @@ class Batch(Fixed):
         why = why_slower(source.game, who_are_asked, len(seeds), are_called=self._has_calls)
         self._why_slower = why if library is None and self.is_in_arrays else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
-        may_leave = bool(scalar or source.game.turn) and self.is_in_arrays
+        forms = self._engine.forms if isinstance(self._engine, ArrayEngine) else ()
+        may_leave = bool(scalar or source.game.turn) or any(hasattr(form, REFUSES) for form in forms)
+        may_leave &= self.is_in_arrays
         is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded

@@ -12,7 +12,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue
-from gamms.game.batch.columns import places_of, some_rows
+from gamms.game.batch.columns import as_slice, places_of, some_rows
 from gamms.game.batch.flights import Flyers
 from gamms.game.batch.sight_lines import SightLines, Spots
 from gamms.game.batch.state import GameArrays
@@ -31,6 +31,8 @@ _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor in
 Look = AgentLook | NodeLook
 Places = np.ndarray[Any, Any]  # where agents are reported: (pairs,) rows of nodes, or in the air (pairs, 3)
 Pairs = tuple[IntArray, IntArray, IntArray]  # games of the view, and carriers and others of a lookout, by their places
+Covered = tuple[IntArray, IntArray, IntArray, FloatArray]
+"""Games and agents of the view, rows of nodes, and how probable it is that agents are noticed there, more than 0."""
 Reports = tuple[IntArray, IntArray, IntArray, Places]  # likewise, and where they are reported
 
 
@@ -164,8 +166,8 @@ def _pairs(world: World, lookout: Lookout, asked: BoolArray, *, with_own: bool) 
 
 def _near(world: World, lookout: Lookout, asked: BoolArray) -> Iterator[Pairs]:
     """Yield who is in range of whom, on the map, by comparing all with all."""
-    look, columns, wide, size = lookout.look, _few(lookout.columns), len(lookout.columns), len(lookout.others)
-    carriers, others = _few(lookout.carriers), _few(lookout.others)
+    look, columns, wide, size = lookout.look, as_slice(lookout.columns), len(lookout.columns), len(lookout.others)
+    carriers, others = as_slice(lookout.carriers), as_slice(lookout.others)
     at_once = max(1, _AT_ONCE // size)  # agents that look
     step = max(1, at_once // wide)  # games
     for first in range(0, len(world.games), step):
@@ -184,12 +186,6 @@ def _near(world: World, lookout: Lookout, asked: BoolArray) -> Iterator[Pairs]:
             looking, seen = split(np.flatnonzero(found), size)
             at, looking = split(looking, found.shape[1])
             yield at + first, looking + begin, seen
-
-
-def _few(numbers: IntArray) -> IntArray | slice:
-    """Return numbers as a slice where they follow each other, which takes no copy."""
-    first, last = int(numbers[0]), int(numbers[-1])
-    return slice(first, last + 1) if last - first == len(numbers) - 1 else numbers
 
 
 def _near_by_cells(world: World, lookout: Lookout, asked: BoolArray) -> Iterator[Pairs]:
@@ -481,16 +477,13 @@ def _are_seen_from_air(world: World, look: Look, looking: tuple[IntArray, IntArr
     return found
 
 
-def covered(world: World, lookout: Lookout, asked: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
+def covered(world: World, lookout: Lookout, asked: BoolArray) -> Covered:
     """Return on which nodes sensors on the ground would show agents with some probability, from the nodes passed last.
 
     Args:
         world: where agents are.
         lookout: the sensors.
         asked: (games, agents of the view) which agents look.
-
-    Returns:
-        The games and agents of the view, and rows of nodes.
     """
     look, (x, y) = lookout.look, world.state.streets.axes
     at, carriers = np.nonzero(asked[:, lookout.columns] & (look.delay == 0))  # what is late shows nothing of now
@@ -498,11 +491,13 @@ def covered(world: World, lookout: Lookout, asked: BoolArray) -> tuple[IntArray,
     node = world.node[at, looking]
     spots = Spots(node, np.zeros(len(node), np.bool_), x[node], y[node])
     which, rows = _covered_from_nodes(world, look, at, looking, spots)
+    chances = np.ones(len(rows))
     if look.chances is not None or look.chance is not None:
         x0, y0 = (spots.x[which], spots.y[which]) if look.place is None else look.place[:2]
-        shown = _chances(lookout, np.hypot(x[rows] - x0, y[rows] - y0)) > 0.0
-        which, rows = which[shown], rows[shown]
-    return at[which], lookout.columns[carriers[which]], rows
+        chances = _chances(lookout, np.hypot(x[rows] - x0, y[rows] - y0))
+        shown = chances > 0.0
+        which, rows, chances = which[shown], rows[shown], chances[shown]
+    return at[which], lookout.columns[carriers[which]], rows, chances
 
 
 def _covered_from_nodes(

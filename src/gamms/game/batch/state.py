@@ -29,6 +29,7 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
+PUT_BACK = "put back"  # the key under which it is kept when and where agents were put back, if that is asked for
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
@@ -89,11 +90,12 @@ class EventLog(GameLog[Emitted]):
         """Whether it is known what a reader has read."""
         return reader in self._unread
 
-    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
-        """Note events, one for each of these games; of one game they are in their order."""
+    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> Emitted:
+        """Note events and return them, one for each of these games; of one game they are in their order."""
         emitted = Emitted(kind, games, turns, fields)
         for unread in (self._pending, *self._unread.values()):
             unread.append(emitted)
+        return emitted
 
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
         """Let readers find events that are in the log of a game already."""
@@ -583,6 +585,14 @@ class GameArrays:
             stopped = event.get(STOPPED.get(event["kind"], ""))
             if stopped in self.roster.names:
                 self.stops[game, self.roster.names.index(stopped)] += 1
+            self.note_put_back(Emitted.of(game, event))
+
+    def note_put_back(self, events: Emitted) -> None:
+        """Note when and where agents were put back, if these events say so and that is kept."""
+        if PUT_BACK in self.kept and events.kind == "respawned" and {"agent", "node"} <= events.fields.keys():
+            numbers = np.searchsorted(self.roster.names, events.fields["agent"])
+            for name, values in {"turn": events.turns, "node": self.streets.rows(events.fields["node"])}.items():
+                self.kept[PUT_BACK][name][events.games, numbers] = values
 
     def scores_of(self, games: IntArray) -> list[dict[Any, Any]]:
         """Return the scores of games that were set."""

@@ -258,7 +258,8 @@ class ArrayTurn:
 
     def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Note events in the logs of their games."""
-        self._state.events.add(kind, self.games[at], self.turn[at] + self._is_moving, fields)
+        when = self.games[at], self.turn[at] + self._is_moving
+        self._state.note_put_back(self._state.events.add(kind, *when, fields))
 
     def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
         """Note that agents went out or came back where they are."""

@@ -14,11 +14,11 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import as_actions, refuse_no_actions
 from gamms.game.batch.movement import STOP, Movement, Places
-from gamms.game.batch.reports import World, covered, in_turned_cone
+from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, in_turned_cone, reports
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
-from gamms.game.batch.state import Arrays, GameArrays, routes_of
+from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ViewDraws
@@ -37,6 +37,9 @@ BOARDS = "boards"  # an attribute of forms: under which keys they write into the
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
 MOMENTS = 1 << 24  # in a turn, more than there are
+REFUSES = (
+    "refuses"  # an attribute of forms: functions of a game and an agent that say in words why they cannot be asked
+)
 MAY_SKIP = "may_skip"  # an attribute of forms that may give `NO_ACTION`
 
 
@@ -358,11 +361,9 @@ class ArrayView(Mapping[str, Any]):
 
     def covered(self) -> BoolArray:
         """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes)."""
-        key, found = ("covers", self.agents.tobytes()), np.zeros((*self.node.shape, self.streets.num_nodes), np.bool_)
-        if key not in self._state.shared:
-            self._state.shared[key] = lookouts(self.roster, self.agents, (), kinds=ON_GROUND)
-        for lookout in self._state.shared[key]:
-            found[covered(World(self._state, self.games), lookout, self.mask)] = True
+        found = np.zeros((*self.node.shape, self.streets.num_nodes), np.bool_)
+        for _, (at, viewers, rows, _), _ in looks_in(self):
+            found[at, viewers, rows] = True
         return found
 
     def _near(self, at: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray]:
@@ -505,6 +506,26 @@ def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
 def moment_of(view: ArrayView) -> IntArray:
     """Return a number for each game that differs whenever its agents are asked, at arrivals several times in a turn."""
     found: IntArray = view.turn * MOMENTS + view._state.looks[view.games].sum(axis=1)
+    return found
+
+
+def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Reports]]]:
+    """Yield what the sensors on the ground of the agents in the mask of a view show; for the strategies of GAMMS."""
+    state, key, world = view._state, ("covers", view.agents.tobytes()), World(view._state, view.games)
+    if key not in state.shared:
+        state.shared[key] = lookouts(view.roster, view.agents, (), kinds=ON_GROUND)
+    for one in state.shared[key]:
+        yield one, covered(world, one, view.mask), reports(world, one, view.mask, with_own=True)
+
+
+def put_back(view: ArrayView) -> Arrays:
+    """Return in which turns agents were put back last, -1: none, and on which nodes, (games of the batch, agents)."""
+    state, shape, names = view._state, view._state.node.shape[1:], ("turn", "node")
+    is_noted = PUT_BACK in state.kept
+    found = state.keep(PUT_BACK, lambda games: {name: np.full((games, *shape), -1) for name in names}, is_new=True)
+    for game in () if is_noted else range(len(state)):
+        for event in state.events.of(game):
+            state.note_put_back(Emitted.of(game, event))
     return found
 
 

@@ -8,7 +8,7 @@ from gamms.game.batch.forms import flies, form_of
 from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import why_not_seen
-from gamms.game.batch.view import IS_BLIND
+from gamms.game.batch.view import IS_BLIND, REFUSES
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 
@@ -58,6 +58,9 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
         if form_of(one) is None or may_forget(game, agent):
             kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
             yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
+        for refuses in getattr(form_of(one), REFUSES, ()):
+            if (why := refuses(game, agent)) is not None:
+                yield agent, f"the strategy {as_code(one)}, {why}"
         if _flies(agent) and (agent.team in plans or not flies(one)):
             yield agent, f"{as_code(one)} of agent {agent.name!r}, which flies"
         for name in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}):
