@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
-from gamms.game.batch.columns import some_rows
+from gamms.game.batch.columns import Failure, some_rows
 from gamms.game.batch.movement import Illegal, Legs, Moves, Steps, motion_along
-from gamms.game.batch.state import Failure, GameArrays
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres, Trip
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.travel import LEAST, MOST

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.game.batch.arrivals import Decided
 from gamms.game.batch.channels import MOST_AT_ONCE, Outbox
-from gamms.game.batch.columns import in_turns, places_of
+from gamms.game.batch.columns import Failure, in_turns, places_of
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flights import Flights, as_flights
 from gamms.game.batch.game_forms import GameForms, Group
@@ -17,7 +17,7 @@ from gamms.game.batch.given import Given
 from gamms.game.batch.libraries import as_actions
 from gamms.game.batch.movement import NO_ACTION, Illegal, Moves, Route
 from gamms.game.batch.reports import DELAYS
-from gamms.game.batch.state import Failure, GameArrays
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import MAY_SKIP, ArrayView
 from gamms.game.legality import IllegalAction

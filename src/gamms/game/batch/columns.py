@@ -103,6 +103,26 @@ def places_of(numbers: IntArray, most: int) -> IntArray:
     return found
 
 
+class Failure(NamedTuple):
+    """What an agent of a game of the batch did wrong when it was asked.
+
+    Those of a turn are noted in the order of games; in each first what agents decided, then what they cannot send, by
+    the order of their names.
+    """
+
+    game: int
+    is_unsent: bool  # whether it is a message
+    agent: int
+    kind: str
+    message: str
+    why: str  # what `state["blocked"]` says
+
+    @classmethod
+    def illegal(cls, game: int, agent: int, why: str, *, is_unsent: bool = False) -> "Failure":
+        """Return an action that is not legal, or a message that cannot be sent."""
+        return cls(game, is_unsent, agent, "illegal", why, why)
+
+
 class GameLog(ABC, Generic[P]):
     """A log of all games: noted as arrays of many games, and written out for each game when it is read.
 

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gamms.game.batch.columns import places_of
+from gamms.game.batch.columns import Failure, places_of
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.movement import Anywhere, Moves
-from gamms.game.batch.state import Failure
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray

@@ -9,14 +9,14 @@ import numpy as np
 
 from gamms.deciding import phase_of
 from gamms.game.batch.channels import Outbox
-from gamms.game.batch.columns import PlayedGame, agents_of, decider_of
+from gamms.game.batch.columns import Failure, PlayedGame, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flights import Flown, InAir
 from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.sight import Seen, SeenInSpace, look_of, lookouts, seen_from_air
-from gamms.game.batch.state import Failure, GameArrays
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.unknown import NeedsTurnEngine

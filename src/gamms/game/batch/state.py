@@ -11,7 +11,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
-from gamms.game.batch.columns import GameLog, Roster, some_rows
+from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import Flights, Flyers
 from gamms.game.batch.headings import Headings
@@ -180,26 +180,6 @@ def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
 
 def _repeated(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
-
-
-class Failure(NamedTuple):
-    """What an agent of a game of the batch did wrong when it was asked.
-
-    Those of a turn are noted in the order of games; in each first what agents decided, then what they cannot send, by
-    the order of their names.
-    """
-
-    game: int
-    is_unsent: bool  # whether it is a message
-    agent: int
-    kind: str
-    message: str
-    why: str  # what `state["blocked"]` says
-
-    @classmethod
-    def illegal(cls, game: int, agent: int, why: str, *, is_unsent: bool = False) -> "Failure":
-        """Return an action that is not legal, or a message that cannot be sent."""
-        return cls(game, is_unsent, agent, "illegal", why, why)
 
 
 class LastMoves(NamedTuple):
