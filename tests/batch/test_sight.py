@@ -50,6 +50,7 @@ def agents_seen(games, number, viewer, sensor):
         ("AGENT_RANGE", {"sensor_range": 25.0, "false_alarm_rate": 2.5, "position_noise_m": 9.0, "detection": 0.5}),
         ("AGENT_RANGE", {"sensor_range": 25.0, "at": 12, "false_alarm_rate": 1.5, "team": "red"}),
         ("AGENT_RANGE", {"sensor_range": 35.0, "delay_turns": 2}),
+        ("AGENT_RANGE", {"sensor_range": 35.0, "delay_turns": 2, "exclude": ["red", "blue"]}),
         ("AGENT", {"false_alarm_rate": 0.5, "position_noise_m": 4.0}),
         ("AGENT_ARC", {"sensor_range": 30.0, "at": 12, **FIELD}),
         ("AGENT_ARC", {"sensor_range": 30.0, **FIELD}),

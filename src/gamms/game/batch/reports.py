@@ -122,6 +122,8 @@ def reports(world: World, lookout: Lookout, asked: BoolArray, *, with_own: bool)
         with_own: whether sensors at fixed places show the agents that carry them.
     """
     look = lookout.look
+    if not (len(lookout.columns) and len(lookout.others)):
+        return
     if look.delay:
         yield _of_own(lookout, world.state.shared[DELAYS].due(world.games, lookout, asked), with_own=with_own)
         return

@@ -253,11 +253,10 @@ def seen(
     """Return which agents some agents see."""
     world, roster, found = World(state, games), len(state.roster.names), list[tuple[IntArray, ...]]()
     for lookout in looks:
-        if len(lookout.columns) and len(lookout.others):
-            for at, carriers, others, places in reports(world, lookout, asked, with_own=with_own):
-                looking = at * len(agents) + lookout.columns[carriers]
-                nodes: IntArray = places if lookout.look.quat is None else world.flyers.below(places)
-                found.append((looking * roster + lookout.others[others], nodes, lookout.order[carriers]))
+        for at, carriers, others, places in reports(world, lookout, asked, with_own=with_own):
+            looking = at * len(agents) + lookout.columns[carriers]
+            nodes: IntArray = places if lookout.look.quat is None else world.flyers.below(places)
+            found.append((looking * roster + lookout.others[others], nodes, lookout.order[carriers]))
     none = np.zeros(0, np.int64)
     keys, nodes, order = (np.concatenate(parts) for parts in zip((none, none, none), *found, strict=True))
     if len(looks) > 1 or any(one.look.false_alarms for one in looks):  # of what several sensors show, the last counts
@@ -274,7 +273,6 @@ def seen_from_air(state: GameArrays, games: IntArray, asked: BoolArray, looks: S
     world, none = World(state, games), np.zeros(0, np.int64)
     found: list[tuple[IntArray, IntArray, IntArray, FloatArray]] = [(none, none, none, np.zeros((0, 3)))]
     for lookout in looks:
-        if len(lookout.others):
-            for at, carriers, others, places in reports(world, lookout, asked, with_own=True):
-                found.append((at, lookout.columns[carriers], lookout.others[others], places))
+        for at, carriers, others, places in reports(world, lookout, asked, with_own=True):
+            found.append((at, lookout.columns[carriers], lookout.others[others], places))
     return SeenInSpace(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
