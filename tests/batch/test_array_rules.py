@@ -34,7 +34,7 @@ def tolls(chance=0.3, most=6, points=1, out=False):
             nodes={"node": visits.nodes},
             values={"since": visits.begin.tolist()},
         )
-        turn.add_scores(visits.at, visits.agents, points)
+        turn.add_scores(visits.at, visits.agents, points if out else visits.begin * points)
         turn.add_score("gates", visits.at, np.full(len(visits.at), 0.1))
         at, agents = np.nonzero((paid[turn.games] > 2) & turn.alive)
         (turn.eliminate if out else turn.respawn)(at, agents)

@@ -598,6 +598,7 @@ def test_moments_that_are_not_of_such_games_are_not_loaded():
             ((elsewhere, -1), "turn"),
             ((elsewhere, 1.5), "turn"),
             ((elsewhere, 1, {"red": np.zeros(3)}), "Scores of 'red'"),
+            ((elsewhere, 1, {"red": np.array([0.0, np.nan])}), "Scores of 'red'"),
         ):
             with pytest.raises((BadType, BadValue), match=message):
                 games.load(*wrong)

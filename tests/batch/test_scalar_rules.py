@@ -438,6 +438,26 @@ def test_a_game_whose_scores_floats_do_not_hold_exactly_leaves_the_arrays():
         assert "scores that are no numbers" in check(ctx, [3])[0]
 
 
+def lead(ctx):
+    if ctx.game.scores:
+        ctx.game.emit("leads", team=max(ctx.game.scores, key=ctx.game.scores.get), of=[*ctx.game.scores])
+
+
+def test_scores_of_each_game_are_in_the_order_in_which_they_were_set(tmp_path):
+    back = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "hops": 1, "mutual": True}}
+    paid = {"rule": "payoff", "with": {"table": {"tag": {"other": -0.5}}, "zero_sum": True}}
+    with scene([TAG, back, paid, FLAGS], max_turns=6).build(seed=1) as ctx:
+        ctx.game.add(lead)
+        assert check(ctx, range(12)) == {}
+    scenario = scene([TAG, back, paid, FLAGS], max_turns=6)
+    with scenario.batch(6) as games:
+        games.run()
+        for number, seed in enumerate(games.seeds):
+            for name, result in (("batch", games.result(number)), ("alone", scenario.play(seed=seed))):
+                result.save(tmp_path / name)
+            assert (tmp_path / "batch").read_bytes() == (tmp_path / "alone").read_bytes()
+
+
 def deserts(ctx):
     if ctx.game.turn == 3 and ctx.seed % 3 == 0:
         ctx.agent.delete_agent("red_0")

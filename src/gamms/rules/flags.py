@@ -336,7 +336,8 @@ class _FlagsInArrays:
         """Note what became of flags, on these nodes."""
         if len(at):
             agents, flags = self.carriers[at, which], [self.names[number] for number in which.tolist()]
-            self.turn.emit(kind, at, agents={"agent": agents}, values={"flag": flags}, nodes={"node": nodes})
+            values = {"flag": flags, "node": self.turn.streets.ids(nodes).tolist()}  # in the order of the plain form
+            self.turn.emit(kind, at, agents={"agent": agents}, values=values)
 
     def _are_home(self, visits: Visits) -> BoolArray:
         """Return which visits are those of nodes that are home for a carrier."""

@@ -86,10 +86,15 @@ def _pay_in_arrays(turn: ArrayTurn, key: str, table: Mapping[str, Mapping[str, f
     at, teams, points = (np.concatenate(columns) for columns in zip(*paid, strict=True))
     playing = [number for number, team in enumerate(turn.roster.teams) if team is not None]
     others = len(playing) - 1
-    for number in playing if others or not balanced else ():
-        is_paid = teams == number
-        amounts = np.where(is_paid, points, -points / others) if balanced else points[is_paid]
-        turn.add_score(turn.roster.teams[number], at if balanced else at[is_paid], amounts)
+    if balanced and others:
+        payers = np.array(
+            [[team, *(one for one in playing if one != team)] for team in playing]
+        )  # for each that is paid
+        teams = payers[np.searchsorted(playing, teams)].ravel()
+        at = np.repeat(at, len(playing))
+        points = np.column_stack((points, *[-points / others] * others)).ravel()
+    if others or not balanced:
+        turn.add_team_scores(at, teams, points)
 
 
 def _paid(turn: ArrayTurn, emitted: Emitted, roles: Mapping[str, float]) -> tuple[IntArray, IntArray, FloatArray]:

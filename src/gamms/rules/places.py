@@ -146,8 +146,8 @@ class _Place(NamedTuple):
         at = at[held[at] >= self.turns]
         names = [teams[number] for number in team[at].tolist()]
         turn.emit("hold", at, values={"team": names, "turns": [self.turns] * len(at)})
-        for number in np.unique(team[at]).tolist() if self.score else ():
-            turn.add_score(teams[number], at[team[at] == number], self.score)
+        if self.score:
+            turn.add_team_scores(at, team[at], self.score)
         if self.ends:
             turn.end(at, [f"{name} held its place" for name in names], names)
         else:
@@ -307,8 +307,9 @@ class _Discovery(NamedTuple):
         at, agents, nodes = at[those], agents[those], nodes[those]
         teams, are_first = roster.team_of[agents], ~before[at, nodes]
         kept[turn.games[at], teams, nodes] = True
-        values = {"team": [roster.teams[number] for number in teams.tolist()], "first": are_first.tolist()}
-        turn.emit("discover", at, agents={"agent": agents}, nodes={"node": hidden[nodes]}, values=values)
+        ids, named = turn.streets.ids(hidden[nodes]).tolist(), [roster.teams[number] for number in teams.tolist()]
+        values = {"team": named, "node": ids, "first": are_first.tolist()}  # in the order of the plain form
+        turn.emit("discover", at, agents={"agent": agents}, values=values)
         if self.score:
             turn.add_scores(at[are_first], agents[are_first], self.score)
 

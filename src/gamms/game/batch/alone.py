@@ -432,6 +432,10 @@ class _TurnOfOne(ArrayTurn):
         for number in [points] * len(at) if isinstance(points, int) else np.broadcast_to(points, len(at)).tolist():
             self._game.scores[key] += number
 
+    def _add_scores(self, at: IntArray, teams: IntArray, points: float | FloatArray) -> None:
+        for number, point in zip(teams.tolist(), np.broadcast_to(points, len(at)).tolist(), strict=True):
+            self._game.scores[self.roster.teams[number]] += point
+
     def scores(self, key: Hashable) -> FloatArray:
         """Return the score of a key, (1,); 0 where there is none."""
         return np.array([self._game.scores.get(key, 0)], np.float64)

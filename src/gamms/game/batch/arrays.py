@@ -456,7 +456,7 @@ class ArrayEngine:
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
-            scores=state.scores_of(np.array([game]))[0],
+            scores=state.scores.of(np.array([game]))[0],
             events=[dict(event) for event in state.events.of(game)],
             agents=agents,
             errors=[dict(error) for error in state.errors[game]],

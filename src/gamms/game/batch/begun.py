@@ -144,7 +144,7 @@ class Beginning:
         for kind, numbers in self._counts.items():
             state.counts[kind][games] = numbers
         for key, points in values.scores.items():
-            state.add_score(key, games, points)
+            state.scores.add(key, games, points)
         self._put_moves(state, games)
         self._put_logs(state, games)
 

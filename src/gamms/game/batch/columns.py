@@ -8,7 +8,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_name
+from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mapping, as_name
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.libraries import Tensor
 from gamms.game.result import Result
@@ -255,7 +255,8 @@ class Roster(NamedTuple):
 
     def column(self, values: Mapping[str, Any], default: float) -> Column:
         """Return the values of agents by name as those of one game, (1, agents); the default where there is none."""
-        return np.array([[values.get(name, default) for name in self.names]])
+        known = as_mapping(values, "values")
+        return np.array([[known.get(name, default) for name in self.names]])
 
     def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
         """Return which agents are of one of these teams, which need not have agents, (agents,); None: all."""

@@ -394,7 +394,8 @@ class Batch(Fixed):
         """
         as_mapping(columns, "columns")
         for key, points in as_mapping({} if scores is None else scores, "scores").items():
-            if as_array(points, f"Scores of {shown(key)}", "numbers").shape not in {(), (len(self),)}:
+            numbers = as_array(points, f"Scores of {shown(key)}", "numbers")
+            if numbers.shape not in {(), (len(self),)} or np.isnan(numbers).any():
                 raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
         self._arrays("load").state.load(columns, as_count(turn, "turn", least=0), scores or {})
         self._begun[:] = -1

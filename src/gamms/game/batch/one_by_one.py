@@ -204,7 +204,7 @@ class OneByOneEngine:
         state.turn[number], state.node[number] = self._turns[number], seen.node[number]
         state.alive[number], state.is_there[number] = seen.alive[number], seen.is_there[number]
         state.over[number], state.is_going[number] = over, over is None
-        state.set_scores(number, self._scores[number])
+        state.scores.put(number, self._scores[number])
         state.observed_apart = seen
         state.now.clear()
 

@@ -98,7 +98,10 @@ class World:
     @cached_property
     def axes(self) -> tuple[FloatArray, FloatArray]:
         """Return x and y of where agents are, on nodes or edges, (games, agents) each."""
-        (x, y), movement = self.state.streets.axes, self.state.movement
+        (x, y), movement, known = self.state.streets.axes, self.state.movement, self.state.places
+        if known is not None:
+            on_edge, xy = known.edge[self.games, :, 0] >= 0, known.xy[self.games]
+            return np.where(on_edge, xy[..., 0], x[self.node]), np.where(on_edge, xy[..., 1], y[self.node])
         if not len(movement.edge) or not (movement.edge[self.games] >= 0).any():
             return x[self.node], y[self.node]
         rows = np.broadcast_to(self.games[:, None], self.node.shape), np.indices(self.node.shape)[1]
@@ -107,8 +110,9 @@ class World:
 
     def spots(self, at: IntArray, agents: IntArray) -> Spots:
         """Return where some agents are."""
-        (x, y), which = self.axes, (at, agents)
-        on_edge = self.state.movement.on_edge((self.games[at], agents)) >= 0
+        (x, y), which, known = self.axes, (at, agents), self.state.places
+        where = self.games[at], agents
+        on_edge = self.state.movement.on_edge(where) >= 0 if known is None else known.edge[where][..., 0] >= 0
         return Spots(self.node[which], on_edge, x[which], y[which])
 
 

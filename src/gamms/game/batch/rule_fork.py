@@ -455,7 +455,7 @@ class RuleFork:
             state.over[game] = values.over
             state.is_going[game] = values.over is None
         if values.scores != scores:
-            state.set_scores(game, values.scores)
+            state.scores.put(game, values.scores)
 
     def _write_flyers(self, game: int, known: Mapping[int, InAir], came: Sequence[str]) -> None:
         """Write where agents are that fly and were put elsewhere, or have come."""

@@ -257,7 +257,7 @@ def _columns(
         ids(turn.ends[at]),
         ids(state.start[games][:, state.roster.is_first]),
     )
-    others = of_rows, in_air, began, actions, state.scores_of(games)
+    others = of_rows, in_air, began, actions, state.scores.of(games)
     # NOTE: so many lists at once as Python's garbage collector does not look through again and again, which took a
     # quarter of the time (benchmarks: a plain rule).
     for first in range(0, len(those), _LISTED_AT_ONCE):

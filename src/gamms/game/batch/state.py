@@ -20,6 +20,7 @@ from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
+from gamms.game.batch.scores import Scores
 from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
@@ -230,8 +231,6 @@ class GameArrays:
             deeds are of games by their numbers in the batch.
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
-        has_score: key -> (games,) whether the score was set.
-        is_float: key -> (games,) whether anything but integers was added to it.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
         note_blocked: notes why an agent of a game does not do what it wanted; None: no strategy asks for it.
         errors: of each game, in order.
@@ -285,9 +284,7 @@ class GameArrays:
         self.last_paths: Paths | None = None
         self.last_deeds: list[ArrayDeeds] = []
         self.turn = np.zeros(games, np.int64)
-        self.scores: dict[Hashable, FloatArray] = {}
-        self.has_score: dict[Hashable, BoolArray] = {}
-        self.is_float: dict[Hashable, BoolArray] = {}  # whether numbers were added that are no integers
+        self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.radio: Radio | None = None
@@ -337,8 +334,7 @@ class GameArrays:
         self.deeds.forget(games)
         if self.radio is not None:
             self.radio.forget(games)
-        by_key = self.counts, self.scores, self.has_score, self.is_float
-        for numbers in chain.from_iterable(one.values() for one in by_key):
+        for numbers in (*self.counts.values(), *chain.from_iterable(one.values() for one in self.scores.columns)):
             numbers[games] = 0
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
@@ -441,10 +437,10 @@ class GameArrays:
         self.over = [None] * len(self)
         for errors in filter(None, self.errors):
             errors.clear()
-        for numbers in (*self.scores.values(), *self.has_score.values(), *self.is_float.values()):
+        for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[:] = 0
         for key, points in scores.items():
-            self.add_score(key, np.arange(len(self)), points)
+            self.scores.add(key, np.arange(len(self)), points)
         self.events.clear()
         self.now.clear()
 
@@ -479,7 +475,7 @@ class GameArrays:
 
     def checkpoint(self) -> Callable[[], None]:
         """Return what takes back all that forms change from now on, but for where agents are."""
-        by_name: list[dict[Any, Any]] = [self.scores, self.has_score, self.is_float, *self.kept.values()]
+        by_name: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
         columns = [self.stops, self.is_going, *(getattr(self.movement, name) for name in self.movement.remembers)]
         columns += [one for those in (*by_name, self.counts) for one in those.values()]
         if self.headings is not None:
@@ -537,27 +533,6 @@ class GameArrays:
             self._draw_keys = kernels.first_key_rows(self.purposes("agent")[:, None], self.roster.keys[None])
         return self._draw_keys
 
-    def add_score(self, key: Hashable, games: IntArray, points: float | FloatArray) -> None:
-        """Add points to the score of a key, in each of these games; one may be there several times."""
-        if not isinstance(points, int) and np.isnan(points).any():
-            raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
-        if key not in self.scores:
-            self.scores[key] = np.zeros(len(self), np.float64)
-            self.has_score[key], self.is_float[key] = np.zeros((2, len(self)), np.bool_)
-        if not isinstance(points, int):
-            self.is_float[key][games] = True
-        np.add.at(self.scores[key], games, points)
-        self.has_score[key][games] = True
-
-    def set_scores(self, game: int, scores: Mapping[Hashable, float]) -> None:
-        """Set all scores of a game."""
-        for key in self.scores:
-            if key not in scores:
-                self.scores[key][game], self.has_score[key][game] = 0.0, False
-        for key, points in scores.items():
-            self.add_score(key, np.array([game]), 0)
-            self.scores[key][game], self.is_float[key][game] = points, not isinstance(points, int)
-
     def note_events(self, game: int, events: Sequence[Mapping[str, Any]]) -> None:
         """Note events that are in the log of a game already."""
         self.events.note(game, events)
@@ -573,13 +548,3 @@ class GameArrays:
             numbers = np.searchsorted(self.roster.names, events.fields["agent"])
             for name, values in {"turn": events.turns, "node": self.streets.rows(events.fields["node"])}.items():
                 self.kept[PUT_BACK][name][events.games, numbers] = values
-
-    def scores_of(self, games: IntArray) -> list[dict[Any, Any]]:
-        """Return the scores of games that were set."""
-        found = [dict[Any, Any]() for _ in games]
-        for key, numbers in self.scores.items():
-            columns = (column[games].tolist() for column in (numbers, self.has_score[key], self.is_float[key]))
-            for scores, number, has_one, is_float in zip(found, *columns, strict=True):
-                if has_one:
-                    scores[key] = number if is_float else int(number)
-        return found

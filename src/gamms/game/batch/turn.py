@@ -292,18 +292,30 @@ class ArrayTurn:
             self._add_score(key, at, points)
 
     def _add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
-        self._state.add_score(key, self.games[at], points)
+        self._state.scores.add(key, self.games[at], points)
 
-    def add_scores(self, at: IntArray, agents: IntArray, points: float) -> None:
-        """Add points to the scores of the teams of agents.
+    def add_scores(self, at: IntArray, agents: IntArray, points: float | FloatArray) -> None:
+        """Add points to the scores of the teams of agents, in their order: the same, or those of each.
 
         Raises:
-            BadType, BadValue: there is no such game or agent.
+            BadType, BadValue: there is no such game or agent, or these are no points.
         """
         at, agents = self._pairs(at, agents)
-        of = self.roster.team_of[agents]
-        for number in np.flatnonzero(np.bincount(of)).tolist():
-            self._add_score(self.roster.teams[number], at[of == number], points)
+        self.add_team_scores(at, self.roster.team_of[agents], points)
+
+    def add_team_scores(self, at: IntArray, teams: IntArray, points: float | FloatArray) -> None:
+        """Add points to the scores of teams, numbers in `roster.teams`, in their order: the same, or those of each.
+
+        Raises:
+            BadType, BadValue: there is no such game or team, or these are no points.
+        """
+        at, teams = self._as_at(at), as_numbers_of(teams, "teams", len(self.roster.teams), "teams")
+        self._add_scores(
+            at, teams, points if isinstance(points, int) else as_array(points, "points", "numbers", at.shape)
+        )
+
+    def _add_scores(self, at: IntArray, teams: IntArray, points: float | FloatArray) -> None:
+        self._state.scores.add_several(self.roster.teams, self.games[at], teams, points)
 
     def scores(self, key: Hashable) -> FloatArray:
         """Return the scores of a key, (games,); 0 where there is none."""
