@@ -133,6 +133,18 @@ def test_deeds_and_messages_from_outside_are_those_that_the_game_declares(xp):
         assert games.turn.tolist() == [0, 0]
 
 
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_actions_of_agents_that_decide_at_arrivals_are_checked(one_by_one):
+    scenario = scene(settings={"speed_unit": "metres", "decide": "arrival"}).replace(**{"teams.red.speed": 7.0})
+    with scenario.batch(2, one_by_one=one_by_one) as games:
+        games.step({"red": [[1, 1, 0]] * 2})
+        assert (games.observe("red")["edge"][:, :, 0] < 0).tolist() == [[False, False, True]] * 2
+        with pytest.raises(BadValue, match="action 99 of agent 'red_2' in game 0, turn 1"):
+            games.step({"red": [[99, 99, 99]] * 2})
+        games.step({"red": [[99, 99, 0]] * 2}, on_illegal="stay")
+        assert games.turn.tolist() == [2, 2]
+
+
 def opening(ctx):
     ctx.game.emit("opened")
 

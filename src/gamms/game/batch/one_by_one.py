@@ -115,7 +115,7 @@ class OneByOneEngine:
             if not one.may_stay:
                 view.mask = view.mask & ~np.isin(view.agents, self._flyers)
                 if settings["decide"] == "arrival":
-                    view.mask = view.mask & (view._places().edge < 0)
+                    view.mask = view.mask & (view._places().edge[..., 0] < 0)
                 view._checked(one.moves, f"team {shown(team)}")
 
     def _are_open(self, edges: IntArray, games: IntArray) -> BoolArray:
