@@ -77,7 +77,7 @@ def rash(state):
     attentive(state, "raises")
 
 
-# What games leave arrays for: an agent that is asked comes, or one whose sensor draws for several or reports late;
+# What games leave arrays for: an agent that is asked comes, or one whose sensor reports late;
 # one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals; or something keeps
 # what it would have known of the turns before the batch.
 LEAVE = re.compile(
@@ -85,7 +85,7 @@ LEAVE = re.compile(
     "comes with another team, kind or speed|"
     r"gives the nodes of its way|it is not known what is kept under 'toll'|beliefs are others where roads were closed"
 )
-ONE_BY_ONE = re.compile("draws for several|draws at a fixed place for several|a game that is over")
+ONE_BY_ONE = re.compile("a game that is over")
 
 
 def attentive(state, *more):

@@ -86,13 +86,16 @@ def test_sensors_that_err_and_report_late_show_agents_that_are_asked_what_they_s
             assert [plain(games.result(i)) for i in range(2)] == list(map(plain, alone))
 
 
-def test_a_sensor_that_counts_the_looks_of_several_agents_is_asked_in_games_one_by_one():
+def test_agents_that_are_asked_and_share_a_sensor_at_a_place_draw_as_alone():
     with scene([TAG], sensors=with_eyes(at=12)).build(seed=1, strategies={"red": flee}) as ctx:
         shared = ctx.sensor.create_sensor("near", "AGENT_RANGE", at=12, detection=0.5)
         for name in ("red_0", "red_1", "red_2"):
             ctx.agent.get_agent(name).register_sensor("near", shared)
-        with ctx.game.batch(4) as games:
-            assert "a sensor that draws for several" in games.slow
+        with ctx.game.batch(seeds=[5]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays
+            alone.game.reset(seed=5)
+            assert plain(games.result(0)) == plain(alone.game.run())
 
 
 def test_a_rule_that_is_called_where_agents_share_a_sensor_lets_games_stay_in_arrays():

@@ -257,7 +257,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             return self._named([self._seen(pose) for _ in node_ids])
 
     def _seen(self, pose: Pose | None) -> dict[str, _Sighting]:
-        look = self.notice.look(self.ctx, self._owner if self._at is None else None)
+        look = self.notice.look(self.ctx, self._owner)
         (rows, now), names = self._found(pose, look), self.ctx.agent.positions.names
         seen = {
             names[row]: (_KINDS[is_flying], (x, y, z))
@@ -273,7 +273,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
 
         What follows from that must be what `sense` shows.
         """
-        found = self._notice_in_arrays(self.range, owner, self._at)
+        found = self._notice_in_arrays(self.range, owner)
         if isinstance(found, str):
             return found
         carrier = self.ctx.agent.agents.get(owner)  # none: one of a game of a batch that the context does not have now

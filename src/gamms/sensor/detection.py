@@ -19,7 +19,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import AgentLook, Coverage, Sensed, ragged
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, Reportable, delayed, forget_delayed
-from gamms.typing import IAgent, IContext, ISensor
+from gamms.typing import IContext
 from gamms.typing.routes import made_last
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
@@ -150,7 +150,7 @@ class DetectionModel(Guarded):
 
         Args:
             radius: of the sensor.
-            owner: the agent that what is drawn follows from; "": no agent.
+            owner: the agent that what is drawn follows from.
         """
         detection = self.detection
         chances = None if detection is None or callable(detection) else as_chances(detection, "detection")
@@ -232,6 +232,7 @@ class DetectingSensor(Sensor):
     __slots__ = ()
 
     _notice: DetectionModel | None
+    _at: Any  # a fixed place, or None
 
     @property
     def notice(self) -> DetectionModel:
@@ -240,16 +241,12 @@ class DetectingSensor(Sensor):
             self._notice = DetectionModel(self.sensor_id, self._phase)
         return self._notice
 
-    def _notice_in_arrays(self, radius: float, owner: str, at: object) -> AgentLook | str:
-        """Return how it notices agents, `at` a fixed place or None, for `in_arrays`; else in words why it cannot."""
+    def _notice_in_arrays(self, radius: float, owner: str) -> AgentLook | str:
+        """Return how it notices agents, for `in_arrays`; else in words why it cannot."""
         if not self._is_ours:
             return "is of a class of its own"
         notice = DetectionModel(self.sensor_id) if self._notice is None else self._notice
-        if notice.needs_look and at is not None:
-            carriers = [agent for agent in self.ctx.agent.agents.values() if self in _sensors_of(agent)]
-            if len(carriers) > 1:
-                return "draws at a fixed place for several agents"
-        return notice.in_arrays(radius, owner if at is None else "")
+        return notice.in_arrays(radius, owner)
 
     def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:
         """Return on which nodes it would show agents on the ground now; a class of the user's own is not asked."""
@@ -284,7 +281,8 @@ class DetectingSensor(Sensor):
         notice = self.notice
         if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
             node_ids, row_of = self._covered(node_id)[0], self.ctx.agent.positions.row_of
-            alarms = look.false_alarms(count, self._reportable(), seen, node_ids) if len(node_ids) else {}
+            others = {*seen, look.owner} if self._at is None else {*seen}
+            alarms = look.false_alarms(count, self._reportable(), others, node_ids) if len(node_ids) else {}
             seen = seen | {name: self._sighting(node) for name, node in alarms.items()}
             seen = {name: seen[name] for name in sorted(seen, key=row_of)}
         if notice.position_noise_m and seen:
@@ -363,10 +361,6 @@ class DetectingSensor(Sensor):
 def teams_in(given: object) -> Collection[Any]:
     """Return the teams that a keyword names: one, or several in a list, tuple or set."""
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
-
-
-def _sensors_of(agent: IAgent) -> Collection[ISensor]:
-    return getattr(agent, "sensors", {}).values()
 
 
 def _chance_of(detection: Detection, name: str) -> Chance | None:

@@ -431,7 +431,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
         What follows from that must be what `sense` shows.
         """
-        found = self._notice_in_arrays(self.range, owner, self._at)
+        found = self._notice_in_arrays(self.range, owner)
         if isinstance(found, str):
             return found
         return found._replace(
@@ -506,7 +506,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
             rows = self._unhidden(place, rows, positions)
         if notice is None or not notice.needs_look:
             return positions, rows, None
-        look = notice.look(self.ctx, self._owner if self._at is None else None)
+        look = notice.look(self.ctx, self._owner)
         if notice.needs_chance:
             distances = np.hypot(*self._offsets(place, rows).T)
             names = [positions.names[row] for row in rows]

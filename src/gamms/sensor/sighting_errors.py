@@ -51,27 +51,27 @@ class Look(NamedTuple):
         """Return how many there are, where so many are to be expected."""
         return kernels.poisson(self._one("false alarms"), rate)
 
-    def false_alarms(self, count: int, among: Reportable, seen: Collection[str], node_ids: IntArray) -> dict[str, int]:
+    def false_alarms(self, count: int, among: Reportable, but: Collection[str], node_ids: IntArray) -> dict[str, int]:
         """Return agent -> the node on which it is reported and is not.
 
         Args:
             count: how many there are, if there are so many agents.
             among: agents that may be reported falsely, each once at most.
-            seen: the names of those that are reported anyway.
+            but: the names of those that are not.
             node_ids: where they may be reported (nodes,), one at least.
         """
         found: dict[str, int] = {}
-        (names, keys), others = among, {*seen, self.owner}
+        names, keys = among
         left = np.arange(len(names))
-        if 2 * len(others) > len(names):  # else hardly one of them has the highest lot
-            left = np.array([i for i, name in enumerate(names) if name not in others], np.int64)
+        if 2 * len(but) > len(names):  # else hardly one of them has the highest lot
+            left = np.array([i for i, name in enumerate(names) if name not in but], np.int64)
         for i in range(count):  # each draws a lot and the highest counts, so that no other agent changes much
             lots = self._bits(keys[left], "false alarm", i)
             while len(left):
                 highest = int(lots.argmax())
                 name = names[left[highest]]
                 left, lots = np.delete(left, highest), np.delete(lots, highest)
-                if name not in others:
+                if name not in but:
                     found[name] = int(node_ids[kernels.below(self._one("false alarm", "place", i), len(node_ids))])
                     break
         return found

@@ -215,8 +215,7 @@ class RuleFork:
         """Let sensors look as those of agents do that have looked so often in this turn, (agents,), of such a game."""
         self._values.delayed_looks = state.delayed_looks
         for number, sensor in sensors:
-            owner = self._state.roster.names[number] if sensor.at is None else None
-            sensor.notice.continue_from(owner, state.turn, counts.item(number))
+            sensor.notice.continue_from(self._state.roster.names[number], state.turn, counts.item(number))
 
     @property
     def rules_in_arrays(self) -> list[Callable[..., object]]:

@@ -538,7 +538,7 @@ def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
         (
             any(_counts_looks(one) and look_of(one, by) is None for by, one in sensors),
-            "a sensor that draws for several",
+            "a sensor of a class of its own that draws",
         ),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
     ]
