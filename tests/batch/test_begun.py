@@ -18,6 +18,7 @@ from gamms.strategies import (
     patrol,
     random_walk,
     random_waypoints,
+    stay,
     sweep,
     unblock,
 )
@@ -90,6 +91,56 @@ def test_games_that_are_reset_begin_with_what_agents_remember():
         for _ in range(4):
             ctx.game.step()
         assert check(ctx, seeds=(1,)) is None
+
+
+@pytest.mark.parametrize("options", MOTIONS[1:4])
+def test_agents_that_were_deleted_are_in_the_results_of_games_that_go_on_in_arrays(options):
+    with remembering(["patrol", "random_waypoints", "mix"], options, max_turns=9) as ctx:
+        for turn in range(4):
+            ctx.game.step()
+            ctx.agent.delete_agent(("red_1", "blue_0", "red_0", "blue_1")[turn])
+        ctx.agent.create_agent("red_0", start_node_id=5, team="red", strategy=random_walk, speed=7.0 if options else 1)
+        ctx.agent.create_agent("aa", start_node_id=5, team="red", strategy=random_walk, speed=7.0 if options else 1)
+        assert check(ctx) is None
+        with ctx.game.batch(1, most_agents={"red": ["red_1"]}) as games:
+            assert [*games.result(0).agents] == ["aa", "blue_0", "blue_1", "blue_2", "red_0", "red_1", "red_2"]
+            assert [*games.result(0).provenance["strategies"]] == ["aa", "blue_2", "red_0", "red_2"]
+
+
+def delete_carrier(ctx):
+    assert ctx.game.facts["flags"]["red"]["carrier"] == "blue_0"
+    ctx.agent.delete_agent("blue_0")
+
+
+def delete_team(ctx):
+    for name in ("red_0", "red_1", "red_2"):
+        ctx.agent.delete_agent(name)
+
+
+@pytest.mark.parametrize(
+    ("delete", "delay_turns", "why"),
+    [
+        (delete_carrier, 0, "agents that were deleted, of which sensors, messages or rules still know"),
+        (
+            lambda ctx: ctx.agent.delete_agent("red_1"),
+            2,
+            "agents that were deleted, of which sensors, messages or rules still know",
+        ),
+        (delete_team, 0, "a team whose agents were deleted"),
+        (lambda ctx: ctx.agent.delete_agent("red_1"), 0, None),
+    ],
+)
+def test_games_are_played_one_by_one_where_something_still_knows_of_agents_that_were_deleted(delete, delay_turns, why):
+    sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "delay_turns": delay_turns}}
+    team = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+    flags = {"rule": "capture_flag", "with": {"flags": {"red": 5, "blue": 6}}}
+    scenario = scene([flags], side=4, teams={"red": team, "blue": team}, sensors=sensors, max_turns=9)
+    with scenario.build(seed=1) as ctx:
+        carrier = ctx.agent.get_agent("blue_0")
+        carrier.current_node_id, carrier.strategy = 5, stay
+        ctx.game.step()
+        delete(ctx)
+        assert check(ctx, rounds=1) == why
 
 
 def test_what_was_put_into_memories_before_the_first_turn_counts_in_arrays():

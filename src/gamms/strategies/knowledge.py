@@ -164,7 +164,8 @@ def _in_sight(ctx: IContext, state: State) -> list[tuple[str, int, object]]:
         if kind in _SHOWING_AGENTS:
             seen.update(data)
     seen.pop(state.get("name", ""), None)  # a sensor at a fixed place shows its owner, too
-    return [(name, seen[name], getattr(ctx.agent.get_agent(name), "team", None)) for name in sorted(seen)]
+    there = ctx.agent.agents  # without those that were deleted since a sensor with a delay has seen them
+    return [(name, seen[name], getattr(there[name], "team", None)) for name in sorted(seen) if name in there]
 
 
 def nodes_in_view(ctx: IContext, state: State) -> set[int]:

@@ -453,12 +453,13 @@ class ArrayEngine:
         plans, known = self._game.settings()["plans"], template.provenance["strategies"]
         come = [(name, one) for name, one in zip(roster.names, roster.agents, strict=True) if name in agents]
         strategies = {name: strategy_name(decider_of(one, plans)) for name, one in come if name not in known} | known
+        departed = {name: one for name, one in template.agents.items() if name not in self._game.ctx.agent.agents}
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
             scores=state.scores.of(np.array([game]))[0],
             events=[dict(event) for event in state.events.of(game)],
-            agents=agents,
+            agents=dict(sorted((departed | agents).items())),
             errors=[dict(error) for error in state.errors[game]],
             deeds=[dict(deed) for deed in state.deeds.of(game)],
             collected=deepcopy(state.collected.get(game, template.collected)),

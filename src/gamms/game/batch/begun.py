@@ -194,20 +194,40 @@ def _copied(table: dict[str, list[Any]]) -> dict[str, list[Any]]:
 
 def why_not_begun(game: PlayedGame) -> Iterator[str]:
     """Yield what keeps the games of a batch from beginning where their game is, in words."""
-    values, last = game.internals.state, game.settings()["max_turns"]
+    last = game.settings()["max_turns"]
     if last is not None and game.turn >= last:
         yield "a game of no more turns"
     if game.over is not None:
         yield "a game that is over"
     if not all(map(fits_float, game.scores.values())):
         yield "scores that are no numbers"
-    if any(name not in game.ctx.agent.agents for name in values.departed):
-        yield "agents that were deleted"
+    yield from _why_not_departed(game)
     if not game.turn:
         return
     if _has_rules_before(game) and not _are_on_map(game):
         yield "rules of the phase 'before', and last moves along what is not on the map any more"
     yield from _why_not_placed(game)
+
+
+def _why_not_departed(game: PlayedGame) -> Iterator[str]:
+    """Yield what arrays cannot have of agents that were deleted, of which they have no rows."""
+    values, known = game.internals.state, game.ctx.agent.agents
+    gone = {name: team for name, (team, _) in values.departed.items() if name not in known}
+    if not {*gone.values()} <= {agent.team for agent in known.values()}:
+        yield "a team whose agents were deleted"
+    reports = (seen for looks in values.delayed_looks.values() for seen in looks.values())
+    arrivals = ((one["sender"], [*one["heard"].values(), *one["overheard"].values()]) for one in values.messages)
+    senders = (sender for sender, turns in arrivals if max(turns, default=0) > game.turn)
+    if gone and not gone.keys().isdisjoint(chain(_texts_in(values.data), senders, *reports)):
+        yield "agents that were deleted, of which sensors, messages or rules still know"
+
+
+def _texts_in(value: object) -> Iterator[str]:
+    """Yield the texts in a value, but for the keys of mappings."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list | tuple | set | frozenset):
+        yield from chain.from_iterable(map(_texts_in, value.values() if isinstance(value, dict) else value))
 
 
 def _has_rules_before(game: PlayedGame) -> bool:
