@@ -403,7 +403,7 @@ class Batch(Fixed):
     def _arrays(self, what: str) -> ArrayEngine:
         apart = next(iter(self.detached.values()), None)
         if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow or apart:
-            why = self.slow or self.library or apart
+            why = str(self.slow or self.library or apart).removesuffix(".")
             raise BadValue(f"{what} is for games that are played in NumPy's arrays; these are not, because of {why}.")
         return self._engine
 
