@@ -302,6 +302,13 @@ MISTAKES = {
         BadType,
         "points must be an array of numbers",
     ),
+    "where no agent began": (lambda turn: turn.start_of([9]), BadValue, "agents: there is no number 9 of 6 agents"),
+    "how often no agent stopped": (lambda turn: turn.stops([0], 9), BadValue, "agents: there is no number 9 of 6"),
+    "an event of another turn": (
+        lambda turn: turn.emit("seen", [0], values={"turn": [3]}),
+        BadValue,
+        "give turn= another name",
+    ),
     "kept arrays of no games": (
         lambda turn: turn.keep("k", lambda games: {"x": np.zeros(games + 1)}),
         BadValue,
@@ -368,7 +375,8 @@ def test_verbs_take_lists_and_one_agent_for_several_games():
         turn.respawn(at, [1] * len(at))
         turn.add_score("red", [*at, *at], [0.5] * 2 * len(at))
         turn.add_scores(at, 0, 1)
-        turn.emit("seen", at, agents={"agent": [2] * len(at)}, values={"how": ("far",) * len(at)})
+        far = (turn.stops(at, 1) + turn.start_of([2])[:, 0]).tolist()
+        turn.emit("seen", at, agents={"agent": [2] * len(at)}, values={"how": far})
         turn.end(at, ["late"] * len(at), ("red",) * len(at))
 
     same_in_both(scene(), rule)

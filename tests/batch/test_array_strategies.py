@@ -40,7 +40,7 @@ def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_on
 @gamms.array_strategy
 def heed(view):
     """Walk by how many agents and nodes the sensors of all show, and where."""
-    everyone = view.of(np.arange(6))
+    everyone = view.of([*range(6)])
     agents, nodes = everyone.seen(), everyone.seen_nodes()
     shown = np.concatenate((agents.nodes, nodes.nodes)) + 1
     count = np.bincount(np.concatenate((agents.at, nodes.at)), shown, minlength=len(view.games)).astype(np.int64)
@@ -131,6 +131,13 @@ def test_what_it_cannot_do_is_refused():
         ctx.agent.get_agent("red_0").speed = 3.0
         with pytest.raises(BadValue, match="one edge in a turn"):
             ctx.game.step()
+    for legal in ("edges", "any"):  # where numbers so large are no aims of agents with speeds
+        far = {"red": gamms.array_strategy(lambda view: view.counts + (1 << 33))}
+        with (
+            scene(settings={"legal": legal}).batch(1, strategies=far) as games,
+            pytest.raises(BadValue, match="is not the number of a legal node"),
+        ):
+            games.step()
 
 
 def test_a_form_can_be_declared_beside_a_strategy_a_rule_and_its_check():

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_context, as_function_of
+from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.begun import IS_WHOLE, Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
@@ -279,6 +279,7 @@ class _ViewOfOne(ArrayView):
     def of(self, agents: IntArray) -> ArrayView:
         """Return the view of other agents in the game, as a batch has it: what their sensors show is looked for."""
         own, here, memory = self._state, self.roster.agents, self._memory
+        agents = as_numbers_of(agents, "agents", len(here), "agents").reshape(-1)
         if self.flies:
             raise BadValue("A strategy of an agent that flies knows this agent alone: view.of is not for it.")
         turn, name = int(self.turn[0]), self.roster.names[self.agents[0]]
@@ -469,12 +470,14 @@ class _TurnOfOne(ArrayTurn):
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (1, agents)."""
+        agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
         starts = [self._game.start_node(self.roster.names[number]) for number in agents.tolist()]
         nearest = self._ctx.graph.graph.nearest_node  # of those that fly the nodes below them
         return self.streets.rows([[one if isinstance(one, int) else nearest(*one[:2]) for one in starts]])
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, put back or eliminated so far."""
+        at, agents = self._pairs(at, agents)
         counts = Counter(one.get(STOPPED[one["kind"]]) for one in self._game.events if one["kind"] in STOPPED)
         return np.array([counts[self.roster.names[number]] for number in agents[at == 0].tolist()], np.int64)
 

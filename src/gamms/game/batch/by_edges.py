@@ -36,7 +36,7 @@ class ByEdges(Movement):
         covered: (games, agents) how much of it.
     """
 
-    is_plain = False
+    is_plain, has_aims = False, True
     _used: int
     _on_maps: tuple[IntArray, IntArray]
     remembers = ("begun", "covered")

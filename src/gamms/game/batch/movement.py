@@ -354,13 +354,14 @@ class Movement:
         idle: the action of agents that decide nothing.
         is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
         leaves_nodes: whether agents may be elsewhere than on nodes.
+        has_aims: whether actions may also lead towards nodes that are not legal, see `towards`.
         turn_seconds: how long a turn lasts, in the time of speeds by metres; None: speeds count edges.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
         roads: of the games; None: in all of them those are open that are in `streets`.
     """
 
     idle = 0
-    is_plain, leaves_nodes = True, False
+    is_plain, leaves_nodes, has_aims = True, False, False
     all_roads: OpenRoads
     turn_seconds: float | None = None
     remembers: tuple[str, ...] = ()

@@ -54,7 +54,7 @@ class ByMetres(Movement):
         now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
     """
 
-    is_plain, leaves_nodes = False, True
+    is_plain, leaves_nodes, has_aims = False, True, True
     remembers = ("edge", "share", "motion")
     idle = STOP
 

@@ -226,6 +226,8 @@ class ArrayTurn:
         if not len(at):
             return
         at = self._as_at(at)
+        for name in {"turn", "kind"} & {*(agents or ()), *(nodes or ()), *(values or ())}:
+            raise BadValue(f"An event has its {name}: give {name}= another name, such as until=.")
         fields: dict[str, list[Any]] = {}
         for name, given in (agents or {}).items():
             numbers = self._each(name, as_numbers_of(given, name, len(self.roster.names), "agents").tolist(), at)
@@ -407,12 +409,14 @@ class ArrayTurn:
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents); -1 of those that have not come."""
+        agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
         rows = np.ix_(self.games, agents)
         come = np.where(self._state.is_there[rows], self.node[:, agents], -1)
         return np.where(self.roster.is_first[agents], self._state.start[rows], come)
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, put back or eliminated so far."""
+        at, agents = self._pairs(at, agents)
         return self._state.stops[self.games[at], agents]
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:

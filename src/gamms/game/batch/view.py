@@ -468,6 +468,7 @@ class ArrayView(Mapping[str, Any]):
         actions = as_actions(given, by)
         refuse_no_actions(actions, self.node.shape, by, np)
         chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self._movement.idle)  # 64 bits hold STOP
+        may_aim &= self._movement.has_aims
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on is not None and leads_on.all():
             return chosen
