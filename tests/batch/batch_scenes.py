@@ -1,5 +1,8 @@
 """Scenarios to play in batches, and results to compare."""
 
+import numpy as np
+
+import gamms
 from gamms.scenario import Scenario
 
 WALK = "gamms.strategies:random_walk"
@@ -18,3 +21,13 @@ def plain(result):
     for name in ("timings", "provenance"):
         del values[name]
     return values
+
+
+@gamms.array_strategy
+def shadow(view):
+    """Fly to the last agent of another team that is seen."""
+    seen, ways = view.enemies(), np.ones((*view.node.shape, 3))
+    x, y = view.streets.axes
+    ways[seen.at, seen.viewers, 0] = x[seen.nodes] - view["xy"][seen.at, seen.viewers, 0]
+    ways[seen.at, seen.viewers, 1] = y[seen.nodes] - view["xy"][seen.at, seen.viewers, 1]
+    return ways

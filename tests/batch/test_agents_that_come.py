@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
-from test_flights import shadow
+from batch_scenes import WALK, plain, scene, shadow
 
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.rules import last_team, resource

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, plain, scene, shadow
 
 import gamms
 from gamms.errors import BadValue
@@ -38,16 +38,6 @@ def follow(state):
     a, b, _ = next(iter(seen.values()), (20.0, 20.0, 0.0))
     state["memory"]["seen"] = repr(seen)
     state["action"] = {"direction": (a - x, b - y, 0.1 * len(seen)), "quat": (1.0, 0.1, 0.2, a)}
-
-
-@gamms.array_strategy
-def shadow(view):
-    """Fly to the last agent of another team that is seen."""
-    seen, ways = view.enemies(), np.ones((*view.node.shape, 3))
-    x, y = view.streets.axes
-    ways[seen.at, seen.viewers, 0] = x[seen.nodes] - view["xy"][seen.at, seen.viewers, 0]
-    ways[seen.at, seen.viewers, 1] = y[seen.nodes] - view["xy"][seen.at, seen.viewers, 1]
-    return ways
 
 
 CAPTURE = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
