@@ -13,6 +13,7 @@ from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.rules import Conflicts, by_priority, discover, last_team
 from gamms.scenario import Scenario
 from gamms.sensor.ground import MapSensor
+from gamms.strategies import random_waypoints
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2**40]
@@ -429,3 +430,16 @@ def test_agents_that_come_back_know_what_has_stopped_them_before_they_went_out()
                 games.run()
                 alone.game.reset(seed=1)
                 assert plain(games.result(0)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+@pytest.mark.parametrize("passing", [True, False])
+def test_before_agents_on_edges_move_rules_have_them_on_the_nodes_behind(decide, passing, same_as_one_by_one):
+    met = {"taggers": "red", "tagged": "blue", "passing": passing} | ({"euclid": 9.0} if passing else {})
+    rules = [
+        {"rule": "tag", "with": met},
+        {"rule": "arrive", "with": {"team": "red", "nodes": [12], "passing": passing}},
+    ]
+    scenario = scene([one | {"phase": "deeds"} for one in rules], settings={"speed_unit": "metres", "decide": decide})
+    goes = dict.fromkeys(("red", "blue"), random_waypoints)
+    same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 7.0}), range(4), goes)

@@ -142,6 +142,11 @@ class ArrayTurn:
         by_move: BoolArray = self.took_part & (self.node == self.ends)
         if self.paths is not None and self.paths.edge is not None:
             by_move &= self._state.movement.edge[self.games] == self.paths.edge
+            if self._is_moving and self.paths.legs is not None and self.paths.legs.edge.size:  # they have not moved yet
+                legs, share = self.paths.legs, self._state.movement.share[self.games]
+                number = (legs.edge >= 0).sum(axis=-1)
+                end = np.take_along_axis(legs.end, np.maximum(number - 1, 0)[..., None], -1)[..., 0]
+                by_move &= (self.paths.edge < 0) | (number == 0) | (end == share)
         if self._state.flyers is not None and self.flights is not None:
             by_move[:, self.flights.agents] &= ~self._state.flyers.are_put(self.games, self.flights)
         return by_move
@@ -158,7 +163,7 @@ class ArrayTurn:
         if paths is None or not passing:
             counts = self.alive & (which[self.node] if is_of_nodes else which)
             if paths is not None and paths.edge is not None:
-                counts &= self._state.movement.edge[self.games] < 0
+                counts &= (self._state.movement.edge[self.games] < 0) | ~self.is_there_by_move
             at, agents = np.nonzero(counts)
             node = self.node[at, agents]
             begin = np.ones(len(at))
