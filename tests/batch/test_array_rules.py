@@ -380,3 +380,15 @@ def test_verbs_take_lists_and_one_agent_for_several_games():
         turn.end(at, ["late"] * len(at), ("red",) * len(at))
 
     same_in_both(scene(), rule)
+
+
+def test_events_may_name_agents_that_are_not_there():
+    @gamms.array_rule
+    def rule(turn):
+        at = range(len(turn.games))
+        turn.emit("respawned", [*at], values={"agent": ["blue_00"] * len(at), "node": [3] * len(at)})
+
+    red = {"count": 2, "strategy": "gamms.strategies:follow_belief", "sensors": ["eye"]}
+    blue = {"count": 2, "strategy": "gamms.strategies:random_walk"}
+    eyes = {"eye": {"type": "AGENT_RANGE", "sensor_range": 15.0}}
+    same_in_both(scene(max_turns=4, teams={"red": red, "blue": blue}, sensors=eyes), rule)

@@ -545,6 +545,8 @@ class GameArrays:
     def note_put_back(self, events: Emitted) -> None:
         """Note when and where agents were put back, if these events say so and that is kept."""
         if PUT_BACK in self.kept and events.kind == "respawned" and {"agent", "node"} <= events.fields.keys():
+            is_known = np.array([name in self.roster.names for name in events.fields["agent"]], np.bool_)
+            events = events.those(is_known)  # rules may emit such events of others
             numbers = np.searchsorted(self.roster.names, events.fields["agent"])
             for name, values in {"turn": events.turns, "node": self.streets.rows(events.fields["node"])}.items():
                 self.kept[PUT_BACK][name][events.games, numbers] = values
