@@ -440,10 +440,16 @@ def test_beliefs_forget_looks_in_arrays_when_they_do_alone(same_as_one_by_one):
     same_as_one_by_one(scenario, [0], {"red": lambda ctx: follow_belief(ctx, motion=belief.random_walk(0.95))})
 
 
+def test_beliefs_know_where_agents_were_put_back_that_have_moved_since(same_as_one_by_one):
+    tag = {"rule": "tag", "with": TAG["with"] | {"then": "respawn", "euclid": 11}}
+    scenario = hunted(sight={"sensor_range": 10.0}, settings={"order": [["blue"], ["red"]]}).replace(rules=[tag])
+    hunt = {"red": lambda ctx: first(chase(ctx, None), follow_belief(ctx))}
+    same_as_one_by_one(scenario.replace(**{"teams.red.count": 1}), [1, 2, 3, 4], hunt)
+
+
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"settings.order": [["red"], ["blue"]]}, "in an order of play"),
         ({"settings.speed_unit": "metres", "teams.red.speed": 7.0, "teams.blue.speed": 7.0}, "in a game by metres"),
         ({"teams.red.strategy": "gamms.strategies:follow_belief"}, None),
     ],

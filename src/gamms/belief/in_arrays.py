@@ -20,7 +20,7 @@ from gamms.game.batch.columns import PlayedGame, agents_of, as_slice, decider_of
 from gamms.game.batch.forms import form_of, key_of
 from gamms.game.batch.sight import looks_from_the_air
 from gamms.game.batch.state import Arrays, NotTakenUp
-from gamms.game.batch.view import BOARDS, ArrayView, looks_in, movement_in, put_back
+from gamms.game.batch.view import BOARDS, ArrayView, looks_in, movement_in, parts_of, put_back
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import AgentLook
 from gamms.limits import max_memory
@@ -40,7 +40,6 @@ def why_not_believed(motion: Motion, game: PlayedGame, agent: IAgent) -> str | N
     others = {key_of(form) for form in forms if BOARD in getattr(form, BOARDS, ())}
     reasons = {
         "in a game by metres": settings["speed_unit"] != "edges",
-        "in an order of play": settings["order"] is not None,
         "with rules of the phase 'deeds'": any(one.phase == "deeds" for one in game.rules),
         "with sensors that look from the air": looks_from_the_air(agent),
         "beside another one that observes for the team": len(others) > 1,
@@ -122,6 +121,7 @@ class _Team:
             self._order = np.array(known, np.int64)
         self._order = np.searchsorted(self._about, self._order)
         self._are_others = are_others[self._about]
+        self._have_moved = parts_of(view)[self._about] < parts_of(view)[me]  # since they were put back
         self._view, self._members, self._looks = view, members, looks
         chain = chain_of(motion, ground_of(view.streets.columns))
         self._chain, self._steps, self._nodes = chain, motion.steps, len(chain.rows)
@@ -136,6 +136,7 @@ class _Team:
         for begin in range(0, len(asked) if len(self._about) else 0, at_once):
             places = asked[begin : begin + at_once]
             games, turn = self._view.games[places], self._view.turn[places]
+            self._put_earlier(places)
             while len(late := np.flatnonzero(self._kept["turn"][games] < turn)):  # in which none of them was asked
                 masses = self._masses(games[late])
                 put = self._put_back(places[late], self._kept["turn"][games[late]])
@@ -184,10 +185,19 @@ class _Team:
         return rows[pairs], targets, at[pairs], chances[pairs]
 
     def _put_back(self, places: IntArray, turns: IntArray) -> IntArray:
-        """Return the rows of nodes on which targets were put before these turns, (games, targets); -1: on none."""
+        """Return the rows of nodes on which targets were put when these turns began, (games, targets); -1: on none."""
         which = np.ix_(self._view.games[places], self._about)
         put, nodes = self._put["turn"][which], self._put["node"][which]
-        return np.where((put == turns[:, None]) & self._are_others, nodes, -1)
+        return np.where((put - self._have_moved == turns[:, None]) & self._are_others, nodes, -1)
+
+    def _put_earlier(self, places: IntArray) -> None:
+        """Put targets where they were one turn before, if they have moved before that was known."""
+        games = self._view.games[places]
+        earlier = self._put_back(places, self._kept["turn"][games] - 1)
+        at, targets = np.nonzero((earlier >= 0) & self._have_moved)
+        there = np.zeros((self._nodes, len(at)))
+        there[earlier[at, targets], np.arange(len(at))] = 1.0
+        self._all()[:, :, targets, games[at]] = self._moved(there)[:, None]
 
     # -- probabilities, (nodes, by which looks, targets, games) -------------------------------------------------------
 
@@ -206,11 +216,15 @@ class _Team:
         flat = (one.reshape(self._nodes, -1) for one in (masses, missed))
         return weighed(self._chain, *flat)[0].reshape(masses.shape)
 
+    def _moved(self, masses: FloatArray) -> FloatArray:
+        """Return probabilities, (nodes, …), a turn later."""
+        for _ in range(self._steps):
+            masses = self._chain.transitions.sums(masses)
+        return masses
+
     def _predict(self, games: IntArray, masses: FloatArray) -> None:
         """Let targets move, and keep the probabilities."""
-        flat = masses.reshape(self._nodes, -1)
-        for _ in range(self._steps):
-            flat = self._chain.transitions.sums(flat)
+        flat = self._moved(masses.reshape(self._nodes, -1))
         kept, turn = self._all(), self._kept["turn"][games] + 1
         kept[:, : masses.shape[1], :, as_slice(games)] = flat.reshape(masses.shape)
         self._kept["turn"][games] = turn

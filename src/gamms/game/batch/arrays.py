@@ -85,7 +85,7 @@ class ArrayEngine:
         move_now = np.stack([roster.plays_for(teams) for teams in settings["order"] or [None]])  # (parts, agents)
         self._is_listed = move_now.any(axis=0)
         if len(move_now) > 1:
-            self._parts = [np.flatnonzero(of_part) for of_part in move_now]
+            self._parts, self.state.part_of = [np.flatnonzero(one) for one in move_now], move_now.argmax(axis=0)
         check, are_open = partial(checked_value, ctx=game.ctx), self.state.roads.are_open
         self.state.deeds = DeclaredDeeds(settings["deeds"], check, roster, movement.streets, len(seeds), are_open)
         if settings["channels"]:

@@ -261,6 +261,7 @@ class GameArrays:
         drawn, looks: (games, agents) how much agents that are asked at arrivals have drawn in this turn, and how often
             they have looked around.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
+        part_of: (agents,) in which part of a turn an agent moves, by the order of play.
     """
 
     change_roads: Callable[[IntArray, tuple[int, ...], bool], None]
@@ -302,7 +303,7 @@ class GameArrays:
         self.noted, self.now = dict[int, list[str]](), dict[Hashable, Any]()
         self.headings: Headings | None = None
         self.drawn, self.looks = np.zeros((2, *shape), np.int64)
-        self.memory_of = np.arange(len(roster.names))
+        self.memory_of, self.part_of = np.arange(len(roster.names)), np.zeros(len(roster.names), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None

@@ -530,6 +530,11 @@ def put_back(view: ArrayView) -> Arrays:
     return found
 
 
+def parts_of(view: ArrayView) -> IntArray:
+    """Return in which parts of a turn agents move, by the order of play, (all agents,)."""
+    return view._state.part_of
+
+
 def on_ground(view: V) -> V:
     """Return a view without what sensors show from the air, at which the strategies of GAMMS do not look."""
     return view._on_ground()  # what this function names itself is looked at with the forms that call it
