@@ -303,6 +303,24 @@ def test_games_are_played_in_numpy_once_roads_are_closed(place, phase):
     assert shown[0] == shown[1]
 
 
+def test_games_that_leave_the_arrays_of_any_library_are_those_of_numpy(place):
+    close = gamms.array_rule(lambda turn: turn.close_roads(np.flatnonzero((turn.turn == 3) & (turn.seeds > 1)), [3, 8]))
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 15.0}}
+    team = {"count": 2, "strategy": "gamms.strategies:follow_belief", "sensors": ["near"]}
+    results = []
+    for chosen in ({}, place.options):
+        with scene([TAG], teams={"red": team, "blue": team}, sensors=near).build(seed=1) as ctx:
+            ctx.game.add(close, phase="before", name="close")
+            with ctx.game.batch(seeds=[1, 2], **chosen) as games:
+                for _ in range(6):
+                    games.step({"blue": games.observe("blue").turn[:, None] % games.observe("blue").counts})
+                assert "roads were closed" in games.detached[0]
+                games.reset([0])
+                games.run()
+                results.append([plain(games.result(number)) for number in range(2)])
+    assert results[0] == results[1]
+
+
 def test_what_is_observed_of_games_that_numpy_plays_is_that_of_numpy(place):
     scenario, shown = scene().replace(**{"teams.red.speed": 2.0}), []
     for chosen in ({}, place.options):

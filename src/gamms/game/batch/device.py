@@ -262,11 +262,11 @@ class DeviceEngine(ArrayEngine):
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return DeviceGames(roster, movement, seeds, start, self.library)
 
-    def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
+    def _step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         """Play one turn of all games that are not over; see `ArrayEngine.step`."""
         state, playing = self.state, ~self.is_over
         if self._has_left():
-            super().step(on_host(given, self.library), before_moves)
+            super()._step(on_host(given, self.library), before_moves)
             return
         if self._here.rules["before"]:
             self._given(only_playing(state.there["alive"], playing, self.library), given)
@@ -288,14 +288,15 @@ class DeviceEngine(ArrayEngine):
             self._play(named, form, playing)
 
     def _has_left(self) -> bool:
-        """Have all games on the host from the turn on in which roads are closed in one; return whether they are."""
-        if self.state.roads.are_closed and not self.state.is_on_host:
+        """Have all games on the host once one has closed roads or leaves the arrays; return whether they are there."""
+        if (self.state.roads.are_closed or self.state.apart) and not self.state.is_on_host:
             self.state.leave_device()
         return self.state.is_on_host
 
     def why_slow(self) -> str | None:
         """Return what has games of a device played on the host since they began, in words; None: nothing."""
-        return _copied("closed roads", self.library) if self._has_left() else None
+        why = next(iter(self.state.apart.values()), "closed roads")
+        return _copied(why, self.library) if self._has_left() else None
 
     def _actions(self, mask: Tensor, given: Mapping[Hashable, Given]) -> Tensor:
         """Return what all agents do, (games, agents)."""
