@@ -443,3 +443,9 @@ def test_before_agents_on_edges_move_rules_have_them_on_the_nodes_behind(decide,
     scenario = scene([one | {"phase": "deeds"} for one in rules], settings={"speed_unit": "metres", "decide": decide})
     goes = dict.fromkeys(("red", "blue"), random_waypoints)
     same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 7.0}), range(4), goes)
+
+
+def test_an_agent_that_was_out_has_the_start_again_where_it_pays_before_it_moves(same_as_one_by_one):
+    fuel = {"rule": "resource", "with": {"name": "fuel", "start": 4, "per_edge": 1}, "phase": "deeds"}
+    out = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "hops": 1}}
+    same_as_one_by_one(scene([fuel, out, {"rule": "respawn", "with": {"after": 1}}]), range(4))

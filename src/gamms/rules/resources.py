@@ -410,7 +410,8 @@ def _flies(agent: IAgent) -> bool:
 
 def _eliminated(ctx: Context) -> set[str]:
     """Return the names of the agents that went out in this turn."""
-    events = takewhile(lambda event: event["turn"] == ctx.game.turn, reversed(ctx.game.events))
+    turn = ctx.game.turn + ctx.game.is_moving  # of what happens now
+    events = takewhile(lambda event: event["turn"] == turn, reversed(ctx.game.events))
     return {event["agent"] for event in events if event["kind"] == "eliminated"}
 
 
