@@ -225,7 +225,8 @@ def test_agents_on_a_map_without_edges_stay_by_metres():
 
 def test_agents_that_block_each_other_give_way_in_arrays_as_alone(same_as_one_by_one):
     scenario = hunted(conflicts={"capacity": 1})
-    strategies = {team: lambda ctx: unblock(goto(ctx, 20), after=1) for team in ("red", "blue")}
+    strategies = {"red": lambda ctx: unblock(goto(ctx, 20), after=1)}
+    strategies["blue"] = lambda ctx: unblock(unblock(goto(ctx, 20), after=2), after=1)  # which share what they remember
     same_as_one_by_one(scenario, [1, 2, 3, 4], strategies)
     agents = scenario.play(seed=1, strategies=strategies).agents.values()
     assert sum(agent["blocked"] for agent in agents) > 10

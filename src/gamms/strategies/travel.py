@@ -450,7 +450,9 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
         if may_hold(view, yields.mask):
             turns = 1 + yields.draw.below(_powers_of_2(xp.where(often > 0, often - 1, 0)))
             left = xp.where(yields.mask, turns, left)
+    noted = {"blocked": blocked, "calm": calm, "often": often, "left": left}
     actions = asked(view, no_actions(view), partial(_drawn_aside, known["ahead"]), left > 0)
+    remember(view, "unblock", **noted, ahead=known["ahead"])  # for another `unblock` in the strategy
     actions = asked(view, actions, goes_on, left <= 0)
     if isinstance(view, DeviceView):
         follows = xp.where(actions < 0, -1, view.streets.ends_of(view.node, xp.where(actions < 0, 0, actions)))
@@ -458,7 +460,7 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
         follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
         follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))
     ahead = xp.where(view.mask & (left > 0), view.node, follows)
-    remember(view, "unblock", blocked=blocked, calm=calm, often=often, left=left, ahead=ahead)
+    remember(view, "unblock", **noted, ahead=ahead)
     return actions
 
 
