@@ -304,6 +304,7 @@ class Drawn:
     default_action: object = None  # where strategies may raise
     flights: dict | None = None  # of some agents, which fly
     closed: set = frozenset()  # numbers of streets that are closed at the start
+    on_illegal: str = "stay"
 
     @property
     def moves_before(self):
@@ -333,7 +334,7 @@ class Drawn:
         for every, per in self.collected:
             ctx.game.collect(f"{per} {every}", TAKEN[per], every, per)
         ctx.game.conflicts, ctx.game.order = self.conflicts, self.order
-        ctx.game.team_memory = self.shared
+        ctx.game.team_memory, ctx.game.on_illegal = self.shared, self.on_illegal
         if self.default_action is not None:
             ctx.game.on_error, ctx.game.default_action = "stay", self.default_action
         if "p" in self.asked:
@@ -455,4 +456,5 @@ def games(draw, how=tuple(MOTIONS), in_air=False):
         default_action=default_action,
         flights=draw(flights) if in_air else None,
         closed=draw(st.sets(st.integers(0, 40), max_size=4)),
+        on_illegal=draw(st.sampled_from(["stay", "stay", "stay", "raise"])),
     )

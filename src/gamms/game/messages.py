@@ -312,18 +312,20 @@ class Outboxes:
         self._known_channels: list[Channel] = []  # of which it was checked whom they name
 
     def take(self, slots: Iterable[AgentSlot], turn: int) -> list[tuple[AgentSlot, str]]:
-        """Take what agents have decided to send, and return what cannot be sent: by whom, and why."""
-        self._warn_of_unknown_names()
-        messages, unsent = self.read(slots, turn)
-        self.outgoing += messages
-        return unsent
-
-    def read(self, slots: Iterable[AgentSlot], turn: int) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
-        """Return what agents have decided to send, and what of it cannot be sent: by whom, and why.
+        """Take what agents have decided to send, and return what cannot be sent: by whom, and why.
 
         Raises:
             IllegalAction: something cannot be sent, and `on_illegal` is "raise".
         """
+        self._warn_of_unknown_names()
+        messages, unsent = self.read(slots)
+        if unsent and self._settings.on_illegal == "raise":
+            raise IllegalAction(f"Agent {shown(unsent[0][0].name)} in turn {turn}: {unsent[0][1]}")
+        self.outgoing += messages
+        return unsent
+
+    def read(self, slots: Iterable[AgentSlot]) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
+        """Return what agents have decided to send, and what of it cannot be sent: by whom, and why."""
         channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
         outgoing, unsent = list[Outgoing](), list[tuple[AgentSlot, str]]()
         for slot in slots:
@@ -332,8 +334,6 @@ class Outboxes:
                 continue
             messages, flaws = checked_outbox(outbox, slot, channels, teams)
             outgoing += messages
-            if flaws and self._settings.on_illegal == "raise":
-                raise IllegalAction(f"Agent {shown(slot.name)} in turn {turn}: {flaws[0]}")
             unsent += [(slot, flaw) for flaw in flaws]
         return outgoing, unsent
 

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +49,9 @@ class Asking:
         self._state, self._here, self._given, self._at_arrivals = state, here, given, at_arrivals
         self.outboxes, self._moment = list[Outbox](), 0  # how often agents were asked
         self._acts: tuple[list[ArrayDeeds], list[Outbox]] | None = None  # deeds and messages that are given
+        settings = here.game.settings()
+        self._raises, self._commanded = settings["on_illegal"] == "raise", settings["plans"].keys() | given.keys()
+        self._asked: tuple[IntArray, BoolArray]  # some games of the turn, and which agents were asked last
         self._routes, self.lost = list[Route](), list[Illegal]()  # of those that decide now
         self._failures: list[Failure] = []  # of those that were asked, until they are noted
 
@@ -97,7 +100,7 @@ class Asking:
         self._state.shared[DELAYS].note(turn.games, asked)
         acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)
         flyers = self._state.flyers
-        self.lost, self._games = [], turn.games  # which may be some of those of the turn, where agents arrive
+        self.lost, self._asked = [], (turn.games, asked)
         self.flights = None if flyers is None else flyers.hovering(len(turn.games))
         for team, one in self._given.items() if flyers is not None else ():
             agents, ways = turn.roster.members(team), one.flights
@@ -122,9 +125,6 @@ class Asking:
         if flyers is None or flights is None:
             return
         lost = flyers.aim(flights, turn.games, agents, ways, where)
-        if lost and self._here.game.settings()["on_illegal"] == "raise":
-            at, agent, why = min(lost)
-            self._raise_illegal(int(turn.games[at]), agent, why)
         self.lost += [Illegal(at, agent, f"BadValue: {why}") for at, agent, why in lost]
 
     def _without_skips(self, view: ArrayView, actions: IntArray) -> IntArray:
@@ -137,8 +137,6 @@ class Asking:
         columns = which[0], view.agents[which[1]], view.streets.ids_of(rows), is_legal.sum(axis=-1)
         for at, agent, nodes, count in zip(*(column.tolist() for column in columns), strict=True):
             why = IllegalAction.missing(nodes[:count])
-            if self._here.game.settings()["on_illegal"] == "raise":
-                self._raise_illegal(int(view.games[at]), agent, str(why))
             self.lost.append(Illegal(at, agent, f"{type(why).__name__}: {why}"))
         return np.where(skips, view._movement.idle, actions)
 
@@ -155,20 +153,58 @@ class Asking:
 
     def note(self, turn: ArrayTurn, illegal: Sequence[Illegal]) -> None:
         """Note what those did wrong who were asked last; what they send whose actions are not legal is dropped."""
-        wrong = [one._replace(at=int(self._games[one.at])) for one in self.lost]
-        wrong += [one._replace(at=int(turn.games[one.at])) for one in illegal if turn.alive[one.at, one.agent]]
-        self.lost = []
+        wrong, self.lost = self._wrong(turn, illegal), []
+        self._raise_first([*wrong, *self._failures])
         if wrong and self.outboxes:
             is_dropped = np.zeros(self._state.node.shape, np.bool_)
-            is_dropped[[one.at for one in wrong], [one.agent for one in wrong]] = True
+            is_dropped[[one.game for one in wrong], [one.agent for one in wrong]] = True
             first = (self._moment - 1) * MOST_AT_ONCE
             self.outboxes = [box.those(~is_dropped[box.at, box.senders] | (box.order < first)) for box in self.outboxes]
-        senders = {(one.at, one.agent) for one in wrong}
+        senders = {(one.game, one.agent) for one in wrong}
         failures = [one for one in self._failures if not one.is_unsent or (one.game, one.agent) not in senders]
-        failures += [Failure.illegal(*one) for one in wrong]
-        for one in sorted(failures, key=itemgetter(0, 1, 2)):
+        for one in sorted(failures + wrong, key=itemgetter(0, 1, 2)):
             self._state.note_failure(one)
         self._failures = []
+
+    def _wrong(self, turn: ArrayTurn, illegal: Sequence[Illegal]) -> list[Failure]:
+        """Return what those did wrong who were asked last, some of whose actions could not be done in a turn."""
+        wrong = [(self._asked[0], one) for one in self.lost]
+        wrong += [(turn.games, one) for one in illegal if turn.alive[one.at, one.agent]]
+        return [Failure.illegal(int(games[one.at]), one.agent, one.message) for games, one in wrong]
+
+    def _wrong_in_arrays(self, turn: ArrayTurn, actions: IntArray) -> list[Failure]:
+        """Return what of the actions of those that have array forms is not legal."""
+        movement = turn._movement
+        return self._wrong(
+            turn, movement.moves(turn.node, actions, turn.games).illegal if movement.leaves_nodes else ()
+        )
+
+    def _raise_first(self, failures: Sequence[Failure]) -> None:
+        """Raise the error of what is not legal and the turn engine would find first, where it raises that."""
+        state, illegal = self._state, [one for one in failures if one.kind == "illegal"] if self._raises else []
+        if illegal := [one for one in illegal if one.game not in state.apart]:
+            one = min(illegal, key=self._rank)
+            why = one.message if one.is_unsent else one.message.partition(": ")[2]
+            named = f"Agent {shown(state.roster.names[one.agent])} in turn {int(state.turn[one.game])}"
+            error = IllegalAction(f"{named}: {why}")
+            error.add_note(f"In game {one.game} of a batch, with the seed {state.seeds[one.game]}.")
+            raise error
+
+    def _rank(self, one: Failure) -> tuple[int, bool, int, int]:
+        """Return when the turn engine finds what an agent does wrong: plans of teams decide after all others."""
+        roster, first, (games, asked) = self._state.roster, -1, self._asked
+        team = roster.team_of[one.agent]
+        if not one.is_unsent and roster.teams[team] in self._commanded:
+            first = int(np.flatnonzero(asked[np.searchsorted(games, one.game)] & (roster.team_of == team))[0])
+        return one.game, one.is_unsent, first, one.agent
+
+    def _before(self, first: Failure, agents: IntArray) -> BoolArray:
+        """Return which of some agents the turn engine asks before it finds what is not legal, (games, agents)."""
+        games, asked = self._asked
+        before, at = np.zeros_like(asked), np.searchsorted(games, first.game)
+        for agent in agents[asked[at, agents]].tolist():
+            before[at, agent] = self._rank(first._replace(agent=agent)) < self._rank(first)
+        return before
 
     def _send(self, boxes: list[Outbox]) -> None:
         """Take what agents want to send, and note what of it cannot be sent."""
@@ -176,16 +212,8 @@ class Asking:
         if radio is None or not boxes:
             return
         found, flaws = radio.sendable(boxes, self._state.is_there)
-        if flaws and self._here.game.settings()["on_illegal"] == "raise":
-            self._raise_illegal(*min(flaws))
         self.outboxes += found
         self._failures += [Failure.illegal(*flaw, is_unsent=True) for flaw in flaws]
-
-    def _raise_illegal(self, game: int, agent: int, why: str) -> NoReturn:
-        name = self._state.roster.names[agent]
-        error = IllegalAction(f"Agent {shown(name)} in turn {int(self._state.turn[game])}: {why}")
-        error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
-        raise error
 
     def acts(self, turn: ArrayTurn) -> tuple[list[ArrayDeeds], list[Outbox]]:
         """Return the deeds and messages that were given, of games by their numbers in the batch."""
@@ -234,6 +262,11 @@ class Asking:
                     raise
         scalar = self._here.asked
         if scalar is not None and len(agents := scalar.agents[~is_decided[scalar.agents]]):
+            wrong = self._wrong_in_arrays(turn, actions) if self._raises else []
+            while wrong := [one for one in wrong if one.game not in self._state.apart]:
+                first = min(wrong, key=self._rank)
+                scalar.decide(turn, agents, self._before(first, agents))
+                self._raise_first([first])  # but if its game has left the arrays
             answers = scalar.decide(turn, agents, asked)
             actions[:, agents], self._routes = answers.actions, answers.routes
             deeds += answers.deeds

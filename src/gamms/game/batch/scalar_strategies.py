@@ -24,7 +24,7 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.channels import Outgoing
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
-from gamms.game.legality import Legality, ResolvedAction
+from gamms.game.legality import IllegalAction, Legality, ResolvedAction
 from gamms.game.messages import Inboxes
 from gamms.game.order import Part
 from gamms.game.random_streams import DrawTable
@@ -369,11 +369,14 @@ class ScalarStrategies:
             if decisions.awaited:
                 fork.refuse("it is awaited")
             fork.raise_notes()
+        except IllegalAction:  # which is what is refused here is, too, where that raises
+            fork.raise_notes()
+            raise
         finally:
             decisions.drop()
         failed = decisions.failed
         deciding = [slots[i] for i in part.observing if i not in failed]
-        messages, unsent = turns.outboxes.read(deciding, state.turn) if settings.channels else ([], [])
+        messages, unsent = turns.outboxes.read(deciding) if settings.channels else ([], [])
         self.forget_blocked(turn, living, [at])
         failures = self._failures(game, state, decisions.close(), unsent)
         if any(action.heading != () for action in decisions.actions.values()):

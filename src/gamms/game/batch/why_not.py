@@ -39,7 +39,6 @@ def _why_not_moved(game: PlayedGame) -> str | None:
     graph = game.ctx.graph
     reasons = [
         (by_metres and not len(graph.columns().edge_ids) + len(graph.closed_roads), "a map without edges, by metres"),
-        (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
