@@ -88,7 +88,7 @@ def test_what_is_not_yaml_is_reported_by_its_line(text, hint):
         ("a: !!set {x}", "a: line 1: the tag"),
         ("a: !!binary aGk=", "tag"),
         ("a: !own 3", "tag"),
-        ("[" * 3000, "nested"),
+        ("[" * 3000, "nest"),  # newer versions of libyaml have a limit of their own, and another sentence
         ("a: [1", "not YAML"),
         ("a: 1\n---\nb: 2", "single document"),
         ("a: !!int foo", "invalid literal"),
