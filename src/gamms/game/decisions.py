@@ -41,7 +41,6 @@ class TeamArrays:
         team: the team.
         turn: the number of turns that were played before this one.
         names: of the agents.
-        nodes: (agents,) ids of the nodes they are on.
         facts: what was published; read-only.
         team_memory: a copy of what the team remembers; what is written into it counts from the next turn on.
         draw: random numbers, one for each agent.
@@ -59,13 +58,18 @@ class TeamArrays:
     ) -> None:
         self.team: Any = commanded.team  # programs look it up in dicts of their own
         self.turn, self.names = turn, commanded.deciders.names
-        self._legal = legal
-        self.nodes: IntArray = nodes.view()
-        self.nodes.setflags(write=False)
+        self._legal, self._nodes = legal, nodes
         self._chosen: IntArray | None = None
         self.facts, self.team_memory = facts, team_memory
         self.draw = TeamDraws(partial(commanded.draw_keys, seed), turn)
         self._seed = seed
+
+    @cached_property
+    def nodes(self) -> IntArray:
+        """(agents,) ids of the nodes they are on."""
+        nodes: IntArray = self._nodes.astype(np.int64)
+        nodes.setflags(write=False)
+        return nodes
 
     @property
     def offsets(self) -> IntArray | None:
@@ -95,7 +99,7 @@ class TeamArrays:
             BadType, BadValue: they are no numbers of legal nodes, (agents,).
         """
         legal, numbers = self._listed(), np.asarray(actions)
-        if numbers.dtype.kind not in "iu" or numbers.shape != self.nodes.shape:
+        if numbers.dtype.kind not in "iu" or numbers.shape != self._nodes.shape:
             raise BadType(f"Actions are an array ({len(self.names)},) of integers, not {shown(actions)}.")
         is_number = numbers < legal.counts
         if not is_number.all() or numbers.min(initial=0) < 0:
@@ -135,12 +139,12 @@ class TeamArrays:
             nodes = np.asarray(None)
         if nodes.dtype.kind not in "iu" and nodes.size:
             raise BadType(f"A plan of arrays returns the ids of {len(self.names)} nodes, not {shown(answer)}.")
-        if nodes.shape != self.nodes.shape:
+        if nodes.shape != self._nodes.shape:
             raise BadValue(
                 f"A plan of arrays returns one node for each agent, an array ({len(self.names)},), "
                 f"not one of the shape {nodes.shape}."
             )
-        return nodes.astype(np.int64, copy=False)
+        return nodes if nodes is self._chosen else nodes.astype(np.int64, copy=False)
 
     def is_legal(self, nodes: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
         """Return which of these nodes are known to be legal, (agents,)."""
@@ -339,7 +343,7 @@ class Decisions:
                 f"The plan of team {shown(commanded.team)} decides in arrays, and agent "
                 f"{self.slots[flying[0]].name!r} flies. Use command(team, plan) with a plan of states."
             )
-        nodes: IntArray = np.asarray(self.starts, np.int64)[... if is_all else indices]
+        nodes: IntArray = np.asarray(self.starts)[... if is_all else indices]
         legal: LegalNodes | None = None
         if commanded.are_plain:
             legal = LegalNodes.along_streets(self._legality.streets, nodes)

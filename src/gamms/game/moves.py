@@ -272,7 +272,7 @@ class TurnMoves:
 
     def give_up(self, block: AgentBlock) -> None:
         """Let agents that are elsewhere than where their moves begin stay there."""
-        nodes, self.starts = self.order.nodes(), copied_column(self.starts)
+        nodes, self.starts, self.ends = self.order.nodes(), copied_column(self.starts), copied_column(self.ends)
         put = {
             i
             for i, action in self.actions.items()

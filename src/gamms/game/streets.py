@@ -99,6 +99,13 @@ class Streets:
             raise UnknownName("node", int(missing.flat[0]))
         return found
 
+    def rows_of(self, ids: IntArray) -> IntArray:
+        """Return what `rows` does, in integers of 32 bits where these ids are such and are rows."""
+        is_row = (
+            self._order is None and ids.dtype == np.int32 and int(ids.view(np.uint32).max(initial=0)) < self.num_nodes
+        )
+        return ids if is_row else self.rows(ids)
+
     def checked(self, rows: object, name: str) -> IntArray:
         """Return rows of nodes that a caller passed; `streets.rows(ids)` gives them.
 
@@ -177,7 +184,7 @@ class Streets:
         # NOTE: in place: to make another array is a twentieth of a turn of 100,000 agents (benchmarks: teams).
         places: IntArray = np.empty(np.broadcast(rows, actions).shape, np.int64)
         if width:
-            np.multiply(rows, width, out=places)
+            np.multiply(rows, width, out=places, dtype=np.int64)
         else:
             places[...] = offsets[rows]
         np.add(places, actions, out=places, casting="unsafe")
@@ -211,7 +218,7 @@ class LegalNodes:
     def along_streets(cls, streets: Streets, nodes: IntArray) -> "LegalNodes":
         """Return those of agents that go along one edge, by the ids of their nodes, (agents,)."""
         legal = cls.__new__(cls)
-        legal._streets, legal._rows = streets, streets.rows(nodes)
+        legal._streets, legal._rows = streets, streets.rows_of(nodes)
         return legal
 
     @cached_property
@@ -233,7 +240,7 @@ class LegalNodes:
         return found
 
     def step(self, actions: IntArray) -> IntArray:
-        """Return the ids of nodes that actions lead to, each the number of a legal node."""
+        """Return the ids of nodes that actions lead to, each the number of a legal node; int32 where they are rows."""
         if self._streets is None:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]

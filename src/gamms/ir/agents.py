@@ -5,14 +5,14 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import compress, count
 from operator import not_
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop
+from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop, fit_in_32_bits
 from gamms.ir.events import COLUMN_EVENTS
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, NodeFinder
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 from gamms.ir.progress import Progress
 
@@ -22,20 +22,6 @@ Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
-
-
-class NodeFinder(Protocol):
-    """The part of a graph that finds the nodes below flyers."""
-
-    @property
-    def revision(self) -> int | None:
-        """Changes whenever the graph does; None where it cannot tell."""
-
-    def get_nodes(self) -> Iterator[int]:
-        """Return the ids of all nodes."""
-
-    def nearest_node(self, x: float, y: float) -> int:
-        """Return the id of the nearest node."""
 
 
 NUMBERS: dict[str, tuple[type, Any]] = {}
@@ -153,10 +139,15 @@ class AgentBlock:
         return columns
 
     def use_arrays(self) -> None:
-        """Have `node` and `previous` as views of arrays, for the agents of teams, which are moved all at once."""
+        """Have `node` and `previous` as views of arrays, for the agents of teams, which are moved all at once.
+
+        They have 32 bits until an id comes that needs 64.
+        """
         if not self._buffers:
-            for name in _IN_ARRAYS:
-                self._show(name, np.array(getattr(self, name), np.int64), len(self.names))
+            columns = {name: np.array(getattr(self, name), np.int64) for name in _IN_ARRAYS}
+            are_narrow = all(map(fit_in_32_bits, columns.values()))
+            for name, column in columns.items():
+                self._show(name, column.astype(np.int32) if are_narrow else column, len(column))
 
     @property
     def has_arrays(self) -> bool:
@@ -167,16 +158,29 @@ class AgentBlock:
         self._buffers[name] = buffer
         setattr(self, name, buffer.data[:size])
 
+    def _admit(self, nodes: IntArray) -> None:
+        """Let arrays have 64 bits from now on if these ids need them."""
+        if self._buffers["node"].dtype.itemsize < 8 and not fit_in_32_bits(nodes):
+            for name in _IN_ARRAYS:
+                self._show(name, self._buffers[name].astype(np.int64), len(getattr(self, name)))
+
+    def _put(self, name: str, row: int, value: Any) -> None:
+        """Set the value of an agent in a column."""
+        if name in self._buffers:
+            self._admit(np.array([value], np.int64))
+        getattr(self, name)[row] = value
+
     def _append(self, nodes: list[int]) -> None:
         """Add agents to `node` and `previous`."""
         if not self._buffers:
             self.node += nodes
             self.previous += nodes
             return
+        self._admit(np.array(nodes, np.int64))
         for name in _IN_ARRAYS:
             buffer, size = self._buffers[name], len(getattr(self, name))
             if size + len(nodes) > len(buffer):
-                buffer = np.concatenate((buffer[:size], np.zeros(max(size // 2, len(nodes)), np.int64)))
+                buffer = np.concatenate((buffer[:size], np.zeros(max(size // 2, len(nodes)), buffer.dtype)))
             buffer[size : size + len(nodes)] = nodes
             self._show(name, buffer, size + len(nodes))
 
@@ -230,7 +234,7 @@ class AgentBlock:
         """Add the agent in a row of another block; returns its row here."""
         new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
         for name in ("previous", "heading", "previous_position", "quat", "progress", "alive", *NUMBERS):
-            getattr(self, name)[new] = getattr(source, name)[row]
+            self._put(name, new, getattr(source, name)[row])
         self._follow_progress(new)
         if not self.alive[new]:
             self.inactive.add(new)
@@ -293,7 +297,10 @@ class AgentBlock:
                 return
         column = self.node
         self.previous[row] = column[row]
-        column[row] = node
+        try:
+            column[row] = node
+        except ValueError:  # NOTE: where each move asked if ids fit, the loop would pay for arrays (benchmarks: loop)
+            self._put("node", row, node)
         self._changed.add(row)
 
     def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
@@ -323,6 +330,7 @@ class AgentBlock:
             journal.moved(rows.ascending, copy)
 
     def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
+        self._admit(np.asarray(nodes))
         node, previous = np.asarray(self.node), np.asarray(self.previous)
         if len(rows.rows) == len(node):  # NOTE: nothing is copied (benchmarks: teams).
             rows.write_all(previous, nodes)
@@ -341,7 +349,7 @@ class AgentBlock:
         journal = self.journal
         if journal is CLOSED:
             return
-        getattr(self, column)[row] = value
+        self._put(column, row, value)
         if column in _OF_VERSION:
             self._changed.add(row)
         if column in _OF_STRUCTURE:
@@ -397,7 +405,7 @@ class AgentBlock:
         self.previous[row] = self.nearest(row)
         before = self.previous_position[row] = self.position[row]
         if node is not None:
-            self.node[row] = node
+            self._put("node", row, node)
         elif before is None or position[0] != before[0] or position[1] != before[1]:
             self._unlocated.add(row)
         self.position[row] = position
@@ -416,7 +424,7 @@ class AgentBlock:
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing (used by replay and by batches)."""
         for name, value in values.items():
-            getattr(self, name)[row] = value
+            self._put(name, row, value)
         self._follow_progress(row)
         self._changed.add(row)
         if self.kind[row]:
@@ -462,7 +470,7 @@ class AgentBlock:
                     raise
         self._unlocated.discard(row)
         if node != self.node[row]:
-            self.node[row] = node
+            self._put("node", row, node)
             self._changed.add(row)
 
     @contextmanager
@@ -517,7 +525,10 @@ class AgentBlock:
             has_structure: whether agents, teams, speeds, lives and sensors are those of then; only places differ.
         """
         for name in _PLACES if has_structure else BY_ROW:
-            column, before = getattr(self, name), values[name]
+            before = values[name]
+            if name in self._buffers:
+                self._admit(np.asarray(before))
+            column = getattr(self, name)
             if name in self._buffers:
                 np.asarray(column)[:] = before
             else:

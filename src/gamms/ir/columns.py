@@ -240,15 +240,22 @@ def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...
 
 
 def copied_column(column: Any) -> Any:
-    """Return a copy of a list or of a view of an array."""
-    return column.copy() if type(column) is list else np.array(column).data
+    """Return a copy of a list or of a view of an array, into which any id may be written."""
+    return column.copy() if type(column) is list else np.array(column, np.int64).data
+
+
+def fit_in_32_bits(ids: IntArray) -> bool:
+    """Whether signed integers of 32 bits can hold ids."""
+    if ids.dtype.itemsize <= 4:
+        return True
+    return not len(ids) or int(ids.view(np.uint64).max()) < 1 << 31  # negative ones are taken for large ones
 
 
 def copied_ids(nodes: IntArray) -> IntArray:
     """Return a copy of ids, read-only: in 32 bits where there are many of them, and these hold all differences."""
     # NOTE: half of the memory is a third of the time of writing them, and a tenth of a turn (benchmarks: teams).
-    wide = nodes.astype(np.int64, copy=False)
-    is_small = len(wide) >= _MANY and int(wide.view(np.uint64).max()) < _SMALL_IDS  # none is negative, too
+    unsigned = nodes.view(np.uint32 if nodes.dtype.itemsize == 4 else np.uint64)
+    is_small = len(unsigned) >= _MANY and int(unsigned.max()) < _SMALL_IDS  # none is negative, too
     return read_only(nodes.astype(np.int32 if is_small else np.int64))
 
 

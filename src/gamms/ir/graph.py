@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
 from dataclasses import dataclass, replace
-from typing import Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,20 @@ def read_only(array: A) -> A:
     """Return the array, which can be written to no longer."""
     array.setflags(write=False)
     return array
+
+
+class NodeFinder(Protocol):
+    """The part of a graph that finds the nodes below flyers."""
+
+    @property
+    def revision(self) -> int | None:
+        """Changes whenever the graph does; None where it cannot tell."""
+
+    def get_nodes(self) -> Iterator[int]:
+        """Return the ids of all nodes."""
+
+    def nearest_node(self, x: float, y: float) -> int:
+        """Return the id of the nearest node."""
 
 
 class ByRow(Mapping[int, V]):
