@@ -193,14 +193,17 @@ class Decisions:
         observe, state: as given.
         slots: of all agents.
         starts: the nodes they are on.
+        ends: the node that each agent goes to, by slot: a list, or a view of an array; see `ends_to_write`.
         actions: what agents do that not only go to a node, by slot; of each part a dict of its own.
         awaited: what is to be collected.
+        written: what agents have made of their copies of the team's memory, with their slots.
+        failures: what went wrong, with slot and kind; `close` publishes both once all have decided.
         staying: the slots of those that stay where they are; None: not known, compare starts and ends.
     """
 
     __slots__ = (
-        *("_copiers", "_ends", "_failures", "_legality", "_phase", "_settings", "_written"),
-        *("actions", "awaited", "observe", "slots", "starts", "state", "staying"),
+        *("_copiers", "_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
+        *("observe", "slots", "starts", "state", "staying", "written"),
     )
 
     def __init__(
@@ -220,25 +223,25 @@ class Decisions:
         """Forget what was decided, for agents that are on these nodes; return this."""
         self.slots, self.starts = slots, starts
         self.actions: dict[int, ResolvedAction] = {}
-        self._ends: Any = None  # until they are asked for
+        # NOTE: a view is copied when something else than a plan of all is decided (benchmarks: teams).
+        self.ends: Any = starts.copy() if type(starts) is list else starts
         self.staying: list[int] | None = None
-        if self._written or self._failures or self.awaited or self._copiers:
+        if self.written or self.failures or self.awaited or self._copiers:
             self._forget()
         return self
 
+    def ends_to_write(self) -> Any:
+        """Return `ends`, which may be written to."""
+        if self.ends is self.starts:
+            self.ends = copied_column(self.starts)
+        return self.ends
+
     def _forget(self) -> None:
         """Empty what few games collect in a turn."""
-        self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
-        self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
+        self.written: list[tuple[int, Any]] = []
+        self.failures: list[tuple[int, str, str]] = []
         self.awaited: list[tuple[_Question, Any]] = []
         self._copiers: dict[Any, Callable[[], Memory]] = {}  # of the memories of teams
-
-    @property
-    def ends(self) -> Any:
-        """The node that each agent goes to, by slot: a list, or a view of an array."""
-        if self._ends is None:
-            self._ends = copied_column(self.starts)
-        return self._ends
 
     # -- asking -------------------------------------------------------------------------------------------------
 
@@ -263,13 +266,10 @@ class Decisions:
             near: the nodes that are legal along one edge.
         """
         turn, shared, phase = self.state.turn, self.state.team_memories, self._phase
-        ends, asked = self.ends, zip(part.asked, starts, part.individuals, strict=True)
+        ends = self.ends_to_write() if self.ends is self.starts else self.ends  # NOTE: as a call, 1 % of ten agents
+        asked = zip(part.asked, starts, part.individuals, strict=True)
         self.staying = staying = []
-        # NOTE: to go on with those that look alike takes half of calling each (benchmarks: peers).
-        looks = [
-            sensors[0].sense_each(sensors, [starts[place] for place in places])
-            for sensors, places in (part.looks(phase.sensor_changes) if part.has_looks else ())
-        ]
+        looks = self._looks(part, starts) if part.has_looks else ()
         for i, here, (agent, strategy, template, key, kind, result, last) in asked:
             if template is None:
                 self.ask(i, None)
@@ -305,6 +305,14 @@ class Decisions:
             mine = state.get("team_memory")
             if mine or (shared and template["team"] in shared):
                 self.note(i, mine)
+
+    def _looks(self, part: Part, starts: Sequence[int]) -> list[Iterator[Any]]:
+        """Return what sensors of individuals show that look alike, of one agent after the other."""
+        # NOTE: to go on with those that look alike takes half of calling each (benchmarks: peers).
+        return [
+            sensors[0].sense_each(sensors, [starts[place] for place in places])
+            for sensors, places in part.looks(self._phase.sensor_changes)
+        ]
 
     def _look(
         self, carried: Sequence[Carried], here: int, legal: Sequence[int], looks: Sequence[Iterator[Any]]
@@ -391,22 +399,20 @@ class Decisions:
     @property
     def failed(self) -> set[int]:
         """The slots of those that did not do what they wanted."""
-        return {i for i, *_ in self._failures}
+        return {i for i, *_ in self.failures}
 
     def close(self) -> list[tuple[int, str]]:
         """Publish what went wrong and merge the team memories, once all have decided.
 
         Return the slots of those that did not do what they wanted, and why; one may be there more than once.
         """
-        if not (self._failures or self._written):
-            return []
-        failures = sorted(self._failures, key=itemgetter(0))
+        failures = sorted(self.failures, key=itemgetter(0))
         for i, kind, message in failures:
             slot = self.slots[i]
             slot.counts[COUNT_OF.get(kind, kind)] += 1
             error = {"turn": self.state.turn, "agent": slot.name, "kind": kind, "message": message}
             self.state.errors.append(error)
-        if self._written:
+        if self.written:
             self._merge_team_memories()
         return [(i, _REASONS.get(kind, message)) for i, kind, message in failures]
 
@@ -414,7 +420,7 @@ class Decisions:
 
     def note(self, i: int, team_memory: object) -> None:
         """Take what an agent has made of its copy of the team's memory."""
-        self._written.append((i, team_memory))
+        self.written.append((i, team_memory))
 
     def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
@@ -423,7 +429,7 @@ class Decisions:
         if "action" in state:
             action = state["action"]
             if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
-                self.ends[i] = action
+                self.ends_to_write()[i] = action
             else:
                 self._decide(i, action)
         else:
@@ -496,9 +502,9 @@ class Decisions:
         slots, indices = self.slots, question.indices
         is_all, chosen = len(indices) == len(starts), arrays.take_chosen(nodes)
         if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
-            self._ends = chosen.data
+            self.ends = chosen.data
             return
-        ends = self.ends
+        ends = self.ends_to_write()
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks: teams).
@@ -524,14 +530,14 @@ class Decisions:
             if not is_default:  # an agent for which it is not legal stays
                 self._refuse(i, error)
         else:
-            self.actions[i], self.ends[i] = resolved, resolved.end
+            self.actions[i], self.ends_to_write()[i] = resolved, resolved.end
 
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an action that is not legal: raise the error, or keep the agent where it is, by the settings."""
         if self._settings.on_illegal == "raise":
             name = self.slots[i].name
             raise IllegalAction(f"Agent {shown(name)} in turn {self.state.turn}: {error}") from error
-        self._failures.append((i, "illegal", f"{type(error).__name__}: {error}"))
+        self.failures.append((i, "illegal", f"{type(error).__name__}: {error}"))
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
@@ -542,7 +548,7 @@ class Decisions:
     def _miss(self, question: _Question, kind: str, message: str) -> None:
         """Take the default action for agents whose strategy or plan has failed."""
         for i, state in zip(question.indices, question.states(), strict=True):
-            self._failures.append((i, kind, message))
+            self.failures.append((i, kind, message))
             self._do_default(i, state)
 
     def _do_default(self, i: int, state: State | None) -> None:
@@ -577,7 +583,7 @@ class Decisions:
         """Make one memory of what the members of each team have written."""
         shared = self.state.team_memories
         written: dict[Any, list[Memory]] = {}
-        for i, copy in sorted(self._written, key=itemgetter(0)):
+        for i, copy in sorted(self.written, key=itemgetter(0)):
             written.setdefault(self.slots[i].team, []).append(copy if isinstance(copy, dict) else {})
         for team, copies in written.items():
             before = shared.get(team, {})

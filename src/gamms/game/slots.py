@@ -17,9 +17,11 @@ from gamms.ir.columns import Selection, Succession
 from gamms.ir.game_state import GameState
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.readonly import copied
 from gamms.typing import AgentType
 from gamms.typing.agent_engine import Departure, IAgent, TurnAccess
 from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import SensorType
 
 _MOST_SHARED = 32  # instances, after which their table has places for no more keys
 _FEW_MADE = 16  # where fewer than one in so many slots are made, their names are looked up
@@ -464,4 +466,13 @@ def _speed(agent: IAgent) -> float | None:
         return as_range(agent.speed, f"speed of agent {agent.name!r}")
     except GammsError as error:
         error.add_note("On the ground it is what ctx.game lets the agent move in a turn; None for one edge.")
+        raise
+
+
+def own_copy(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:
+    """Copy what a sensor of the caller's class shows, which may show the same to several agents."""
+    try:
+        return kind, copied(data)
+    except Exception as error:
+        error.add_note(f"What the sensor {name!r} shows is copied: every agent gets its own.")
         raise

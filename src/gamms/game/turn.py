@@ -19,17 +19,16 @@ from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused, stopped_by
-from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
+from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy, restart_draws
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
-from gamms.readonly import ReadOnlyMapping, copied
+from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import Departure, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Move
-from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -185,7 +184,7 @@ class TurnEngine:
         """Return the state that an agent gets now; its sensors are asked."""
         sensed = slot.agent.sense()
         for name in slot.foreign:
-            sensed[name] = _own_copy(name, *sensed[name])
+            sensed[name] = own_copy(name, *sensed[name])
         return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self._inboxes)
 
     def observed(
@@ -379,18 +378,24 @@ class TurnEngine:
         finally:
             phase.agent = phase.moment = None
             self.is_deciding = False
+        blocked = self._state.blocked
+        # NOTE: no call in each turn (benchmarks: turns)
+        if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
+            self._publish(order, part, decisions)
+        ends = decisions.ends_to_write() if decisions.ends is starts else decisions.ends
+        return TurnMoves(order, starts, ends, decisions.actions)
+
+    def _publish(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
+        """Publish what went wrong, what teams remember and what agents send, once all have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
             failed = decisions.failed
             unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], self._state.turn)
-        blocked = self._state.blocked
-        if blocked.known or blocked.stopped:  # NOTE: no call in each turn (benchmarks: turns)
-            self._forget_blocked(order, part)
+        self._forget_blocked(order, part)
         for i, why in decisions.close():
             self._block(order.slots[i], why)
         for slot, why in unsent:
             self._note_illegal(slot, why)
-        return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
     def ask_part(self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None) -> None:
         """Ask the strategies of the agents of a part, and the plans of its teams.
@@ -586,12 +591,3 @@ class TurnEngine:
                     block.fly(slot.row, action.position)
                 if action.quat is not None:
                     block.turn(slot.row, action.quat)
-
-
-def _own_copy(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:
-    """Copy what a sensor of the caller's class shows, which may show the same to several agents."""
-    try:
-        return kind, copied(data)
-    except Exception as error:
-        error.add_note(f"What the sensor {name!r} shows is copied: every agent gets its own.")
-        raise
