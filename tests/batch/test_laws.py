@@ -1,6 +1,7 @@
 """The law of batches: whatever is played in arrays is played as the turn engine plays it, event by event."""
 
 import re
+from dataclasses import replace
 from math import hypot
 
 import numpy as np
@@ -14,6 +15,7 @@ from random_players import LEAVE, ONE_BY_ONE
 from gamms.errors import GammsError
 
 LAWS = settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+IN_GAME = re.compile(r"In game (\d+) of a batch")
 # Games are too large to be made smaller in reasonable time; from its tenth example on Hypothesis mostly repeats parts.
 LARGE = settings(LAWS, max_examples=5, phases=[Phase.generate])
 
@@ -115,6 +117,28 @@ def test_a_batch_of_a_game_that_has_begun_goes_on_as_the_game_alone(drawn, turns
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
+@settings(LARGE, max_examples=8)
+@given(drawn=st.one_of(games(), games(), games(in_air=True)), lot=st.integers(0, 2**32))
+def test_a_game_is_the_same_among_a_thousand_others_by_itself_and_in_another_order(drawn, lot):
+    drawn = replace(drawn, asked="", called=())  # for what is called game by game takes its time in a thousand
+    rng = np.random.default_rng(lot)
+    seeds, few = rng.integers(0, 2**62, 1000).tolist(), rng.choice(1000, 5, replace=False).tolist()
+    with drawn.open() as ctx, ctx.game.batch(seeds=seeds) as many:
+        try:
+            many.run()
+        except GammsError as error:
+            number = int(IN_GAME.search(" ".join(error.__notes__))[1])
+            with ctx.game.batch(seeds=[seeds[number]]) as one, pytest.raises(type(error), match=re.escape(str(error))):
+                one.run()
+            return
+        with ctx.game.batch(seeds=[seeds[number] for number in few]) as some, ctx.game.batch(1) as one:
+            some.run()
+            for place, number in enumerate(few):
+                one.reset(seeds=[seeds[number]])
+                one.run()
+                assert plain(one.result(0)) == plain(some.result(place)) == plain(many.result(number))
+
+
 def check_games(ctx, drawn, seeds, again, from_outside):
     """Check that the games of a batch of a game are those that are played alone."""
     reserved = {team: [one for one in names if one not in ctx.agent.agents] for team, names in drawn.reserved.items()}
@@ -145,7 +169,7 @@ def play(played, again, from_outside):
 
 def check_error(error, played, alone, from_outside):
     """Check that the game that an error names raises the same when it is played alone, in the same turn."""
-    number = int(re.search(r"In game (\d+) of a batch", " ".join(error.__notes__))[1])
+    number = int(IN_GAME.search(" ".join(error.__notes__))[1])
     alone.game.reset(seed=played.seeds[number])
     with pytest.raises(type(error)) as raised:
         from_outside.play_alone(alone, number)
