@@ -40,16 +40,17 @@ class DrawTable:
     Attributes:
         seed, clock: as given.
         turn: that to which `row` belongs.
+        begun: how often a turn has begun, with this seed or an earlier one; what was drawn in another has no effect.
         row: the first draws in that turn, of the agents in the order in which they were added before it.
     """
 
     # NOTE: 50 ns for each number; one by one they take 850 ns (benchmarks: turns).
 
-    __slots__ = ("_begin", "_names", "_of_names", "_rows", "clock", "row", "seed", "turn")
+    __slots__ = ("_begin", "_names", "_of_names", "_rows", "begun", "clock", "row", "seed", "turn")
 
     def __init__(self, seed: int, clock: GameState | _Moment) -> None:
         self.seed, self.clock = seed, clock
-        self.turn, self.row = -1, list[int]()
+        self.turn, self.begun, self.row = -1, 0, list[int]()
         self._names: list[str] = []
         self._begin = 0  # the first turn of the block
         self._rows: BitArray = np.empty(
@@ -66,11 +67,18 @@ class DrawTable:
         return len(self._names) - 1
 
     def rekey(self, seed: int) -> None:
-        """Let all draws follow from another seed from now on; those of each agent need to know, too."""
+        """Let all draws follow from another seed from now on."""
         self.seed, self.turn, self.row, self._of_names = seed, -1, [], 0
+
+    def catch_up(self) -> int:
+        """Begin the turn that the clock says, if it is another one; return `begun`."""
+        if self.turn != self.clock.turn:
+            self.begin_turn(self.clock.turn)
+        return self.begun
 
     def begin_turn(self, turn: int) -> None:
         """Set `row` to the first draws in a turn."""
+        self.begun += 1
         at, count = turn - self._begin, len(self._names)
         if count and not (0 <= at < len(self._rows) and self._of_names == count):
             turns = max(1, min(_MOST_TURNS_AHEAD, _DRAWN_AHEAD // count))
@@ -96,12 +104,12 @@ class Draws:
         name: of the agent.
     """
 
-    __slots__ = ("_clock", "_count", "_key", "_keyed_turn", "_name", "_place", "_table", "_turn")
+    __slots__ = ("_begun", "_clock", "_count", "_key", "_keyed", "_name", "_place", "_table")
 
     def __init__(self, table: DrawTable, name: str) -> None:
         self._table, self._clock, self._name = table, table.clock, name
-        self._turn, self._count = -1, 0
-        self._keyed_turn, self._key = -1, 0  # the key of a turn
+        self._begun, self._count = -1, 0  # of the table when it drew last, and how much in that turn
+        self._keyed, self._key = -1, 0  # of the table, and the key of that turn
         self._place = _NO_PLACE  # in the rows of the table, once it has drawn
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -118,42 +126,39 @@ class Draws:
 
     @property
     def _point(self) -> tuple[int, str, int, int]:
-        now = self._clock.turn
-        return self._table.seed, self._name, now, self._count if now == self._turn else 0
+        return self._table.seed, self._name, self._clock.turn, self.mark() or 0
 
     def mark(self) -> int | None:
         """Return how much was drawn in this turn, for `go_to`; None: nothing."""
-        return self._count if self._turn == self._clock.turn else None
+        table = self._table
+        return self._count if self._begun == table.begun and table.turn == self._clock.turn else None
 
     def go_to(self, mark: int | None) -> None:
         """Go on from a mark of this turn."""
-        self._turn = -1 if mark is None else self._clock.turn
+        self._begun = -1 if mark is None else self._table.catch_up()
         self._count = mark or 0
-
-    def rekey(self) -> None:
-        """Draw by the seed that the table has now."""
-        self._turn = self._keyed_turn = -1
 
     def bits(self) -> int:
         """Return 64 random bits."""
-        turn, table = self._clock.turn, self._table
-        if turn == self._turn:
+        table = self._table
+        if table.turn != self._clock.turn:
+            table.begin_turn(self._clock.turn)
+        if self._begun == table.begun:
             count = self._count
             self._count = count + 1
-            return kernels.bits_at(self._key_of(turn), count)
-        self._turn, self._count = turn, 1
-        if table.turn != turn:
-            table.begin_turn(turn)
+            return kernels.bits_at(self._key_now(), count)
+        self._begun, self._count = table.begun, 1
         if self._place < len(table.row):
             return table.row[self._place]
         if self._place == _NO_PLACE:
             self._place = table.add(self._name)
-        return kernels.bits_at(self._key_of(turn), 0)
+        return kernels.bits_at(self._key_now(), 0)
 
-    def _key_of(self, turn: int) -> int:
-        if self._keyed_turn != turn:
-            first = kernels.first_key(kernels.purpose_key(self._table.seed, "agent"), kernels.name_key(self._name))
-            self._keyed_turn, self._key = turn, kernels.later_key(first, turn)
+    def _key_now(self) -> int:
+        table = self._table
+        if self._keyed != table.begun:
+            first = kernels.first_key(kernels.purpose_key(table.seed, "agent"), kernels.name_key(self._name))
+            self._keyed, self._key = table.begun, kernels.later_key(first, table.turn)
         return self._key
 
     def random(self) -> float:
@@ -168,14 +173,14 @@ class Draws:
         """
         # NOTE: `bits` for the first draw of a turn, and `kernels.below`, in line; Python compares integers of one digit
         # faster (benchmarks: 5 against 5 by reset).
-        turn, table = self._clock.turn, self._table
-        if self._turn != turn == table.turn and 0 < n < _ONE_DIGIT:
+        table = self._table
+        if table.turn == self._clock.turn and self._begun != table.begun and 0 < n < _ONE_DIGIT:
             try:
                 bits = table.row[self._place]
             except IndexError:  # it has not drawn in an earlier turn
                 pass
             else:
-                self._turn, self._count = turn, 1
+                self._begun, self._count = table.begun, 1
                 return (bits >> 32) * n >> 32
         if not 1 <= n <= 1 << 32:
             raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
@@ -289,39 +294,41 @@ class TurnGenerator(Generator):
     """A NumPy generator whose draws follow from its key and the turn alone: `state["rng"]`.
 
     Args:
-        seed: of the game.
-        clock: the state of the game, whose `turn` counts.
+        table: of the game, which has its seed and clock.
         name: of the agent.
     """
 
     # NOTE: made when something is drawn, not with the agent: most agents never ask, and a Philox takes 15 us and
     # 1.7 kB (benchmarks: turns).
 
-    def __init__(self, seed: int, clock: GameState, name: str) -> None:
-        self._seed, self._clock, self._name = seed, clock, name
-        self._turn = -1
-        self._begin: Any = None
-
-    def rekey(self, seed: int) -> None:
-        """Draw by another seed from now on."""
-        self._seed, self._turn, self._begin = seed, -1, None
+    def __init__(self, table: DrawTable, name: str) -> None:
+        self._table, self._name = table, name
+        self._begun, self._seed = -1, -1  # of the table when it drew last
+        self._begin: Any = None  # of a turn, with that seed
 
     def seek(self) -> None:
         """Begin the stream of this turn."""
-        if self._begin is None:
+        table = self._table
+        self._begun = table.catch_up()
+        if self._begin is None or self._seed != table.seed:
+            self._seed = table.seed
             super().__init__(Philox(key=kernels.stream_key(self._seed, "agent", self._name)))
             self._begin = super().bit_generator.state
-        self._turn = self._clock.turn
-        self._begin["state"]["counter"][2] = self._turn
+        self._begin["state"]["counter"][2] = table.turn
         super().bit_generator.state = self._begin
+
+    @property
+    def _has_drawn(self) -> bool:
+        """Whether it has drawn in this turn."""
+        return self._begun == self._table.begun and self._table.turn == self._table.clock.turn
 
     def mark(self) -> Mapping[str, Any] | None:
         """Return the state in this turn, for `go_to`; None: nothing was drawn."""
-        return super().bit_generator.state if self._turn == self._clock.turn else None
+        return super().bit_generator.state if self._has_drawn else None
 
     def go_to(self, mark: Mapping[str, Any] | None) -> None:
         """Go on from a mark of this turn."""
-        self._turn = -1
+        self._begun = -1
         if mark is not None:
             self.seek()
             super().bit_generator.state = mark
@@ -329,7 +336,7 @@ class TurnGenerator(Generator):
     @property
     def bit_generator(self) -> Any:
         """The Philox of this turn."""
-        if self._turn != self._clock.turn:
+        if not self._has_drawn:
             self.seek()
         return super().bit_generator
 
@@ -341,7 +348,7 @@ class TurnGenerator(Generator):
 def _drawing(method: Callable[..., Any]) -> Callable[..., Any]:
     @wraps(method)
     def draw(self: TurnGenerator, *args: object, **kwargs: object) -> Any:
-        if self._turn != self._clock.turn:
+        if not self._has_drawn:
             self.seek()
         return method(self, *args, **kwargs)
 

@@ -108,8 +108,7 @@ class AgentSlot:
     def rng(self) -> TurnGenerator:
         """Its generator: `state["rng"]`."""
         if self._rng is None:
-            state, table, *_ = self._made_of
-            self._rng = TurnGenerator(table.seed, state, self.name)
+            self._rng = TurnGenerator(self._made_of[1], self.name)
         return self._rng
 
     @property
@@ -175,13 +174,6 @@ class AgentSlot:
     def marks(self) -> tuple[Any, Any]:
         """Return what it has drawn in this turn, for `go_to`."""
         return self._draws and self._draws.mark(), self._rng and self._rng.mark()
-
-    def rekey(self, seed: int) -> None:
-        """Draw by another seed, which the table has already."""
-        if self._draws is not None:
-            self._draws.rekey()
-        if self._rng is not None:
-            self._rng.rekey(seed)
 
     def go_to(self, marks: tuple[Any, Any]) -> None:
         """Go on drawing from marks of this turn."""
@@ -348,12 +340,10 @@ class SlotMaker:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
 
-    def rekey(self, slots: Iterable[AgentSlot]) -> None:
-        """Let the agents of these slots, all that were made last, draw by the seed that the context has now."""
+    def rekey(self) -> None:
+        """Let the agents of the slots that were made last draw by the seed that the context has now."""
         if self._table is not None:
             self._table.rekey(self._ctx.seed)
-        for slot in slots:
-            slot.rekey(self._ctx.seed)
 
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None

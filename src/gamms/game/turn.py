@@ -131,7 +131,7 @@ class TurnEngine:
 
     def restart_streams(self) -> None:
         """Let agents draw by the seed that the context has now."""
-        self._slots.rekey(() if self._order is None else made_slots(self._order.slots))
+        self._slots.rekey()
 
     def close(self) -> None:
         """Close the event loop, if one was opened."""

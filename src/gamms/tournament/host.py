@@ -117,7 +117,7 @@ class _Team:
         for number, name in enumerate(own):
             decide = one if number == 0 else made(function, {}, ctx, "the entry", kind)
             draw = Draws(table, name)
-            rng = TurnGenerator(start["seed"], self._clock, name)
+            rng = TurnGenerator(table, name)
             self._players[name] = _Player(draw, rng, {}, None if self._plan else decide)
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
