@@ -40,6 +40,25 @@ def of_helsinki(games=1024, *, is_fresh=False):
     return ours, floor
 
 
+def of_many(games=32_768, few=4_096):
+    """Games of 5 against 5 on Helsinki with tag, 200 turns, against fewer of them, which a cache holds."""
+    from gamms.scenario import Scenario
+
+    scenario = Scenario(map={"helsinki": {}}, teams=TEAMS, rules=TAG)
+
+    def played(number):
+        batch = scenario.batch(number)
+
+        def run():
+            batch.reset()
+            batch.run()
+            return number * 10 * 200
+
+        return run
+
+    return played(games), played(few)
+
+
 def one_by_one(is_fresh, metres=5.0, turns=200):
     """Games of 5 against 5 with tag by distance and a time limit, against bare Python that builds the same states.
 

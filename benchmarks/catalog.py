@@ -120,6 +120,7 @@ CASES = [
         1 / 40,
     ),
     Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki, RESET),
+    Case("scenario: 32,768 games of 5 against 5 in a batch", "agent-step", batches.of_many, "4,096 games in a batch"),
     Case(
         "scenario: 4,096 games of two pursuers, vectors in a batch",
         "agent-step",

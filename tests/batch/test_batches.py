@@ -15,6 +15,7 @@ from batch_scenes import plain, scene
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
+from gamms.game.batch import arrays
 from gamms.game.batch.scalar_strategies import why_slower
 from gamms.readonly import ReadOnly
 from gamms.scenario import Scenario
@@ -40,6 +41,31 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_b
 def test_agents_whose_speed_is_infinite_go_any_way_in_a_turn(settings, same_as_one_by_one):
     speeds = {"teams.blue.speed": inf, "teams.red.speed": 2.0}
     same_as_one_by_one(scene([TAG], settings=settings).replace(**speeds), range(3))
+
+
+def test_games_that_are_played_to_their_ends_before_others_are_those_that_are_played_alone(
+    monkeypatch, same_as_one_by_one
+):
+    monkeypatch.setattr(arrays, "_MOST_AT_ONCE", 13)  # agents: those of two games
+    same_as_one_by_one(scene([TAG, {"rule": "last_team"}]), range(7))
+
+
+@gamms.array_strategy
+def stumble(view):
+    """Stay for three turns."""
+    if (view.turn == 3).any():
+        raise RuntimeError("no further")
+    return view.node * 0
+
+
+def test_all_games_go_on_after_an_error_in_those_that_were_played_before_others(monkeypatch):
+    monkeypatch.setattr(arrays, "_MOST_AT_ONCE", 13)
+    with scene().batch(5, strategies={"red": stumble}) as games:
+        with pytest.raises(RuntimeError, match="no further"):
+            games.run()
+        assert games.turn.tolist() == [3, 0, 0, 0, 0]
+        games.step({"red": np.zeros((5, 3), np.int64)})
+        assert games.turn.tolist() == [4, 1, 1, 1, 1]
 
 
 def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():

@@ -309,13 +309,16 @@ class Batch(Fixed):
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if is_shown else None)
                 return
-            while not self._engine.is_over.all():
-                self.step()
-                self._play_apart(to_the_end=True)
-                self._show_apart()
-                if is_shown:
-                    over = int(self._engine.is_over.sum())
-                    show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
+            has_log = self._log is not None or self.library is not None  # which is of the turns of all games
+            self._engine.play_parts(partial(self._step_and_show, show if is_shown else None), at_once=has_log)
+
+    def _step_and_show(self, show: Callable[[str], object] | None) -> None:
+        self.step()
+        self._play_apart(to_the_end=True)
+        self._show_apart()
+        if show is not None:
+            over = int(self._engine.is_over.sum())
+            show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
     def _say_what_is_slow(self) -> None:
         if self._is_said or self.slow in (None, ONE_BY_ONE):
