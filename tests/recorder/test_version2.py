@@ -282,6 +282,17 @@ def test_numbers_and_sets_are_what_they_were():
     assert read(written([record, END]))[0] == record
 
 
+@pytest.mark.parametrize("data", ["m", [], 0, False])
+def test_a_closing_record_whose_data_are_no_map_is_damaged(data):
+    with pytest.raises(RecordingError, match="at byte 8 is damaged: it has other parts than"):
+        read(file_of({**END, "data": data}))
+
+
+def test_a_closing_record_may_have_a_map_or_nothing():
+    for more in ({}, {"data": None}, {"data": {}}):
+        assert len(read(file_of({**END, **more}))) == 1
+
+
 def test_a_mutated_recording_ends_in_an_error_or_is_a_valid_prefix(pytestconfig):
     seed = random.SystemRandom().randrange(2**32)
     dice = random.Random(seed)

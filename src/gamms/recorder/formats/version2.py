@@ -306,7 +306,8 @@ def _check(record: Record, offset: int) -> None:
     if opcode not in FIELDS:
         raise _damaged(offset, f"there is no operation {opcode:#x}")
     data = record.get("data")
-    if len(record) != (3 if "data" in record else 2) or not (type(data) is dict or opcode == _TERMINATE):
+    is_map = type(data) is dict or (data is None and opcode == _TERMINATE)
+    if len(record) != (3 if "data" in record else 2) or not is_map:
         raise _damaged(offset, "it has other parts than 'timestamp', 'opCode' and a map 'data'")
     if data is not None and not FIELDS[opcode] <= data.keys():
         missing = ", ".join(sorted(FIELDS[opcode] - data.keys()))
