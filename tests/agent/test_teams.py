@@ -474,3 +474,22 @@ def test_members_go_to_nodes_of_any_id(ctx, put):
     assert team.node_ids.tolist() == [3, 4, 3]
     ctx.game.restore(far)
     assert [agent.current_node_id for agent in ctx.agent.create_iter()] == at
+
+
+def test_a_member_on_a_node_that_was_the_last_of_the_map_is_named(ctx):
+    ctx.agent.create_team("red", [3, 24])
+    ctx.graph.graph.remove_node(24)
+    ctx.game.command("red", lambda arrays: arrays.choose([0, 0]), arrays=True)
+    with pytest.raises(UnknownName, match="24"):
+        ctx.game.step()
+
+
+def test_what_has_stopped_a_member_is_forgotten_in_the_next_turn(ctx):
+    ctx.agent.create_team("red", [*range(1, 25), *[20] * 16])
+    goes = iter([True, False])
+    ctx.game.command("red", lambda arrays: np.where((arrays.nodes == 1) & next(goes), 6, arrays.nodes), arrays=True)
+    ctx.game.conflicts = gamms.rules.Conflicts(1)
+    for _ in range(2):
+        ctx.game.step()
+    assert ctx.game.observation("red_0")["blocked"] is None
+    assert ctx.game.result().agents["red_0"]["blocked"] == 1

@@ -58,14 +58,15 @@ def stumble(view):
     return view.node * 0
 
 
-def test_all_games_go_on_after_an_error_in_those_that_were_played_before_others(monkeypatch):
+@pytest.mark.parametrize(("is_logged", "turns"), [(False, [3, 0, 0, 0, 0]), (True, [3] * 5)])
+def test_all_games_go_on_after_an_error_in_those_that_were_played_before_others(monkeypatch, is_logged, turns):
     monkeypatch.setattr(arrays, "_MOST_AT_ONCE", 13)
-    with scene().batch(5, strategies={"red": stumble}) as games:
+    with scene().batch(5, strategies={"red": stumble}, record=is_logged) as games:
         with pytest.raises(RuntimeError, match="no further"):
             games.run()
-        assert games.turn.tolist() == [3, 0, 0, 0, 0]
+        assert games.turn.tolist() == turns
         games.step({"red": np.zeros((5, 3), np.int64)})
-        assert games.turn.tolist() == [4, 1, 1, 1, 1]
+        assert games.turn.tolist() == [turn + 1 for turn in turns]
 
 
 def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():

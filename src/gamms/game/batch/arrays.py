@@ -63,7 +63,7 @@ class ArrayEngine:
 
     Attributes:
         state: of all games.
-        part: the games that are played; others stay as they are.
+        num_played: of the games, the first ones; others wait until these are over.
     """
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
@@ -83,7 +83,7 @@ class ArrayEngine:
         self.state.shared[DELAYS] = DelayedLooks(self.state, game.internals.state.delayed_looks)
         if settings["team_memory"]:
             self.state.share_memories()
-        self.part, self._last = slice(0, len(seeds)), settings["max_turns"]
+        self.num_played, self._last = len(seeds), settings["max_turns"]
         self._parts: list[IntArray | None] = [None]  # the agents that move at once, one part after the other; None: all
         move_now = np.stack([roster.plays_for(teams) for teams in settings["order"] or [None]])  # (parts, agents)
         self._is_listed = move_now.any(axis=0)
@@ -221,24 +221,21 @@ class ArrayEngine:
         """Return the games that are not over and that arrays have."""
         is_played = ~self.is_over
         is_played[list(self.state.apart)] = False
-        is_played[: self.part.start] = is_played[self.part.stop :] = False
+        is_played[self.num_played :] = False
         return np.flatnonzero(is_played)
 
     def play_parts(self, play: Callable[[], object], *, at_once: bool) -> None:
-        """Call a function, which plays a turn of `part`, until all games are over: some of them before others.
-
-        `at_once`: all together.
-        """
+        """Call a function, which plays a turn, until all games are over: some of them before others, or all at once."""
         # NOTE: as many as a cache holds: 1.4 times as fast (benchmarks: 32,768 games).
         games = len(self.state)
         num_parts = 1 if at_once else min(games, -(-games * len(self.state.roster.names) // _MOST_AT_ONCE))
         try:
-            for i in range(num_parts):
-                self.part = slice(i * games // num_parts, (i + 1) * games // num_parts)
-                while not self.is_over[self.part].all():
+            for part in range(1, num_parts + 1):
+                self.num_played = part * games // num_parts
+                while not self.is_over[: self.num_played].all():
                     play()
         finally:
-            self.part = slice(0, games)
+            self.num_played = games
 
     def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns.
