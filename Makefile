@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-torch check bench docs figures format release-check reproduce clean
+.PHONY: demo test test-torch check bench docs figures format release-check lowest reproduce clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
@@ -45,6 +45,10 @@ reproduce: $(VENV)/.dev
 # Builds the distribution and plays the README's games in empty environments; docs/releasing.md has more of it.
 release-check: $(BIN)/python
 	$(BIN)/python scripts/check_release.py
+
+# The same with the lowest versions that pyproject.toml allows, without the extras that it names as large.
+lowest: $(BIN)/python
+	$(BIN)/python scripts/check_release.py --oldest --extras none all
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .

@@ -6,6 +6,7 @@
     python scripts/check_release.py --large                      # also extras with libraries of more than 200 MB
     python scripts/check_release.py --extras torch --first torch==2.13.0  # a build that is installed before
 
+In each environment it also plays a scenario, a batch, an experiment and a tournament, each under a timeout.
 Needs an index or a folder of wheels that pip finds; `build` and `twine` are put into an environment of their own. Where
 `uv` is found it installs, else pip. Prints a line for each environment; the exit status is 1 if a check has failed.
 What cannot be had (an interpreter, a library for it) is named and skipped.
@@ -49,8 +50,18 @@ COMMANDS = (
     "gamms run hunt/hunt.yaml --max-turns 30 --seeds 0:3 --jobs 2 --out hunt/three",
     "gamms verify hunt/first/game.ggr",
 )
+_MOST_SECONDS = 300  # for one command: each takes a few seconds
 _CONTEXT = "import gamms\nctx = gamms.create_context(seed=1)\nctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))\n"
 _HUNT = "import gamms\nhunt = gamms.scenario.load('hunt/hunt.yaml').replace(max_turns=3)\n"
+GAMES = {  # many games, and games in other processes
+    "a batch": _HUNT + "with hunt.batch(8) as games: games.run()",
+    "an experiment": _HUNT + "assert not gamms.experiment.run(hunt, range(4), workers=2).errors()",
+    "a tournament": _HUNT
+    + "open('walk.py', 'w').write('def walk(state): state[\\'action\\'] = state[\\'legal\\'][0]')\n"
+    "entries = dict.fromkeys(['ann', 'bob'], 'walk.py:walk')\n"
+    "table = gamms.tournament.run(hunt, entries=entries, seeds=range(1), out='cup')\n"
+    "assert not any(row['faults'] for row in table.rows), table.rows",
+}
 PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "viz": _CONTEXT + "ctx.visual.save('a.png'); ctx.visual.save('a.pdf')",
     "video": _CONTEXT + "with ctx.visual.film('a.mp4'): ctx.game.run(max_turns=2)",
@@ -166,7 +177,10 @@ def _checked(folder: Path, python: str, installed: list[str | Path], extras: lis
     games.mkdir()
     notes = []
     for what, command in _commands(inside, games, extras):
-        done = _run(command, games, check=False)
+        try:
+            done = _run(command, games, check=False, seconds=_MOST_SECONDS)
+        except subprocess.TimeoutExpired:
+            return f"FAILED {what}: not over after {_MOST_SECONDS} s"
         needed = re.search(r"MissingExtra.*\(extra '([\w-]+)'\): pip install \"", done.stderr)
         if what in PROBES and what not in extras:
             if not needed:
@@ -188,6 +202,7 @@ def _commands(python: Path, games: Path, extras: list[str]) -> list[tuple[str, l
         if "no-run" not in tags:
             (games / f"readme{i}.py").write_text(code, encoding="utf-8")
             commands.append((f"README game {i + 1}", [python, f"readme{i}.py"]))
+    commands += [(what, [python, "-c", code]) for what, code in GAMES.items()]
     wanted = set(PROBES) if not extras else set(PROBES) & set(extras)
     return [*commands, *((extra, [python, "-c", PROBES[extra]]) for extra in sorted(wanted))]
 
@@ -226,11 +241,20 @@ def _install(python: Path, arguments: list[str | Path] | list[str]) -> None:
     _run([*tool, *arguments], ROOT)
 
 
-def _run(command: list[str | Path], folder: Path, *, check: bool = True) -> "subprocess.CompletedProcess[str]":
-    """Run a command without what this checkout adds to Python's path."""
+def _run(
+    command: list[str | Path], folder: Path, *, check: bool = True, seconds: float | None = None
+) -> "subprocess.CompletedProcess[str]":
+    """Run a command without what this checkout adds to Python's path, and end it after `seconds`."""
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
     return subprocess.run(
-        list(map(str, command)), cwd=folder, env=clean, capture_output=True, text=True, encoding="utf-8", check=check
+        list(map(str, command)),
+        cwd=folder,
+        env=clean,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=check,
+        timeout=seconds,
     )
 
 
