@@ -77,11 +77,11 @@ class _OldPaths:
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         del path, target
-        feature = _feature_of(fullname)
-        if feature is not None:
-            raise NotYetImportable(feature)
-        is_old = fullname in _PACKAGES_OF
-        return ModuleSpec(fullname, self, is_package=True) if is_old else None  # type: ignore[arg-type]  # see NOTE
+        if fullname in _LATER:
+            raise NotYetImportable(_LATER[fullname])
+        if fullname not in _PACKAGES_OF:
+            return None
+        return ModuleSpec(fullname, self, is_package=True)  # type: ignore[arg-type]  # see NOTE
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         return _Alias(spec.name)
@@ -97,13 +97,6 @@ def install() -> None:
     for path in _SHADOWED:
         module = sys.modules.setdefault(path, _Alias(path))
         module.__spec__, module.__path__ = ModuleSpec(path, None, is_package=True), []
-
-
-def _feature_of(path: str) -> str | None:
-    """Return the feature that is not built yet and that an import needs: an old module, or a name in a package."""
-    parent, _, name = path.rpartition(".")
-    names = [getattr(sys.modules.get(package), "LATER", {}) for package in _PACKAGES_OF.get(parent, (parent,))]
-    return next((later[name] for later in names if name in later), _LATER.get(path))
 
 
 def resolve(name: str) -> Any:

@@ -120,6 +120,18 @@ def test_a_path_that_comes_later_names_the_feature(asked):
     assert new <= {"gamms.SensorEngine", "gamms.AgentEngine", "gamms.VisualizationEngine", *PATHS}
 
 
+def test_importing_another_library_asks_it_for_nothing(tmp_path, monkeypatch):
+    """A package with a `__getattr__` that raises is imported as without gamms."""
+    package = tmp_path / "lazy_library"
+    package.mkdir()
+    (package / "__init__.py").write_text("def __getattr__(name):\n    raise RuntimeError(name)\n")
+    (package / "part.py").write_text("answer = 42\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert importlib.import_module("lazy_library.part").answer == 42
+    with pytest.raises(ModuleNotFoundError, match=r"lazy_library\.missing"):
+        importlib.import_module("lazy_library.missing")
+
+
 @pytest.mark.parametrize("old", ["gamms.Nothing", "gamms.SensorEngine.nothing", "gamms.AgentEngine.agent_engine.x"])
 def test_a_path_that_never_was_is_a_plain_import_error(old):
     with pytest.raises(ModuleNotFoundError):
