@@ -36,16 +36,19 @@ def stay(state):
 
 
 def test_importing_gamms_loads_few_modules():
-    code = "import sys; before = set(sys.modules); import gamms; print(len(set(sys.modules) - before))"
-    loaded = int(
-        subprocess.run(
-            [sys.executable, "-S", "-c", f"import sys; sys.path[:0] = {sys.path!r}; {code}"],
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-    )
-    assert loaded <= 46  # 41
+    assert modules_loaded_by("import gamms") <= 46  # 41
+
+
+def test_a_first_context_loads_few_modules_beyond_those_of_numpy():
+    first = modules_loaded_by("import gamms; gamms.create_context()")
+    assert first - modules_loaded_by("import numpy") <= 130  # 118; one of 177 took 1.5 times as long
+
+
+def modules_loaded_by(code):
+    """Return how many modules a new interpreter loads for the code."""
+    counted = f"import sys; sys.path[:0] = {sys.path!r}; before = set(sys.modules); {code}"
+    counted += "; print(len(set(sys.modules) - before))"
+    return int(subprocess.check_output([sys.executable, "-S", "-c", counted], text=True))
 
 
 def test_a_step_of_an_agent_makes_few_calls(ctx):

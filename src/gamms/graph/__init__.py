@@ -6,14 +6,16 @@ May import: typing, kernels, ir and below, never another engine. To add a format
 `export.py`; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
 
+import typing as _typing
 from importlib import import_module
-from typing import Any
 
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
-from gamms.graph.networkx_bridge import grid
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
 from gamms.typing.memory_engine import StoreType
+
+if _typing.TYPE_CHECKING:
+    from gamms.graph.networkx_bridge import grid
 
 SqliteGraph = Graph  # one behaviour, whatever the engine
 _IN_MEMORY = {"MemoryStore", "SqliteStore", "PathLike"}  # 1.0.0 offers these classes here, too
@@ -33,7 +35,9 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> _typing.Any:
+    if name == "grid":  # loaded on first use: it brings the exports, too
+        return import_module("gamms.graph.networkx_bridge").grid
     if name == "LineString":
         from gamms.ir import geometry
 

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.arguments import as_ids, as_known
@@ -25,6 +24,8 @@ from gamms.typing.memory_engine import StoreType
 from gamms.typing.obstacles import Faces, line_ends
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import networkx as nx
     from numpy.random import Generator
     from numpy.typing import ArrayLike
@@ -376,7 +377,7 @@ class GraphEngine(ContextPart, IGraphEngine):
         return graph
 
     @refused_while_deciding
-    def export(self, path: str | os.PathLike[str]) -> list[Path]:
+    def export(self, path: str | os.PathLike[str]) -> "list[Path]":
         """Write nodes and edges for other programs: `.graphml`, `.geojson`, `.gpkg` or `.csv`.
 
         On a map with a CRS places are in degrees, and nodes also have `x` and `y`; edges have their polylines.

@@ -4,10 +4,8 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
-from difflib import get_close_matches
 from itertools import islice
 from math import nan
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.parsers import expat
 
@@ -23,6 +21,8 @@ from gamms.typing.graph_engine import IGraph
 from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from shapely import Polygon
 
 _LONG = 200  # characters of what is looked for
@@ -112,6 +112,8 @@ class StreetNames:
             raise BadValue("No edge of this graph has a name. Streets of OpenStreetMap have the attribute 'name'.")
         key = _folded(name)
         if key not in self._rows:
+            from difflib import get_close_matches  # which few programs need
+
             known = list(islice(self._rows, _MANY))
             alike = get_close_matches(key, known, n=3) or [one for one in known if key and key in one]
             raise UnknownName("street", name, [self._spelling[one] for one in alike or known])
@@ -303,7 +305,7 @@ class GpxPart(NamedTuple):
     times: FloatArray
 
 
-def read_gpx(file: Path) -> list[GpxPart]:
+def read_gpx(file: "Path") -> list[GpxPart]:
     """Return each segment and route of a GPX file that has points.
 
     Raises:

@@ -18,7 +18,6 @@ from gamms.typing import IContext
 
 AXES = ("x", "y", "z")
 MOST_FALSE_ALARMS = 100.0  # per look: so many would hide any agent
-_NO_NAME = kernels.name_key("")
 
 
 class Reportable(NamedTuple):
@@ -80,7 +79,7 @@ class Look(NamedTuple):
         return kernels.draw_bits_many(self._key(purpose, *which), keys, self.turn, self.number)
 
     def _one(self, purpose: str, *which: str | int) -> int:
-        return kernels.draw_bits(self._key(purpose, *which), _NO_NAME, self.turn, self.number)
+        return kernels.draw_bits(self._key(purpose, *which), kernels.name_key(""), self.turn, self.number)
 
     def _key(self, purpose: str, *which: str | int) -> int:
         return kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)

@@ -13,11 +13,9 @@ To extend: something to draw is one function in `drawers/`; a way to show it is 
 one line in its `__init__`. Drawing only reads the scenario; it never changes it.
 """
 
+import typing as _typing
 from importlib import import_module
-from typing import Any
 
-from gamms.visual.appearance import AgentData, Circle, Color, GraphData, Rectangle, string_to_color
-from gamms.visual.artist import Artist, RenderMode
 from gamms.visual.constants import (
     CACHE_ZOOM_MAX,
     SHORT_EDGE_PIXEL_THRESHOLD,
@@ -27,33 +25,47 @@ from gamms.visual.constants import (
     Shape,
     Space,
 )
-from gamms.visual.drawers import (
-    render_aerial_agent,
-    render_aerial_agent_sensor,
-    render_agent,
-    render_agent_sensor,
-    render_circle,
-    render_graph,
-    render_input_overlay,
-    render_map_sensor,
-    render_neighbor_sensor,
-    render_obstacles,
-    render_rectangle,
-    render_sensor,
-)
-from gamms.visual.engine import NoEngine, PictureEngine
 
-_LATER = {  # loaded on first use
-    **dict.fromkeys(("PygameVisualizationEngine", "WindowEngine"), "gamms.visual.window.engine"),
-    "RenderManager": "gamms.visual.compat",
-    "legend_of_teams": "gamms.visual.default_scene",
-}
+if _typing.TYPE_CHECKING:  # at run time, names are loaded on first use: most contexts draw nothing
+    from gamms.visual.appearance import AgentData, Circle, Color, GraphData, Rectangle, string_to_color
+    from gamms.visual.artist import Artist, RenderMode
+    from gamms.visual.compat import RenderManager
+    from gamms.visual.default_scene import legend_of_teams
+    from gamms.visual.drawers import (
+        render_aerial_agent,
+        render_aerial_agent_sensor,
+        render_agent,
+        render_agent_sensor,
+        render_circle,
+        render_graph,
+        render_input_overlay,
+        render_map_sensor,
+        render_neighbor_sensor,
+        render_obstacles,
+        render_rectangle,
+        render_sensor,
+    )
+    from gamms.visual.engine import NoEngine, PictureEngine
+    from gamms.visual.window.engine import PygameVisualizationEngine, WindowEngine
+else:
+    _HOMES = {
+        "appearance": "AgentData Circle Color GraphData Rectangle string_to_color",
+        "artist": "Artist RenderMode",
+        "compat": "RenderManager",
+        "default_scene": "legend_of_teams",
+        "drawers": "render_aerial_agent render_aerial_agent_sensor render_agent render_agent_sensor render_circle "
+        "render_graph render_input_overlay render_map_sensor render_neighbor_sensor render_obstacles render_rectangle "
+        "render_sensor",
+        "engine": "NoEngine PictureEngine",
+        "window.engine": "PygameVisualizationEngine WindowEngine",
+    }
+    _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    if name in _LATER:
-        return getattr(import_module(_LATER[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> _typing.Any:
+        if name not in _HOME_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+        return found
 
 
 class _Lazy:
@@ -62,7 +74,7 @@ class _Lazy:
     def __init__(self, name: str) -> None:
         self._name = name
 
-    def __getattr__(self, attribute: str) -> Any:
+    def __getattr__(self, attribute: str) -> _typing.Any:
         return getattr(import_module(self._name), attribute)
 
 
