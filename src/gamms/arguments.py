@@ -35,15 +35,24 @@ def as_int(value: object, name: str) -> int:
         BadType: `value` is not an integer.
         BadValue: it does not fit into 64 bits.
     """
-    if isinstance(value, bool):
-        raise BadType(f"{name} must be an integer, not the bool {value}.")
     try:
-        number = int(index(value))  # type: ignore[arg-type] # as below
+        number = index_of(value)
     except TypeError:
         raise BadType(f"{name} must be an integer, not {shown(value)} ({type(value).__name__}).") from None
     if not -_INT64 <= number < _INT64:
         raise BadValue(f"{name} must fit into 64 bits, not {shown(number)}.")
     return number
+
+
+def index_of(value: object) -> int:
+    """Return the plain int of an integer of any type.
+
+    Raises:
+        TypeError: `value` is not an integer. A bool is none, NumPy's included, which old versions take for one.
+    """
+    if type(value).__name__ in ("bool", "bool_"):
+        raise TypeError(value)
+    return int(index(value))  # type: ignore[arg-type] # the error is the check
 
 
 def as_items(values: object, name: str, form: str) -> list[Any]:

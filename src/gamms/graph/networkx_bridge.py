@@ -3,13 +3,12 @@
 from collections import defaultdict
 from collections.abc import Hashable, Iterable
 from itertools import count
-from operator import index
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_int, as_positive
+from gamms.arguments import as_int, as_positive, index_of
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.export import plain_cell, shapes_of, wkt_of
@@ -260,10 +259,8 @@ def _ids_of_labels(store: GraphStore, labels: list[Hashable]) -> dict[Hashable, 
 def _as_label_id(label: Hashable) -> int | None:
     if type(label) is int:
         return label if -(2**63) <= label < 2**63 else None
-    if isinstance(label, bool):
-        return None
     try:
-        id = index(label)  # type: ignore[arg-type] # the except is the check
+        id = index_of(label)
     except TypeError:
         return None
     return id if -(2**63) <= id < 2**63 else None

@@ -1,13 +1,12 @@
 """Places on a map: from x and y to degrees and back, the node nearest to a place, and nodes drawn at random."""
 
 from math import isfinite
-from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_range
+from gamms.arguments import as_float, as_int, as_range, index_of
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.store import GraphStore
@@ -249,7 +248,7 @@ def _disc(
     if near is None:
         return None
     try:
-        row = store.nodes.find(records.as_id(index(near), "a node"))  # type: ignore[arg-type] # the except is the check
+        row = store.nodes.find(records.as_id(index_of(near), "a node"))
         x, y = store.nodes.xy[2 * row], store.nodes.xy[2 * row + 1]
     except TypeError:
         x, y = _point(near)
