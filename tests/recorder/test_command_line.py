@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -249,6 +250,20 @@ def test_moves_of_version_2_become_moves_and_a_map_may_be_given(tmp_path):
     run("convert", tmp_path / "old.ggr", tmp_path / "bare.ggr")
     with recorder.open(tmp_path / "bare.ggr") as bare:
         assert set(bare.graph.columns().xy.ravel().tolist()) == {0.0}
+
+
+@pytest.mark.parametrize("kind", ["csv", "gpx", "geojson"])
+def test_a_game_on_the_shipped_map_is_converted_without_any_optional_library(tmp_path, monkeypatch, kind):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        gamms.osm.helsinki(ctx)
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.run(max_turns=2)
+    done = run("convert", tmp_path / "game.ggr", tmp_path / f"game.{kind}")
+    assert (done.exit_code, done.stderr) == (0, "")
+    written = "".join(path.read_text(encoding="utf-8") for path in tmp_path.glob(f"*.{kind}"))
+    assert "60.1" in written, "no latitude of Helsinki"
 
 
 def test_tables_become_csv_files(tmp_path):

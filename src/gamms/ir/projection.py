@@ -70,7 +70,7 @@ def utm_crs(lonlat: FloatArray) -> str:
 
 
 def project(points: FloatArray, source: object, target: str) -> FloatArray:
-    """Positions (points, 2) of one CRS in another; degrees are longitude, latitude.
+    """Project positions (points, 2) from one CRS to another; degrees are longitude, latitude.
 
     Raises:
         BadValue: a position has no place in the target.
@@ -86,9 +86,9 @@ def project(points: FloatArray, source: object, target: str) -> FloatArray:
 
 
 def project_back_and_forth(points: FloatArray, source: str, target: str) -> FloatArray:
-    """Positions (points, 2) of one CRS in another, each of which leads back to a centimetre from where it came.
+    """Project positions (points, 2), and check that each one projects back to within a centimetre.
 
-    Far from the zone of a projection its formulas give numbers of another place, or useless ones.
+    Far from its zone, a projection gives the numbers of another place, or useless ones.
 
     Raises:
         BadValue: a position lies outside the projection, or one of the two names no CRS.
@@ -189,6 +189,8 @@ def _area_of_use(crs: str) -> tuple[float, float]:
 
 def _transformed(points: FloatArray, source: object, target: object) -> FloatArray:
     """Return positions (points, 2) of one CRS in another; infinite where there is none."""
+    if source == target:
+        return points
     before, after = (zone_of(crs) if isinstance(crs, str) else None for crs in (source, target))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far away: it is refused afterwards
         if before is not None and target == WGS84:
