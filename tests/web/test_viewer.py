@@ -1,5 +1,6 @@
 """The viewer in a browser, from a file and without a network: it plays, seeks, and obeys mouse, fingers and keys."""
 
+import html
 import json
 
 import numpy as np
@@ -49,6 +50,72 @@ def test_keys_step_play_and_zoom(page, game):
     assert page.value("gamms.views[0].scene.camera.scale") > scale
     page.key("0")
     assert page.value("gamms.views[0].scene.camera.scale") == pytest.approx(scale)
+
+
+SPACE = {"code": "Space", "windowsVirtualKeyCode": 32}
+
+
+def centre(page, selector):
+    """Return where the middle of an element is on the page."""
+    box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
+    return page.value(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({box})")
+
+
+def test_the_space_bar_plays_after_the_line_of_turns_was_dragged_or_clicked(page):
+    x, y = centre(page, ".track")
+    for use in (lambda: page.drag((x - 300, y), (x, y)), lambda: page.click(x, y)):
+        use()
+        assert page.value("gamms.isPlaying") is False
+        page.key(" ", **SPACE)
+        page.wait("gamms.isPlaying && gamms.position > gamms.first + 40.5")
+        page.key(" ", **SPACE)
+        assert page.value("gamms.isPlaying") is False
+
+
+def test_the_space_bar_plays_after_buttons_and_boxes_were_clicked(page):
+    page.click(*centre(page, "[aria-label='What is shown']"))
+    for control in ("[aria-label^='One turn on']", "#look input[type=checkbox]", "[aria-label='Zoom in (+)']"):
+        page.click(*centre(page, control))
+        before = page.value("[gamms.turn, gamms.look.labels, gamms.views[0].scene.camera.scale]")
+        page.key(" ", **SPACE)
+        assert page.value("gamms.isPlaying") is True, control
+        page.key(" ", **SPACE)
+        page.value(f"gamms.seek({before[0]})")
+        assert page.value("[gamms.turn, gamms.look.labels, gamms.views[0].scene.camera.scale]") == before, control
+
+
+def test_controls_that_the_keyboard_reached_take_their_own_keys(page):
+    page.value("gamms.panel.open(), document.querySelector('details summary').focus()")
+    page.key(" ", **SPACE)
+    assert page.value("[gamms.isPlaying, document.querySelector('details').open]") == [False, False]
+    page.value("document.querySelector('.speed').focus()")
+    dark = page.value("gamms.look.theme")
+    page.key("n", code="KeyN", windowsVirtualKeyCode=78)
+    assert page.value("gamms.look.theme") == dark, "a menu looks for the letters that are typed"
+    page.value("document.querySelector('.track input').focus()")
+    page.key(" ", **SPACE)
+    assert page.value("gamms.isPlaying") is True
+
+
+def test_the_wheel_scrolls_the_page_around_a_frame_unless_ctrl_is_held(chromium, game, tmp_path):
+    with recorder.open(game) as recording:
+        viewer = html.escape(web.page(recording).decode())
+    frame = f'<iframe width="800" height="500" srcdoc="{viewer}"></iframe>'
+    (tmp_path / "around.html").write_text(f"<!DOCTYPE html><title>text</title>{frame}<p style='height: 3000px'>")
+    page = chromium.open(tmp_path / "around.html", until="frames[0]?.gamms?.turns === 80")
+    page.settle()
+    scale = "frames[0].gamms.views[0].scene.camera.scale"
+    before = page.value(scale)
+    page.mouse("mouseWheel", 400, 200, deltaX=0, deltaY=120)
+    page.wait("scrollY > 100")
+    assert page.value(scale) == before
+    page.value("scrollTo(0, 0)")
+    page.settle()
+    page.mouse("mouseWheel", 400, 200, deltaX=0, deltaY=-120, modifiers=2)
+    page.wait(f"{scale} > {before}")
+    assert page.value(scale) < 1.5 * before, "a notch of the wheel zooms as far as on a page of its own"
+    assert page.value("scrollY") == 0
+    assert "ctrl + wheel" in page.value("frames[0].document.getElementById('keys').textContent")
 
 
 def test_the_map_is_clear_of_the_cards_at_its_upper_corners(page):

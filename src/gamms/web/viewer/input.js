@@ -3,6 +3,9 @@
 const WRITTEN = new Set(["text", "number", "search"]); // kinds of fields in which one types
 const CLICK_PX = 6; // a pointer that moves less is a click
 const PAN_PX = 60, ZOOM = 1.25;
+const PINCH_PX = 25; // of one event of a pinch, which comes as a wheel with ctrl: a notch of a wheel is not more
+/** Whether this page stands in a frame of another one, which the wheel scrolls unless a modifier key is held. */
+export const IS_FRAMED = window.parent !== window;
 
 /** @typedef {import("./app.js").App} App @typedef {import("./app.js").View} View */
 
@@ -20,6 +23,25 @@ const PAN_PX = 60, ZOOM = 1.25;
 export function listen(app) {
   for (const view of app.views) new Pointers(app, view);
   document.addEventListener("keydown", (event) => onKey(app, event));
+  releaseControls();
+}
+
+/** Give the keys back to the page when a pointer has used a control; a control that the tab key reached keeps them. */
+export function releaseControls() {
+  let isPointed = false;
+  document.addEventListener("pointerdown", () => { isPointed = true; }, true);
+  document.addEventListener("keydown", () => { isPointed = false; }, true);
+  for (const kind of ["click", "change"])
+    document.addEventListener(kind, ({ target }) => {
+      const control = /** @type {HTMLElement} */ (target).closest("button, input, select, summary");
+      const isOpening = kind === "click" && control?.tagName === "SELECT";
+      if (isPointed && !isOpening && control instanceof HTMLElement && !isWritten(control)) control.blur();
+    });
+}
+
+/** Return whether one types into a control. @param {HTMLElement} control */
+function isWritten(control) {
+  return control.tagName === "TEXTAREA" || (control instanceof HTMLInputElement && WRITTEN.has(control.type));
 }
 
 /** The pointers that are down on a view: one moves the map, two zoom it. */
@@ -83,9 +105,11 @@ export class Pointers {
 
   /** @param {WheelEvent} event */
   #onWheel(event) {
+    if (IS_FRAMED && !event.ctrlKey && !event.metaKey) return;
     event.preventDefault();
     const pixels = event.deltaY * (event.deltaMode === 1 ? 20 : 1);
-    const factor = Math.exp(-Math.min(Math.max(pixels, -300), 300) * (event.ctrlKey ? 0.01 : 0.002));
+    const [most, rate] = event.ctrlKey ? [PINCH_PX, 0.01] : [300, 0.002];
+    const factor = Math.exp(-Math.min(Math.max(pixels, -most), most) * rate);
     this.app.moveCamera((camera) => (this.app.isFollowing ? camera.zoom(factor) : camera.zoom(factor, event.offsetX, event.offsetY)));
   }
 
@@ -100,14 +124,18 @@ export class Pointers {
 function onKey(app, event) {
   const target = /** @type {HTMLElement} */ (event.target);
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  const isButton = target.tagName === "BUTTON", isField = target.tagName === "SELECT" || target.tagName === "INPUT";
   if (event.key === "Escape") escape(app);
-  else if (isField && WRITTEN.has(/** @type {HTMLInputElement} */ (target).type)) return;
-  else if (isField && (event.key.length > 1 || event.key === " ")) return; // arrows move the timeline and menus
-  else if (isButton && (event.key === " " || event.key === "Enter")) return;
+  else if (isTaken(target, event.key)) return;
   else if (app.player?.key(event)) event.stopPropagation();
   else if (!act(app, event)) return;
   event.preventDefault();
+}
+
+/** Return whether the control that has the focus takes a key itself. @param {HTMLElement} control @param {string} key */
+function isTaken(control, key) {
+  if (isWritten(control) || control.tagName === "SELECT") return true;
+  if (control instanceof HTMLInputElement) return key.length > 1 || (key === " " && control.type !== "range"); // arrows move the timeline
+  return ["BUTTON", "SUMMARY"].includes(control.tagName) && (key === " " || key === "Enter");
 }
 
 /** @param {App} app */

@@ -2,7 +2,7 @@
 import { ask } from "./asking.js";
 import { Camera } from "./camera.js";
 import { element } from "./dom.js";
-import { Pointers } from "./input.js";
+import { Pointers, releaseControls } from "./input.js";
 import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { PlacesPanel } from "./places_panel.js";
@@ -60,6 +60,7 @@ export class Places {
     this.#resize();
     new Pointers(this, { canvas: this.canvas });
     document.addEventListener("keydown", (event) => this.#onKey(event));
+    releaseControls();
     this.panel.renew();
     root.dataset.isRead = "true";
     this.#frame(performance.now());

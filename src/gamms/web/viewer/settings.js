@@ -1,9 +1,10 @@
 // The buttons at the upper right: zoom, theme, what is shown, and the keys.
 import { element, iconButton, refill } from "./dom.js";
+import { IS_FRAMED } from "./input.js";
 
 const KEYS = [
   ["space", "play, pause"], ["← →", "a turn back, on; with shift ten"], ["Home End", "the first, the last turn"], ["[ ]", "slower, faster"],
-  ["drag, W A S D", "move the map"], ["wheel, + −", "zoom"], ["0", "see everything"], ["click", "select an agent"], ["F", "follow it"], ["Esc", "select none"],
+  ["drag, W A S D", "move the map"], [IS_FRAMED ? "ctrl + wheel, + −" : "wheel, + −", "zoom"], ["0", "see everything"], ["click", "select an agent"], ["F", "follow it"], ["Esc", "select none"],
   ["L T N P", "names, trails, light or dark, panel"],
 ];
 const TRAILS = 12;
