@@ -1,7 +1,11 @@
+import inspect
+from functools import partial
+
 import pytest
 
 import gamms
-from gamms.rules import capture_flag, last_team, reach, tag, time_limit
+from gamms.errors import BadType
+from gamms.rules import capture_flag, last_team, none_left, reach, tag, time_limit
 from gamms.strategies import chase, flee, guard, stay
 from gamms.typing.game import OWNERS, TEAMS, team_parameters
 
@@ -29,7 +33,35 @@ def test_a_team_without_agents_is_warned_about_at_the_first_turn_and_once(game, 
     assert heard == ["tag: Unknown team 'bleu'. Did you mean 'blue'? No agent plays for it."]
 
 
-def test_a_misspelt_winner_is_warned_about(game, heard):
+RULES_WITH_A_WINNER = [partial(time_limit, 2), partial(none_left, "red"), partial(reach, "red", 3)]
+
+
+def test_these_are_all_rules_with_a_winner():
+    rules = map(partial(getattr, gamms.rules), gamms.rules.__all__)
+    functions = [rule for rule in rules if inspect.isfunction(rule)]
+    have_one = {rule for rule in functions if "winner" in inspect.signature(rule).parameters}
+    assert have_one == {rule.func for rule in RULES_WITH_A_WINNER}
+
+
+@pytest.mark.parametrize("rule", RULES_WITH_A_WINNER, ids=lambda rule: rule.func.__name__)
+def test_a_rule_may_say_that_no_team_wins(game, heard, rule):
+    game.add(tag("blue", "red"))
+    game.add(rule(winner=None))
+    assert game.run(max_turns=5).winner is None
+    assert heard == []
+
+
+@pytest.mark.parametrize("rule", RULES_WITH_A_WINNER, ids=lambda rule: rule.func.__name__)
+def test_a_misspelt_winner_is_warned_about(game, heard, rule):
+    with pytest.raises(BadType, match="winner must be a value such as"):
+        rule(winner=["blue"])
+    game.add(rule(winner="bleu"))
+    game.run(max_turns=2)
+    said = f"{rule.func.__name__}: Unknown team 'bleu'. Did you mean 'blue'? No agent plays for it."
+    assert heard[:1] == [said]
+
+
+def test_a_misspelt_winner_is_warned_about_when_it_wins(game, heard):
     game.add(time_limit(2, winner="bleu"))
     game.run()
     assert heard == [

@@ -121,7 +121,7 @@ def reach(
     Args:
         team: the team of the agents; or a mapping from teams to their `nodes`, where several compete.
         nodes: a node, several, or the text "starts of X": where the agents of team X began.
-        winner: the winning team, if it is not the one that reached its goal.
+        winner: the team that wins, None for no team; by default the one that reached its goal.
         score: points for each team that reached its goal.
         passing: whether agents get to the nodes that they pass, too; False: only to those where they are at the end of
             the turn, and all that are there are there at once.
@@ -137,6 +137,7 @@ def reach(
         raise BadValue(f"winner={shown(winner)} is for one team, and {list(given)} compete: the first to arrive wins.")
     teams = sorted((as_key(one, "A team") for one in given), key=str)
     goals = {one: _as_goal(given[one], one) for one in teams}
+    named = [*goals, *_named_winner(winner)]
     as_float(score, "score")
     as_flag(passing, "passing")
 
@@ -166,7 +167,7 @@ def reach(
         reach,
         prepare=prepare,
         drawer=render_goals,
-        teams=list(goals),
+        teams=named,
         array_form=in_arrays,
         array_trigger=partial(_may_arrive, goals),
     )
@@ -236,8 +237,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
         BadType, BadValue: the number is not an integer, or less than 1; or the winner cannot be a team.
     """
     last = as_count(turns, "turns")
-
-    named = [] if winner is LEADER or winner is None else [as_key(winner, "winner")]
+    named = _named_winner(winner)
 
     def time_limit(ctx: Context) -> None:
         if ctx.game.turn >= last:
@@ -266,8 +266,7 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
     Raises:
         BadType: one of them cannot be a team.
     """
-    as_key(team, "team")
-    named = [team] if winner is LEADER else [team, as_key(winner, "winner")]
+    named = [as_key(team, "team"), *_named_winner(winner)]
 
     def none_left(ctx: Context) -> None:
         if team in ctx.agent.teams and not any(agent.team == team for agent in ctx.game.agents):
@@ -314,6 +313,11 @@ def last_team() -> Rule:
         return sum((turn.xp.astype(turn.any_of([one]), turn.xp.int64) for one in living), turn.nothing) <= 1
 
     return with_hooks(last_team, rank=Rank.END, array_form=in_arrays, array_trigger=may_be_left)
+
+
+def _named_winner(winner: Team) -> list[Hashable]:
+    """Return the team that a rule says wins, checked; none for a default, and for None, which is no team."""
+    return [] if winner is None or isinstance(winner, _Winner) else [as_key(winner, "winner")]
 
 
 def as_nodes(given: object, name: str) -> frozenset[int]:
