@@ -4,6 +4,7 @@ import io
 import json
 import random
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -296,6 +297,71 @@ def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
         path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 7}))
         watcher.read(lambda client: client.bytes and client.recording().turns == 7)
         assert live.wait(60).turns == 7
+
+
+STAY = "def stay(state):\n    state['action'] = state['curr_pos']\n"
+
+
+@pytest.fixture
+def watched(tmp_path):
+    """`gamms run hunt.json --web --watch`: where it is, its links by name, and what it prints of errors."""
+    plain = {**HUNT.to_dict(), "max_turns": 1}
+    (tmp_path / "hunt.json").write_text(json.dumps(plain))
+    (tmp_path / "mine.py").write_text(STAY)
+    options = ["--web", "--watch", "--strategy", "red=mine.py:stay"]
+    command = [sys.executable, "-m", "gamms", "run", "hunt.json", *options]
+    with (
+        (tmp_path / "errors").open("w") as errors,
+        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
+    ):
+        links = {}
+        while "blue" not in links:
+            name, _, link = process.stdout.readline().strip().partition(" ")
+            links[name] = link.strip()
+        yield tmp_path, links, lambda: (tmp_path / "errors").read_text()
+        assert process.poll() is None, "it serves until it is ended"
+        process.terminate()
+        process.stdout.close()
+
+
+def test_watching_says_what_is_wrong_with_a_changed_file_and_goes_on_when_it_is_right(join, watched):
+    folder, links, errors = watched
+    admin = join(links["admin"])
+    admin.read(lambda client: client.told and client.told[-1]["over"])
+    typo = [{"rule": "time_limit", "with": {"tuns": 2}}]
+    wrong = {
+        "Did you mean 'turns'?": ("hunt.json", json.dumps({**HUNT.to_dict(), "rules": typo})),
+        "this is no JSON": ("hunt.json", "{"),
+        "lost": ("mine.py", STAY.replace("state['curr_pos']", "lost")),
+        "SyntaxError": ("mine.py", STAY[:-3]),
+    }
+    for words, (name, text) in wrong.items():
+        before = (folder / name).read_text()
+        (folder / name).write_text(text)
+        admin.read(lambda client: client.told and words in str(client.told[-1]["error"]))
+        assert words in errors()
+        (folder / name).write_text(before)
+        admin.read(lambda client: client.told and client.told[-1]["error"] is None and client.told[-1]["over"])
+    (folder / "mine.py").write_text(STAY.replace("state['curr_pos']", "min(state['legal'])"))
+    (folder / "hunt.json").write_text(json.dumps({**HUNT.to_dict(), "max_turns": 2, "rules": []}))
+    admin.read(lambda client: client.recording().header and client.recording().turns == 2)
+    moves = [state.agents["node"].tolist()[:2] for state in admin.recording()]
+    assert moves[0] != moves[2], "the code of --strategy is read again, too"
+
+
+def test_a_program_hears_of_wrong_files_and_waits_for_right_ones(tmp_path):
+    path = tmp_path / "hunt.json"
+    path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 3}))
+    heard, is_heard = [], threading.Event()
+    with web.serve(scenario.load(path), speed=None, watch=True) as live:
+        live.when_failed.append(lambda error: heard.append(error) or is_heard.set())
+        assert live.wait(60).turns == 3
+        path.write_text(json.dumps({**HUNT.to_dict(), "rules": [{"rule": "time_limit", "with": {"tuns": 2}}]}))
+        assert is_heard.wait(60)
+        assert live.wait(0.1) is None
+        assert isinstance(heard[0], scenario.ScenarioError)
+        path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 4}))
+        assert live.wait(60).turns == 4
 
 
 def test_a_program_that_opens_a_window_else_serves_its_turns(join):

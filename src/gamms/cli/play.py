@@ -12,6 +12,7 @@ from gamms.cli.output import (
     RECORDING,
     console,
     echo,
+    explained,
     filmed,
     in_words,
     not_made,
@@ -158,7 +159,13 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
             raise typer.BadParameter(f"{jobs} games at once need several seeds: add --seeds 0:20.", param_hint="--jobs")
         if web:
             options: ServeOptions = {"seed": seed, "port": port, "host": host, "allow_network": allow_network}
-            options |= {"watch": load if watch else False, "strategies": many.imported(found)}
+            played = many.imported(found)
+
+            def load_again() -> "Scenario":
+                played.update(many.imported(found))
+                return load()
+
+            options |= {"watch": load_again if watch else False, "strategies": played}
             _serve(game, options, out)
         else:
             _play_one(game, seed, found, film, out, is_shown=window)
@@ -203,6 +210,7 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
     recording = out / RECORDING
     options["record"] = recording
     with made_folder(out), web.serve(game, **options) as live, suppress(KeyboardInterrupt):
+        live.when_failed.append(lambda error: echo(explained(error), err=True))
         echo("The game is served until Ctrl-C. Open a link in a browser:")
         for name, link in live.links.items():
             echo(f"  {name:<12} {link}")

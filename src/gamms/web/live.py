@@ -174,6 +174,7 @@ class Live(Handle):
         streams: what each audience is sent.
         handlers: what is done with messages of clients, by their `type`.
         when_joined: called with each connection that opens, in the thread of the server.
+        when_failed: called with each error of the files that `watch=` looks at, or of their game, in another thread.
         scenario: that is played, with the numbers that were chosen; None: the program plays.
 
     Args:
@@ -200,6 +201,7 @@ class Live(Handle):
             "restart": self._restart,
         }
         self.when_joined: list[Callable[[Connection], None]] = [self._tell_status]
+        self.when_failed: list[Callable[[BaseException], object]] = []
         self._players = Players(self)
         self._options, self._seed = options, options.get("seed")
         self._result: Result | None = None
@@ -266,7 +268,7 @@ class Live(Handle):
         """Wait until the game is over, and return its result; None: time was up, or it was closed before.
 
         Raises:
-            whatever the game of a scenario has raised.
+            whatever the game of a scenario has raised; with `watch=`, it waits for files that are right instead.
         """
         ends = None if timeout is None else monotonic() + timeout
         while not (self._is_over.is_set() or self._is_closed.is_set()):
@@ -274,7 +276,7 @@ class Live(Handle):
             if rest <= 0.0:
                 break
             self._is_over.wait(rest)
-        if self._error is not None:
+        if self._is_over.is_set() and self._error is not None:
             raise self._error
         return self._result if self._is_over.is_set() else None
 
@@ -331,20 +333,25 @@ class Live(Handle):
             self._players.open(self._context)
 
     def _watch_files(self, source: Callable[[], Scenario]) -> None:
-        """Begin again whenever a file in the folder of the scenario has changed, and can be read."""
+        """Begin again whenever a file in the folder of the scenario has changed; until it is right, say what is wrong."""
         folder = Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
         known = _stamps(folder)
         while not self._is_closed.wait(_FILES_S):
-            stamps = _stamps(folder)
-            if stamps == known:
-                continue
-            known = stamps
             try:
+                stamps = _stamps(folder)
+                if stamps == known:
+                    continue
+                known = stamps
                 self.scenario, self._trouble = source(), None
                 self._play_again()
-            except (GammsError, OSError) as error:  # it is being written, or wrong: the game goes on as it is
-                self._trouble = reason(error)
-                self._tell_all()
+            except Exception as error:  # noqa: BLE001 - files may be half written, and the code in them raise anything
+                self._trouble = f"not begun again: {reason(error)}"
+                self._say_failed(error)
+
+    def _say_failed(self, error: BaseException) -> None:
+        for hear in self.when_failed:
+            hear(error)
+        self._tell_all()
 
     def _play_on(self, begun: threading.Event) -> None:
         """Play the scenario, and again as often as that is asked for."""
@@ -357,7 +364,9 @@ class Live(Handle):
                 self._play(begun)
             except BaseException as error:  # noqa: BLE001 - it is for the thread that waits, and for the page
                 self._error = error
-            if not self._wanted.is_set():
+            if self._error is not None and self._options.get("watch") and begun.is_set():
+                self._say_failed(self._error)
+            elif not self._wanted.is_set():
                 self._is_over.set()
             begun.set()
             self._tell_all()
@@ -451,7 +460,7 @@ class Live(Handle):
             "control": connection.grant.may_control,
             "watching": len(self.connections),
             "dropped": connection.counts["dropped"],
-            "error": self._trouble if self._error is None else reason(self._error),
+            "error": self._trouble if self._error is None else f"the game has failed: {reason(self._error)}",
         }
         if connection.grant.may_control and self.scenario is not None:
             status |= {"restart": True, "numbers": list(numbers_of(self.scenario)), "seed": self._seed}

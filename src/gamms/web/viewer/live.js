@@ -205,6 +205,6 @@ function slider({ path, input }) {
 /** @param {Status | null} status */
 function wordsOfStatus(status) {
   if (status === null) return "";
-  const state = status.error ? `the game has failed: ${status.error}` : status.over ? "over" : status.paused ? "paused" : "";
+  const state = status.error ?? (status.over ? "over" : status.paused ? "paused" : "");
   return [state, `${status.watching} watching`, status.dropped ? `${status.dropped} turns skipped` : ""].filter(Boolean).join(" · ");
 }
