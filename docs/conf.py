@@ -29,6 +29,7 @@ extensions = ["myst_parser"]
 exclude_patterns = ["figures", "reference/examples"]  # examples are put into the entries of the reference
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
+smartquotes = False  # commands and code in comments of scenario files are copied from the site
 suppress_warnings = ["myst.header", "ref.python"]  # two classes of one name: the link leads to the first
 
 html_theme = "furo"

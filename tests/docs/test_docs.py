@@ -96,6 +96,13 @@ def test_every_page_can_be_reached_from_the_index():
     assert not missing, f"no way leads from docs/index.md to {missing}"
 
 
+def test_the_site_leaves_dashes_and_quotes_as_pages_have_them():
+    assert "\nsmartquotes = False " in (DOCS / "conf.py").read_text(encoding="utf-8"), "commands are copied from there"
+    odd = re.compile("[\u2013\u201c\u201d\u2018]")
+    found = {page.name: odd.findall(page.read_text(encoding="utf-8")) for page in [*PAGES, *DOCS.rglob("*.yaml")]}
+    assert {name for name, marks in found.items() if marks} == set()
+
+
 @pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
 def test_the_search_of_the_site_ranks_guides_before_decisions_and_changes():
     scorer = DOCS / "search_scorer.js"
