@@ -1,8 +1,8 @@
 """Writes the pages of the reference: every public name of every public package, from signatures and docstrings.
 
-The source is read, not imported: a signature is shown as it is written, with the names of its types, and no optional
-library is needed. A public name is one in `__all__` of a package that `gamms` offers, or, where a module has no
-`__all__`, one without an underscore.
+The source is read, and what is described is not imported: a signature is shown as it is written, with the names of its
+types, and no optional library is needed. A public name is one in `__all__` of a package that `gamms` offers, or, where
+a module has no `__all__`, one without an underscore.
 """
 
 import ast
@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 import pages
 import syntax
+
+from gamms.arguments import with_attributes
 
 SRC = Path(__file__).parent.parent / "src"
 
@@ -185,9 +187,27 @@ def page_of(module: str) -> str:
 
 def docstring_of(found: Found) -> str:
     """Return the docstring of a definition; for a value, the text below it or the comment beside it."""
-    if isinstance(found.node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+    if isinstance(found.node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return _docstring_of_function(found)
+    if isinstance(found.node, ast.Module | ast.ClassDef):
         return ast.get_docstring(found.node) or ""
     return _text_at(found, tree_of(found.module).body)
+
+
+def _docstring_of_function(found: Found) -> str:
+    """Return the docstring that a function has at run time, where `as_declared` and `with_options` complete it."""
+    text, keywords = ast.get_docstring(found.node) or "", found.node.args.kwarg
+    for mark in (one for one in found.node.decorator_list if isinstance(one, ast.Call)):
+        match ast.unparse(mark.func):
+            case "as_declared":
+                method = mark.args[0]
+                contract = find(found.module, method.value.id)
+                declared = next(one for one in contract.node.body if _name_of(one) == method.attr)
+                return _docstring_of_function(Found(contract.module, declared))
+            case "with_options" if isinstance(keywords.annotation, ast.Subscript):
+                options = find(found.module, ast.unparse(keywords.annotation.slice))
+                text = with_attributes(text, keywords.arg, docstring_of(options))
+    return text
 
 
 def _text_at(found: Found, body: list[ast.stmt]) -> str:

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from enum import Enum
@@ -9,7 +10,7 @@ from functools import lru_cache
 from itertools import islice
 from numbers import Real
 from operator import index
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
 
 from gamms.errors import BadType, BadValue, MissingFolder, UnknownName, nearest
 from gamms.text import shown
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
+Documented = TypeVar("Documented", bound=Callable[..., Any])
 
 _INT64 = 2**63
 
@@ -428,6 +430,59 @@ def signature_of(function: Callable[..., Any]) -> "Signature":
         return signature(function, annotation_format=Format.FORWARDREF)
     else:  # noqa: RET505 - so that type checkers see one of them
         return signature(function)
+
+
+class _Dots:
+    """Stands in a signature for a default that depends on other arguments."""
+
+    def __repr__(self) -> str:
+        return "..."
+
+
+_DOTS = _Dots()
+
+
+def with_options(**defaults: object) -> Callable[[Documented], Documented]:
+    """Spell out the keywords of `**options: Unpack[…]` in the signature and the docstring of a function.
+
+    The docstring has an entry for `options`, which the attributes of the TypedDict take the place of.
+
+    Args:
+        defaults: what the signature shows; for the other keywords, dots. `Never` as the type of the options, for
+            keywords that only raise an error, is left out of the signature.
+    """
+    from inspect import Parameter, cleandoc
+
+    def shown_in(function: Documented) -> Documented:
+        signature = signature_of(function)
+        *others, rest = signature.parameters.values()
+        options = next(iter(get_args(rest.annotation)), None)
+        for name, kind in annotations_of(options).items():
+            others.append(Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name, _DOTS), annotation=kind))
+        function.__signature__ = signature.replace(parameters=others)  # type: ignore[attr-defined] # inspect reads it
+        if function.__doc__ and options is not None and options.__doc__:  # Python may run without docstrings
+            function.__doc__ = with_attributes(cleandoc(function.__doc__), rest.name, cleandoc(options.__doc__))
+        return function
+
+    return shown_in
+
+
+def with_attributes(text: str, entry: str, described: str) -> str:
+    """Return a docstring in which the attributes of another docstring take the place of an entry; both are dedented."""
+    attributes = described.partition("\nAttributes:\n")[2].rstrip()
+    place = re.compile(rf"^    {entry}: .*(?:\n {{5,}}.*)*", re.MULTILINE)
+    return place.sub(lambda found: attributes or found[0], text)
+
+
+def as_declared(contract: Callable[..., Any]) -> Callable[[Documented], Documented]:
+    """Show the signature and the docstring of the method of a contract, for the one that implements it."""
+
+    def shown_in(method: Documented) -> Documented:
+        method.__signature__ = signature_of(contract)  # type: ignore[attr-defined] # inspect reads it
+        method.__doc__ = contract.__doc__
+        return method
+
+    return shown_in
 
 
 def as_member(kind: type[E], value: object) -> E | None:

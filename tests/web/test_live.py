@@ -318,7 +318,7 @@ def watched(tmp_path):
         while "blue" not in links:
             name, _, link = process.stdout.readline().strip().partition(" ")
             links[name] = link.strip()
-        yield tmp_path, links, lambda: (tmp_path / "errors").read_text()
+        yield tmp_path, links, (tmp_path / "errors").read_text
         assert process.poll() is None, "it serves until it is ended"
         process.terminate()
         process.stdout.close()
@@ -338,7 +338,7 @@ def test_watching_says_what_is_wrong_with_a_changed_file_and_goes_on_when_it_is_
     for words, (name, text) in wrong.items():
         before = (folder / name).read_text()
         (folder / name).write_text(text)
-        admin.read(lambda client: client.told and words in str(client.told[-1]["error"]))
+        admin.read(lambda client, words=words: client.told and words in str(client.told[-1]["error"]))
         assert words in errors()
         (folder / name).write_text(before)
         admin.read(lambda client: client.told and client.told[-1]["error"] is None and client.told[-1]["over"])

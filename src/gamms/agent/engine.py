@@ -25,7 +25,7 @@ from gamms.agent.teams import (
     starts_in,
     values_in,
 )
-from gamms.arguments import as_member, as_name, misspelt
+from gamms.arguments import as_declared, as_member, as_name, misspelt, with_options
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -154,8 +154,9 @@ class AgentEngine(ContextPart, IAgentEngine):
         **attributes: object,
     ) -> Agent: ...
     @refused_while_deciding
+    @as_declared(IAgentEngine.create_agent)
     def create_agent(self, name: str, **kwargs: Any) -> BaseAgent:
-        """Create an agent; nothing has changed when this raises."""
+        """Create an agent, or change nothing and raise; the contract explains the keywords."""
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
         if as_name(name, "an agent") in self._agents:
@@ -189,6 +190,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         return agent
 
     @refused_while_deciding
+    @with_options()
     def create_team(
         self,
         name: str,

@@ -4,7 +4,18 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from inspect import iscoroutinefunction
 from typing import Any, Literal, NamedTuple, Unpack
 
-from gamms.arguments import as_bool, as_count, as_function_of, as_items, as_key, as_known, as_name, as_positive, as_text
+from gamms.arguments import (
+    as_bool,
+    as_count,
+    as_function_of,
+    as_items,
+    as_key,
+    as_known,
+    as_name,
+    as_positive,
+    as_text,
+    with_options,
+)
 from gamms.deciding import ContextPart, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
@@ -149,12 +160,13 @@ class Settings(ContextPart):
         self._phase.setting_changes += 1
 
     @refused_while_deciding
+    @with_options()
     def add_channel(self, name: str, **options: Unpack[ChannelOptions]) -> Channel:
         """Add a channel, by which agents send what they put into `state["outbox"]`.
 
         Args:
-            name: of the channel.
-            options: how far messages go, what is lost, how long they take; see `ChannelOptions` and docs/messages.md.
+            name: a name that no other channel has.
+            options: see `ChannelOptions`.
 
         Raises:
             Duplicate: there is a channel of this name.

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_float, as_items, as_range
+from gamms.arguments import as_float, as_items, as_range, with_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
@@ -16,7 +16,7 @@ from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
 from gamms.osm.footprints import HeightEstimates, TagFilter, Wall
-from gamms.osm.load import refuse_unknown, with_options
+from gamms.osm.load import refuse_unknown
 from gamms.osm.network import Segments, Ways, largest_part, segments_of
 from gamms.osm.osmium_reader import as_file, read_barriers, read_footprints, read_ways
 from gamms.osm.overpass import Location, features_of_place
@@ -40,7 +40,7 @@ class WallOptions(TypedDict, total=False):
     None."""
 
 
-_with_options = with_options(WallOptions, {"barriers": False, "elevation": None})
+_with_options = with_options(barriers=False, elevation=None)
 
 
 @_with_options

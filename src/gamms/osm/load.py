@@ -1,6 +1,5 @@
 """Maps in, graphs out: what `gamms.osm` offers, step by step from the file to the networkx graph."""
 
-import inspect
 import json
 import logging
 import os
@@ -8,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_float, as_positive, as_range
+from gamms.arguments import as_bool, as_context, as_float, as_positive, as_range, with_options
 from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.ir.geometry import region_of
 from gamms.ir.graph import GraphColumns
@@ -137,25 +136,6 @@ class FileOptions(MapOptions, total=False):
     pairs, of shapely or of GeoJSON; None: all. Roads end at their last node in it. Memory is taken for it only."""
 
 
-Made = TypeVar("Made", bound=Callable[..., Any])
-
-
-def with_options(options: type, defaults: Mapping[str, Any]) -> Callable[[Made], Made]:
-    """Show the options of a TypedDict, with their defaults, in the signature of a function that takes them as **."""
-
-    def shown_in(make: Made) -> Made:
-        signature = inspect.signature(make)
-        others = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
-        shown = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(name), annotation=annotation)
-            for name, annotation in options.__annotations__.items()
-        ]
-        make.__signature__ = signature.replace(parameters=[*others, *shown])  # type: ignore[attr-defined] # as inspect says
-        return make
-
-    return shown_in
-
-
 def refuse_unknown(given: Mapping[str, Any], options: type, of: str) -> None:
     """Refuse options that a function does not have; `of` names it.
 
@@ -202,7 +182,7 @@ def graph_from_xml(
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
-@with_options(FileOptions, {"tags": (), "elevation": None, "around_buildings": True, "filter": None, "clip": None})
+@with_options(tags=(), elevation=None, around_buildings=True, filter=None, clip=None)
 def graph_from_file(
     filepath: FilePath,
     resolution: float = 10.0,

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_float
+from gamms.arguments import as_bool, as_float, with_options
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import Ground, MapOptions, Recipe, as_ground, cut, for_mode, recipe_of, refuse_unknown, with_options
+from gamms.osm.load import Ground, MapOptions, Recipe, as_ground, cut, for_mode, recipe_of, refuse_unknown
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
@@ -106,7 +106,7 @@ def create_osm_graph(
     return _graph(streets_of_place, location, shown(location), options, _recipe(options))
 
 
-_with_place_options = with_options(PlaceOptions, _DEFAULTS)
+_with_place_options = with_options(**_DEFAULTS)
 
 
 @_with_place_options

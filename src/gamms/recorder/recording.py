@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target
+from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target, with_options
 from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
@@ -336,6 +336,7 @@ class Recording(Opened):
             raise
         return live
 
+    @with_options()
     def save(
         self,
         path: str | os.PathLike[str],
@@ -359,7 +360,7 @@ class Recording(Opened):
             height: pixels; likewise.
             dpi: pixels per inch: how large the picture is on paper.
             audience: of a page: a team, by its text; what it could not know is not in the file. None: all is.
-            options: those of `ctx.visual.save`.
+            options: see `PictureOptions`.
 
         Raises:
             BadValue: there is no such turn, or the picture cannot be so.

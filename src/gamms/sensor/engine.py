@@ -6,7 +6,7 @@ from copy import deepcopy
 from math import inf, tau
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
-from gamms.arguments import as_member, as_name
+from gamms.arguments import as_declared, as_member, as_name
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
@@ -105,10 +105,11 @@ class SensorEngine(ContextPart, ISensorEngine):
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor: ...
     @refused_while_deciding
+    @as_declared(ISensorEngine.create_sensor)
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor:
-        """Create a built-in sensor, of a type given as such or by its name, and keep it."""
+        """Create a built-in sensor and keep it; the contract explains the keywords."""
         synonym = options.pop("type", None)
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]

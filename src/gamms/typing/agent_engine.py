@@ -1,11 +1,12 @@
 """Contract of the agent engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.ir.agents import AgentBlock, Position, Quat
+from gamms.ir.graph import FloatArray
 from gamms.ir.positions import Positions
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.sensor_engine import Carried, ISensor
@@ -166,34 +167,40 @@ class IAgentEngine(ABC):
     agents: dict[str, Any]  # name -> agent; Any: an engine's own class of agents
 
     @abstractmethod
-    def create_agent(
+    def create_agent(  # noqa: PLR0913 - the published interface
         self,
         name: str,
         *,
         start_node_id: NodeId,
         sensors: SensorsOfAgent = (),
         team: Hashable = None,
-        strategy: Strategy | AsyncStrategy | None = None,
+        strategy: Strategy | AerialStrategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         speed: float | None = None,
-        type: AgentType = AgentType.BASIC,
+        type: AgentType | str = AgentType.BASIC,
+        agent_type: AgentType | str = AgentType.BASIC,
+        position: Sequence[float] | FloatArray | None = None,
+        quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
         **attributes: object,
     ) -> IAgent:
-        """Create an agent.
+        """Create an agent, or change nothing and raise.
 
         Args:
             name: a name that no other agent has.
-            start_node_id: the node that it starts on.
-            sensors: ids of sensors, or a dict from the names in the agent's state to sensors or ids; unknown ids are
+            start_node_id: the id of the node that the agent starts on; required.
+            sensors: ids of sensors, or a dict from the names in the agent's state to sensors or ids. Unknown ids are
                 warned about and left out.
             team: any value that can be a key of a dict; None: no team.
-            strategy: the function that decides; None: none yet.
-            orientation: `(cos, sin)`, a heading that stays; None: it follows from the moves.
-            speed: on the ground how far it may go in a turn of `ctx.game`, in edges or metres, None for one edge; of
-                an aerial agent, where it is required, map units per step.
-            type: kind of agent; `agent_type` is a synonym. With AERIAL there are two more: `position`, `(x, y, z)`
-                where it starts, and `quat`, `(w, x, y, z)` how it is turned.
-            attributes: any other becomes an attribute of the agent.
+            strategy: the function that decides for the agent in `ctx.game`; None: none yet.
+            orientation: a heading `(cos, sin)` that stays; None: the heading follows from the moves.
+            speed: how far an agent on the ground may go in a turn of `ctx.game`, in edges, or in metres where
+                `ctx.game.speed_unit` says so; None: one edge. For an AERIAL agent: map units per step; required.
+            type: "BASIC", an agent on the ground, or "AERIAL", an agent that flies; or the `AgentType`.
+            agent_type: a synonym of `type`.
+            position: for an AERIAL agent, where it starts, `(x, y, z)` in map units; None: at the x and y of its node,
+                with z = 0.
+            quat: for an AERIAL agent, how it is turned, `(w, x, y, z)`; (1, 0, 0, 0): level, facing east.
+            attributes: any other keyword becomes an attribute of the agent.
 
         Raises:
             Duplicate (ValueError): the name is taken.

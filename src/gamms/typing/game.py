@@ -134,28 +134,37 @@ class JammerOptions(TypedDict, total=False):
 
 
 class ChannelOptions(TypedDict, total=False):
-    """The keywords of `ctx.game.add_channel`; one of `range_m`, `hops` and `line_of_sight` is needed, all must hold."""
+    """The keywords of `ctx.game.add_channel`; one of `range_m`, `hops` and `line_of_sight` is needed, all must hold.
+
+    Attributes:
+        range_m: how far agents hear each other, in metres in a straight line, for agents in the air in space. Default:
+            None, however far.
+        hops: how far agents hear each other, in edges from the node of the sender in their direction. Default: None,
+            however far.
+        line_of_sight: whether buildings, and all other obstacles, block messages. Default: False.
+        relay: whether agents on the channel pass messages on, or the agents and teams that do; each time takes
+            `delay_turns`. Default: False.
+        loss: the probability that a message is lost on its way to an agent, or pairs (metres, probability) with
+            straight lines between them. Default: 0.
+        delay_turns: the number of turns after which a message is in the inbox, at least 1. Default: 1.
+        max_bytes_per_turn: the most bytes that the bodies of an agent's messages may have in a turn. Default: None, any
+            number.
+        jammers: the places where nothing is heard; a jammer that is dead jams nothing. Default: none.
+        teams: a team, or a list, tuple or set of teams, that may use the channel. Default: None, all teams.
+        eavesdroppers: an agent or team, or a list, tuple or set of them, that hear all messages that reach them.
+            Default: none.
+    """
 
     range_m: float | None
-    """How far agents hear each other, metres in a straight line, in the air in space; None: however far."""
     hops: int | None
-    """Likewise in edges, from the node of the sender in their direction."""
     line_of_sight: bool
-    """Whether buildings, and all other obstacles, block it."""
     relay: bool | Sequence[Any]
-    """Whether agents on the channel pass messages on, or which agents and teams do; each time takes `delay_turns`."""
     loss: float | Sequence[tuple[float, float]]
-    """How probably a message is lost on its way to an agent; or pairs (metres, probability), straight lines between."""
     delay_turns: int
-    """After how many turns it is in the inbox, 1 at least."""
     max_bytes_per_turn: int | None
-    """How many bytes the bodies of what an agent sends in a turn may have; None: any number."""
     jammers: Sequence[JammerOptions]
-    """Where nothing is heard; a jammer that is dead jams nothing."""
     teams: Any  # a team, or several in a list, tuple or set
-    """The teams that may use it; None: all."""
     eavesdroppers: Any  # as for `teams`, of agents, too
-    """The agents and teams that hear all that reaches them."""
 
 
 class _GameKeys(TypedDict, total=False):

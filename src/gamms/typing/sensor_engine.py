@@ -7,7 +7,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_ids
+from gamms.arguments import as_ids, with_options
 from gamms.errors import BadType, NotOffered
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import Coverage, Sensed, SensorView
@@ -202,41 +202,47 @@ def _missing(value: object) -> list[str]:
 
 
 class SensorOptions(TypedDict, total=False):
-    """The keywords of `create_sensor`; `docs/sensors.md` has the default of each for each kind."""
+    """The keywords of `create_sensor`; `docs/sensors.md` has the default of each for each kind.
+
+    Attributes:
+        type: a synonym of `sensor_type`.
+        sensor_range: how far it senses, in map units in a straight line; may be infinite. Default: 30.0 for RANGE, ARC,
+            AGENT_RANGE and AGENT_ARC, 100.0 for the AERIAL kinds, infinite for OCCLUDED_MAP and OCCLUDED_AGENT.
+        fov: the full opening angle in radians; exactly 2 pi: all around. ARC, AGENT, AGENT_ARC, the OCCLUDED and AERIAL
+            kinds. Default: 2 pi, but pi / 3 for AERIAL and OCCLUDED_AERIAL.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent that carries the sensor. ARC,
+            AGENT, AGENT_ARC, OCCLUDED_MAP, OCCLUDED_AGENT. Default: (1.0, 0.0), straight ahead.
+        observer_height: the height of the eye above the ground, in map units. OCCLUDED_MAP, OCCLUDED_AGENT. Default:
+            1.6.
+        quat: the direction `(w, x, y, z)`, relative to how the agent is turned. The AERIAL kinds. Default: straight
+            down, but straight ahead for the kinds that look for agents.
+        at: a fixed place to look from: a node id or `(x, y)`, for the AERIAL kinds `(x, y, z)`. All kinds but NEIGHBOR.
+            Default: None, from the agent.
+        team: a team, or a list, tuple or set of teams: only their agents are sensed. The AGENT kinds. Default: None,
+            agents of all teams.
+        exclude: a team, or a list, tuple or set of teams, whose agents are not sensed. The AGENT kinds. Default: None.
+        detection: the probability that an agent in view is sensed: a number, pairs `(distance, probability)`, or a
+            function from distances (agents,) to probabilities (agents,). The AGENT kinds. Default: None, always.
+        position_noise_m: the standard deviation of the Gaussian error of a reported place along each axis, in map
+            units. The AGENT kinds. Default: None, no error.
+        false_alarm_rate: the mean number of agents that a look reports without having noticed them. The AGENT kinds.
+            Default: None, no false alarms.
+        delay_turns: how many turns of `ctx.game` old a report is. The AGENT kinds. Default: None, not old.
+    """
 
     type: SensorType
-    """A synonym of `sensor_type`."""
     sensor_range: float
-    """How far it senses, map units as the crow flies; may be infinite. RANGE, ARC, AGENT_RANGE, AGENT_ARC (30.0),
-    OCCLUDED_MAP, OCCLUDED_AGENT (infinite), and the AERIAL kinds (100.0)."""
     fov: float
-    """The full opening angle in radians; exactly 2 pi: all around. ARC, AGENT, AGENT_ARC, the OCCLUDED and AERIAL
-    kinds: 2 pi, but for AERIAL and OCCLUDED_AERIAL pi / 3."""
     orientation: tuple[float, float]
-    """`(cos, sin)`, relative to the heading of the agent that carries the sensor. ARC, AGENT, AGENT_ARC, OCCLUDED_MAP,
-    OCCLUDED_AGENT: (1.0, 0.0), straight ahead."""
     observer_height: float
-    """Of the sight lines above the ground, map units. OCCLUDED_MAP, OCCLUDED_AGENT: 1.6."""
     quat: Sequence[float]
-    """`(w, x, y, z)`, relative to how the agent is turned. The AERIAL kinds: straight down, and straight ahead for
-    those that look for agents."""
     at: int | np.integer[Any] | Sequence[float] | None
-    """A fixed place to look from: a node id or `(x, y)`, for the AERIAL kinds `(x, y, z)`; None: from the agent. All
-    kinds but NEIGHBOR."""
     team: object
-    """A team, or a list, tuple or set of teams: no other agents are sensed; None: of all teams. The AGENT kinds."""
     exclude: object
-    """Likewise, of agents that are not sensed; None: no agents. The AGENT kinds."""
     detection: float | Sequence[tuple[float, float]] | Callable[[FloatArray], FloatArray] | None
-    """The probability that an agent in view is sensed: a number, pairs `(distance, probability)`, or a function from
-    distances (agents,) to probabilities (agents,); None: always. The AGENT kinds."""
     position_noise_m: float | None
-    """The standard deviation of the Gaussian error of a reported place along each axis, map units; None: no error. The
-    AGENT kinds."""
     false_alarm_rate: float | None
-    """How many agents are reported in a look, on the average, that were not noticed; None: none. The AGENT kinds."""
     delay_turns: int | None
-    """How many turns of `ctx.game` old what is reported is; None: not old. The AGENT kinds."""
 
 
 class ISensorEngine(ABC):
@@ -245,10 +251,18 @@ class ISensorEngine(ABC):
     sensors: dict[str, ISensor]
 
     @abstractmethod
+    @with_options()
     def create_sensor(
-        self, sensor_id: str, sensor_type: SensorType | None = None, **options: Unpack[SensorOptions]
+        self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> ISensor:
-        """Create a built-in sensor and keep it; a keyword that its kind ignores is warned about, once for each kind.
+        """Create a built-in sensor and keep it.
+
+        A keyword that the kind of sensor does not take is ignored and warned about, once for each kind.
+
+        Args:
+            sensor_id: a name that no other sensor has; agents carry the sensor by this name.
+            sensor_type: the kind of sensor: a `SensorType`, or its name such as "AGENT_RANGE".
+            options: see `SensorOptions`.
 
         Raises:
             UnknownType (ValueError): not a built-in kind.

@@ -6,6 +6,7 @@ from enum import Enum
 from os import PathLike
 from typing import Any, Literal, TypedDict, Unpack
 
+from gamms.arguments import with_options
 from gamms.plugins import Registry
 
 Drawer = Callable[[Any, dict[str, Any]], None]
@@ -76,108 +77,165 @@ _BLACK = (0, 0, 0)
 
 
 class PictureOptions(TypedDict, total=False):
-    """The keywords of pictures, frames and films that say how they look, and what is around the map."""
+    """The keywords of pictures, frames and films that say how they look, and what is around the map.
+
+    Attributes:
+        title: a line above the map. Default: none.
+        note: small print in the lower right corner, to which the source of the map is added. Default: none.
+        background: the color behind everything. Default: the one of the theme.
+        fit: "page", as large as was asked, or "tight", as small as the map allows within that. Default: "page".
+        scale_bar: whether there is a scale bar. Default: None, where lengths on the map are metres.
+        north: whether an arrow shows where north is. Default: False.
+        theme: the colors of the background, of words, of the map and of teams: "light", "dark" or "print". Default:
+            "light".
+        labels: whether agents have their names beside them, or the names of those that have. Default: "auto", while
+            there are few agents.
+        trails: the number of turns for which the ways of agents are shown. Default: 0.
+        sensors: whether the views of sensors are drawn, if they are by default or were declared. Default: True.
+        captions: whether the turn and its events stand below the map. Default: True in films, False in pictures.
+        street_names: whether streets have their names along them where the map is shown close by. Default: True.
+    """
 
     title: str
-    """A line above the map: none."""
     note: str
-    """Small print in the lower right corner, to which the source of the map is added: none."""
     background: ColorType | str
-    """The colour behind everything: that of the theme."""
     fit: Literal["page", "tight"]
-    """Whether the page is as large as was asked, or as tight as the map allows within that: "page"."""
     scale_bar: bool | None
-    """Whether there is one: None, where lengths on the map are metres."""
     north: bool
-    """Whether an arrow shows where north is: False."""
     theme: Literal["light", "dark", "print"]
-    """The colours of the background, of words, of the map and of teams: "light"."""
     labels: bool | Literal["auto"] | Collection[str]
-    """Whether agents have their names beside them, or which have: "auto", while they are few."""
     trails: int
-    """Of how many turns the ways of agents are shown: 0."""
     sensors: bool
-    """Whether what sensors see is drawn, as far as it is by default or was declared: True."""
     captions: bool
-    """Whether the turn and what happens in it stand below the map: in films, not in pictures."""
     street_names: bool
-    """Whether streets have their names along them where the map is shown close by: True."""
 
 
 class GraphVisual(TypedDict, total=False):
-    """The keywords of `set_graph_visual`."""
+    """The keywords of `set_graph_visual`.
+
+    Attributes:
+        node_color: the color of nodes. Default: (128, 128, 128).
+        node_size: the radius of nodes, in map units. Default: 2.0.
+        edge_color: the color of edges. Default: (211, 211, 211).
+        draw_id: whether the ids of nodes are written beside them. Default: False.
+    """
 
     node_color: ColorType | str
-    """Of nodes: (128, 128, 128)."""
     node_size: float
-    """The radius of nodes, world units: 2.0."""
     edge_color: ColorType | str
-    """Of edges: (211, 211, 211)."""
     draw_id: bool
-    """Whether the ids of nodes are written beside them: False."""
 
 
 class ObstacleVisual(TypedDict, total=False):
-    """The keywords of `set_obstacle_visual`."""
+    """The keywords of `set_obstacle_visual`.
+
+    Attributes:
+        color_map: type -> color, in place of the palette of the types 0 to 31; other types are grey. Default: none.
+        boundary_thickness: the width of top edges, in map units. Default: 1.0.
+        fill: whether the inside of walls is filled, with the color of its type in `color_map`, else with a tone that
+            says how high it is; False draws only the top edges of faces. Default: False.
+    """
 
     color_map: Mapping[int, ColorType | str]
-    """The colours of types, over a palette of the types 0 to 31; others are grey."""
     boundary_thickness: float
-    """The width of top edges, world units: 1.0."""
     fill: bool
-    """Whether what walls stand around is filled: False."""
 
 
 class AgentVisual(TypedDict, total=False):
-    """The keywords of `set_agent_visual`."""
+    """The keywords of `set_agent_visual`.
+
+    Attributes:
+        color: the color of the disc. Default: (0, 0, 0).
+        size: the radius of the disc, or half the side of the image, in map units. Default: 8.0.
+        image_path: the file of an image that is drawn in place of the disc. Default: None.
+    """
 
     color: ColorType | str
-    """Of the disc: (0, 0, 0)."""
     size: float
-    """The radius, or half the side of an image, world units: 8.0."""
     image_path: str | PathLike[str] | None
-    """The file of an image that is drawn instead of a disc: None."""
 
 
 class SensorVisual(TypedDict, total=False):
-    """The keywords of `set_sensor_visual`."""
+    """The keywords of `set_sensor_visual`.
+
+    Attributes:
+        color: the color of what the sensor sees. Default: (0, 255, 255).
+        node_color: the color of nodes. Default: `color`.
+        edge_color: the color of edges. Default: `color`.
+        size: the radius of the rings around agents, in map units. Default: 8.0.
+        node_size: the radius of nodes, in map units. Default: 2.0, or 1.0 where edges are sensed, too.
+        layer: the layer to draw on; lower layers are painted first. Default: 40, in a window 30.
+    """
 
     color: ColorType | str
-    """Of what it sees: (0, 255, 255)."""
     node_color: ColorType | str
-    """Of nodes: as `color`."""
     edge_color: ColorType | str
-    """Of edges: as `color`."""
     size: float
-    """The radius of the rings around agents, world units: 8.0."""
     node_size: float
-    """The radius of nodes, world units: 2.0, or 1.0 where edges are sensed, too."""
     layer: int
-    """Lower ones are painted first: 40; in a window 30."""
 
 
 class IVisualizationEngine(ABC):
     """Shows a scenario. All coordinates are world coordinates, y up."""
 
     @abstractmethod
+    @with_options()
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> IArtist:
-        """Declare how the graph looks."""
+        """Declare how the graph looks, and draw from now on only what is declared; a window shows all of the graph.
+
+        Args:
+            kwargs: see `GraphVisual`.
+        """
 
     @abstractmethod
+    @with_options()
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> IArtist:
-        """Declare how obstacles look."""
+        """Declare how obstacles look.
+
+        Args:
+            kwargs: see `ObstacleVisual`.
+        """
 
     @abstractmethod
+    @with_options()
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> IArtist:
-        """Declare how an agent looks; it need not exist yet."""
+        """Declare how an agent looks; the agent need not exist yet.
+
+        Args:
+            name: the name of the agent.
+            kwargs: see `AgentVisual`.
+
+        Raises:
+            BadType, BadValue: the size is not a finite number.
+            MissingFile (FileNotFoundError): there is no such image; in a window.
+        """
 
     @abstractmethod
+    @with_options()
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> IArtist:
-        """Declare how a sensor's last view looks."""
+        """Declare how a sensor's last view looks.
+
+        Args:
+            name: the id of the sensor.
+            kwargs: see `SensorVisual`.
+
+        Raises:
+            UnknownName (KeyError): there is no such sensor; in a window.
+            BadValue: the sensor is of a kind of its own that does not say what it saw; in a window.
+        """
 
     @abstractmethod
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
-        """Draw an artist; one of that name is replaced."""
+        """Draw an artist; an artist of the same name is replaced.
+
+        Args:
+            name: the name by which the artist can be removed.
+            artist: an artist, or a dict that becomes the `data` of a new one: its key `drawer` is the function that
+                draws, or `shape` a shape; `layer` the layer to draw on.
+
+        Raises:
+            BadType: neither an artist nor a dict.
+        """
 
     @abstractmethod
     def remove_artist(self, name: str) -> None:

@@ -4,12 +4,19 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
-from gamms.arguments import as_float, as_int, as_key, as_name, misspelt
+from gamms.arguments import as_declared, as_float, as_int, as_key, as_name, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
-from gamms.typing.visualization_engine import AgentVisual, Drawer, GraphVisual, ObstacleVisual, SensorVisual
+from gamms.typing.visualization_engine import (
+    AgentVisual,
+    Drawer,
+    GraphVisual,
+    IVisualizationEngine,
+    ObstacleVisual,
+    SensorVisual,
+)
 from gamms.visual.appearance import AgentData, AnyColor, Circle, Colorize, GraphData, Rectangle, Rgb, rgba
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer, Shape
@@ -249,8 +256,9 @@ class Artists(Guarded):
         self.edits += 1
 
     @refused_while_deciding
+    @as_declared(IVisualizationEngine.set_graph_visual)
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
-        """Declare how the graph looks, and draw from now on only what is declared; `GraphVisual` has the keywords."""
+        """Declare how the graph looks; the contract explains the keywords."""
         self._declare_graph(is_declared=not self._ctx.is_terminated())
         return self._declare("graph", self._made("graph", {**kwargs}, Layer.GRAPH))
 
@@ -265,22 +273,16 @@ class Artists(Guarded):
                     data_of(artist).pop("_defaults", None)
 
     @refused_while_deciding
+    @as_declared(IVisualizationEngine.set_obstacle_visual)
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> Artist:
-        """Declare how obstacles look; `ObstacleVisual` has the keywords.
-
-        Where `fill` is true, what walls stand around is filled: in the colour of its type in `color_map`, or else in
-        a tone that says how high it is. Otherwise only the top edges of faces are drawn.
-        """
+        """Declare how obstacles look; the contract explains the keywords."""
         keywords = {"color_map": {}, "boundary_thickness": 1.0, **kwargs}
         return self._declare("obstacles", self._made("obstacles", keywords, Layer.OBSTACLES))
 
     @refused_while_deciding
+    @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
-        """Declare how an agent looks, which need not exist yet; `AgentVisual` has the keywords.
-
-        Raises:
-            BadType, BadValue: the size is no finite number.
-        """
+        """Declare how an agent looks; the contract explains the keywords."""
         if "size" in kwargs:
             as_float(kwargs["size"], "size")
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
@@ -288,8 +290,9 @@ class Artists(Guarded):
         return self._declare(name, artist)
 
     @refused_while_deciding
+    @as_declared(IVisualizationEngine.set_sensor_visual)
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> Artist:
-        """Declare how a sensor's last view looks; `SensorVisual` has the keywords."""
+        """Declare how a sensor's last view looks; the contract explains the keywords."""
         artist = self._made("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
         return self._declare(f"sensor_{as_name(name, 'a sensor')}", artist)
 
@@ -362,14 +365,9 @@ class Artists(Guarded):
         return artist
 
     @refused_while_deciding
+    @as_declared(IVisualizationEngine.add_artist)
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
-        """Draw an artist; one of that name is replaced.
-
-        A dict becomes the `data` of a new artist; its keys `drawer` (or `shape`) and `layer` say how.
-
-        Raises:
-            BadType: neither an artist nor a dict.
-        """
+        """Draw an artist; the contract explains the arguments."""
         if isinstance(artist, dict):
             artist = self._artist_of(artist)
         if not isinstance(artist, IArtist):

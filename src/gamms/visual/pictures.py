@@ -4,7 +4,7 @@ import os
 from base64 import b64encode
 from typing import TYPE_CHECKING, Unpack
 
-from gamms.arguments import as_target
+from gamms.arguments import as_target, with_options
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, MissingExtra
 from gamms.typing import IContext, PictureOptions
@@ -58,6 +58,7 @@ class Pictures(Guarded):
             film.finish()
 
     @outside_of_deciding
+    @with_options()
     def save(
         self,
         path: str | os.PathLike[str],
@@ -72,9 +73,9 @@ class Pictures(Guarded):
         Args:
             path: an existing file is replaced.
             width: pixels; None: as the map needs.
-            height: pixels; likewise.
+            height: pixels; None: as the map needs.
             dpi: pixels per inch: how large the picture is on paper.
-            options: what stands around the map; `PictureOptions` has the keywords.
+            options: see `PictureOptions`.
 
         Raises:
             BadValue: a size or dpi that is not positive or too large, or a folder that does not exist.
@@ -89,6 +90,7 @@ class Pictures(Guarded):
         write_whole(file, content)
 
     @outside_of_deciding
+    @with_options()
     def picture(
         self,
         format: str | os.PathLike[str],
@@ -98,7 +100,14 @@ class Pictures(Guarded):
         dpi: float = 96.0,
         **options: Unpack[PictureOptions],
     ) -> bytes:
-        """Return a picture as bytes; `format` is `.svg`, `.png`, or a name that ends so. See `save`.
+        """Return a picture of the present state as bytes.
+
+        Args:
+            format: `.svg`, `.png` or `.pdf`, or a file name that ends so.
+            width: pixels; None: as the map needs.
+            height: pixels; None: as the map needs.
+            dpi: pixels per inch: how large the picture is on paper.
+            options: see `PictureOptions`.
 
         Raises:
             BadValue: a size or dpi that is not positive, or too large.
@@ -131,17 +140,21 @@ class Pictures(Guarded):
         return f'<img alt="the present state" src="{source}"/>'
 
     @outside_of_deciding
+    @with_options()
     def frame(
         self,
         width: int | None = None,
         height: int | None = None,
         **options: Unpack[PictureOptions],
     ) -> "ByteArray":
-        """Return the present state as pixels: red, green and blue from 0 to 255, (height, width, 3); see `save`.
-
-        The size is that of the engine, 1280 x 720 if it was given none.
+        """Return the present state as pixels: red, green and blue from 0 to 255, (height, width, 3).
 
         What STATIC artists drew is kept until the graph, the obstacles or their data change.
+
+        Args:
+            width: pixels; None: the width of the engine, 1280 unless it was given another one.
+            height: pixels; None: the height of the engine, 720 unless it was given another one.
+            options: see `PictureOptions`.
 
         Raises:
             BadValue: a size that is not positive, or too large.
@@ -156,6 +169,7 @@ class Pictures(Guarded):
         return frames.at(1.0).pixels().copy()  # which may be written to
 
     @refused_while_deciding
+    @with_options()
     def film(
         self,
         path: str | os.PathLike[str],
@@ -174,9 +188,9 @@ class Pictures(Guarded):
             path: `.mp4` or `.gif`; an existing file is replaced when the film has ended without an error.
             fps: frames per second.
             width: pixels; None: as the map needs that is there now. For MP4, odd sizes are rounded up.
-            height: pixels; likewise.
+            height: pixels; None: as the map needs.
             frames_per_turn: 5 by default. The last frame is held, and then a card says how the game ended.
-            options: what stands around the map; `PictureOptions` has the keywords.
+            options: see `PictureOptions`.
 
         Raises:
             BadValue: an unknown format, a bad number, a folder that does not exist, or a film that is being made there.

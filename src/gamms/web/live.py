@@ -333,7 +333,7 @@ class Live(Handle):
             self._players.open(self._context)
 
     def _watch_files(self, source: Callable[[], Scenario]) -> None:
-        """Begin again whenever a file in the folder of the scenario has changed; until it is right, say what is wrong."""
+        """Begin again whenever a file in the folder of the scenario has changed; say what is wrong with it."""
         folder = Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
         known = _stamps(folder)
         while not self._is_closed.wait(_FILES_S):

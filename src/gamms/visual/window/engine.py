@@ -10,14 +10,14 @@ from typing import Any, Literal, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_text, misspelt
+from gamms.arguments import as_bool, as_declared, as_text, misspelt
 from gamms.deciding import outside_of_deciding, refused_while_deciding
 from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import ArtistType, IContext, ISensor
 from gamms.typing.recorder import IPlayback
-from gamms.typing.visualization_engine import AgentVisual, GraphVisual, SensorVisual
+from gamms.typing.visualization_engine import AgentVisual, GraphVisual, IVisualizationEngine, SensorVisual
 from gamms.visual.appearance import Color, GraphData, color_group
 from gamms.visual.artist import Artist, ArtistGroup
 from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
@@ -532,8 +532,9 @@ class WindowEngine(WindowNames, PictureEngine):
 
     # -- what is declared ------------------------------------------------------------------------------------
 
+    @as_declared(IVisualizationEngine.set_graph_visual)
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
-        """Declare how the graph looks, and look at it; `GraphVisual` has the keywords."""
+        """Declare how the graph looks, and look at it."""
         artist = self.artists.set_graph_visual(**kwargs)
         if not self.ctx.is_terminated() and len(xy := self.ctx.graph.columns().xy):
             self.camera.set_origin(*xy.mean(axis=0).tolist())
@@ -541,24 +542,17 @@ class WindowEngine(WindowNames, PictureEngine):
         return artist
 
     @refused_while_deciding
+    @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
-        """Declare how an agent looks, which need not exist yet; `AgentVisual` has the keywords.
-
-        Raises:
-            MissingFile (FileNotFoundError): there is no such image.
-        """
+        """Declare how an agent looks."""
         path = kwargs.get("image_path")
         if path is not None and not os.path.isfile(path):  # noqa: PTH113 - as in other files of drawing
             raise MissingFile(f"the image of agent {name!r}", path)
         return self.artists.set_agent_visual(name, **kwargs)
 
+    @as_declared(IVisualizationEngine.set_sensor_visual)
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> Artist:
-        """Declare how a sensor's last view looks; `SensorVisual` has the keywords.
-
-        Raises:
-            UnknownName (KeyError): there is no such sensor.
-            BadValue: it is of a kind of its own that does not say what it saw.
-        """
+        """Declare how a sensor's last view looks."""
         if self.ctx.is_terminated():
             return self.artists.set_sensor_visual(name, **kwargs)
         sensor = self.ctx.sensor.get_sensor(name)
