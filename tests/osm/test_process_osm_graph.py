@@ -5,7 +5,7 @@ import pytest
 from shapely import LineString
 
 from gamms.errors import BadType, BadValue
-from gamms.osm import obstacle_from_file, process_osm_graph
+from gamms.osm import load, obstacle_from_file, process_osm_graph
 
 
 def street(**about):
@@ -48,6 +48,21 @@ def test_directions_are_honoured_only_if_asked_for():
     one_way = process_osm_graph(graph, bidirectional=False)
     assert one_way.number_of_edges() == 7
     assert list(one_way.edges) == [(i, i + 1) for i in range(7)]
+
+
+def test_opening_one_way_streets_by_default_is_warned_about_once(caplog):
+    load._warn_of_opened_streets.cache_clear()
+    graph = street()
+    for open_street in (street(), nx.MultiGraph(street())):
+        process_osm_graph(open_street)
+    graph.remove_edge(1, 0)
+    for bidirectional in (True, False):
+        process_osm_graph(graph, bidirectional=bidirectional)
+    assert caplog.messages == []
+    for _ in range(2):
+        process_osm_graph(graph)
+    (message,) = caplog.messages
+    assert "bidirectional=False" in message
 
 
 def test_a_graph_in_degrees_is_projected_once():

@@ -317,12 +317,20 @@ def graph_from_geojson(
     )
 
 
-def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
+def process_osm_graph(
+    osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool | None = None
+) -> "nx.DiGraph[int]":
     """Cut the edges of a networkx graph, such as OSMnx makes, as `graph_from_xml` does.
 
     Nodes need `x` and `y`; edges may have a `geometry` and a `length` in metres. A graph whose `crs` counts
     in degrees is projected to UTM; any other is taken as metres, just as it is. Both directions of a street
     share their nodes.
+
+    Args:
+        osmg: the graph.
+        resolution: metres between nodes.
+        bidirectional: True: agents may go against one-way streets; False: they may not; None: they may, as in gamms
+            1.0.0, and a warning says so if there are one-way streets, once in a process.
 
     Raises:
         BadType: it is no networkx graph.
@@ -332,7 +340,18 @@ def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirecti
     recipe = recipe_of(resolution, 0.0, bidirectional)
     with progress() as show:
         show("Reading the graph")
-        return cut(network_in_metres(osmg), recipe, show)
+        network = network_in_metres(osmg)
+        if bidirectional is None and not network.two_way.all():
+            _warn_of_opened_streets()
+        return cut(network, recipe, show)
+
+
+@cache  # once in a process
+def _warn_of_opened_streets() -> None:
+    logging.getLogger("gamms").warning(
+        "process_osm_graph lets agents go both ways on the one-way streets of this graph, which is its default. Give "
+        "bidirectional=False to keep their directions, or bidirectional=True if this is meant."
+    )
 
 
 def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int]":
