@@ -267,8 +267,8 @@ def openspiel(
     """Return a game of two teams as a `pyspiel.Game`: of simultaneous moves, with an order of play of sequential ones.
 
     The first player is the team whose reward it is. Each knows what the sensors of its agents together show when it
-    moves, and remembers it; a game without a winner is worth 0 to both. The game is not registered: use it as it is, or
-    one of simultaneous moves by `pyspiel.convert_to_turn_based`.
+    moves, and remembers it. With `reward="win"` a game without a winner is worth 0 to both. The game is not
+    registered: use it as it is, or one of simultaneous moves by `pyspiel.convert_to_turn_based`.
 
     Args:
         scenario: see `solve`.
