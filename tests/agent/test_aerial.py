@@ -180,6 +180,48 @@ def test_a_turn_is_kept_at_length_one(kite):
     assert kite.quat == (1.0, 0.0, 0.0, 0.0)
 
 
+#: What gamms 1.0.0 gives back, which divides by the root of the sum of the squares.
+QUATS_OF_1_0_0 = [
+    (
+        (0.00040350102900222164, -0.0027019099996133823, 0.00032758901884285163, 0.0005607883266432493),
+        (0.14369635682810003, -0.9622147045868338, 0.11666227632928888, 0.1997101214081855),
+    ),
+    (
+        (0.2221587688942261, -0.09482586292488765, -0.2799903224349747, 0.49553452366055273),
+        (0.3593054980168109, -0.1533653344978818, -0.4528385836090249, 0.8014460995377146),
+    ),
+    (
+        (-96.23034340929118, 23.291362374996197, 49.048282340638565, -39.18838842085798),
+        (-0.8208273583792688, 0.19867109244334807, 0.418372943505673, -0.3342698384626966),
+    ),
+]
+
+
+@pytest.mark.parametrize(("given", "read"), QUATS_OF_1_0_0)
+def test_a_turn_reads_back_with_the_bits_of_1_0_0(kite, given, read):
+    kite.quat = given
+    assert kite.quat == read
+    kite.quat = np.array(given)
+    assert kite.quat == read
+    kite.quat = read
+    assert kite.quat == read
+
+
+@given(quat=st.tuples(*[st.floats(-1e3, 1e3)] * 4))
+def test_a_turn_is_divided_by_the_root_of_the_sum_of_its_squares(quat):
+    total = 0.0
+    for part in quat:
+        total += part * part
+    if total > 1e-250 and abs(total - 1.0) > 3e-9:
+        assert gamms.kernels.unit_quaternion(quat) == tuple(part / sqrt(total) for part in quat)
+
+
+@pytest.mark.parametrize("scale", [5e-324, 1e-300, 1e300, 1e308])
+def test_a_turn_of_any_length_is_of_length_one(kite, scale):
+    kite.quat = (scale, -scale, scale, scale)
+    assert kite.quat == (0.5, -0.5, 0.5, 0.5)
+
+
 def test_the_orientation_is_the_yaw(kite):
     kite.quat = (HALF, 0.0, 0.0, HALF)
     assert kite.orientation == pytest.approx((0.0, 1.0))

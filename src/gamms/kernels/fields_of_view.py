@@ -1,7 +1,7 @@
 """Fields of view: rotations in space as unit quaternions (w, x, y, z), headings, and what lies inside a cone."""
 
 from collections.abc import Iterable, Sequence
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, frexp, hypot, ldexp, pi, sin, sqrt
 
 import numpy as np
 
@@ -32,15 +32,19 @@ def quaternion_to_direction(quat: Quaternion) -> tuple[float, float, float]:
 
 
 def unit_quaternion(quat: Quaternion) -> Quaternion | None:
-    """Return `quat`, finite, at length 1; as it is where its length is 1 to 1e-9; None if it is zero."""
+    """Return the finite `quat` divided by the root of the sum of its squares; None if it is zero.
+
+    A quaternion whose length is 1 to 1e-9 is returned as it is.
+    """
     w, x, y, z = quat
     if abs(w * w + x * x + y * y + z * z - 1.0) < _UNIT:  # programs compare what they set with what they read
         return quat
-    scale = max(map(abs, quat))  # first, so that no square overflows or vanishes
-    if scale == 0.0:
+    largest = max(map(abs, quat))
+    if largest == 0.0:
         return None
-    w, x, y, z = (part / scale for part in quat)
-    length = hypot(w, x, y, z)
+    exponent = frexp(largest)[1]  # a power of 2 changes no bit of the result, and no square overflows or vanishes
+    w, x, y, z = (ldexp(part, -exponent) for part in quat)
+    length = sqrt(w * w + x * x + y * y + z * z)  # not hypot, which rounds once: programs compare to the last bit
     return w / length, x / length, y / length, z / length
 
 
