@@ -82,7 +82,7 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     fast, slow = speeds
     scenario = hunted(conflicts={"capacity": 2}).replace(**{"teams.red.speed": fast})
     scenario = scenario if slow is None else scenario.replace(**{"teams.blue.speed": slow})
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["first"], "blue": MADE["random_waypoints"]})
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["mix"], "blue": MADE["random_waypoints"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["unblock"], "blue": MADE["safest_exit"]})
@@ -388,7 +388,7 @@ def test_an_agent_goes_on_along_its_edge_where_that_is_shorter_than_from_the_nod
                 ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
         ctx.sensor.create_sensor("all", "AGENT_RANGE", sensor_range=99.0)
         ctx.agent.create_agent("anna", start_node_id=0, team="red", speed=10.0, sensors=["all"], strategy=chase(ctx))
-        ctx.agent.create_agent("ben", start_node_id=1, team="blue", speed=5.0, strategy=follow_path(ctx, [1, 2, 3]))
+        ctx.agent.create_agent("ben", start_node_id=1, team="blue", speed=5.0, strategy=goto(ctx, 3))
         ctx.game.speed_unit = "metres"
         with ctx.game.batch(1) as games:
             places = [games.observe_agent("anna")["xy"][0, 0].tolist() for _ in range(4) if games.step().any()]

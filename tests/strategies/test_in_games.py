@@ -65,11 +65,8 @@ def test_the_turn_engine_and_turns_by_hand_agree(open_world, nodes, starts):
 
 def test_who_goes_several_edges_a_turn_arrives_sooner(world):
     world.add("anna", 0, goto(world.ctx, 29), speed=3)
-    world.add("bert", 0, patrol(world.ctx, [5, 0]), speed=10)
-    been = play(world, 4)
     path = world.ctx.graph.graph.shortest_path(0, 29)
-    assert been["anna"] == [0, path[3], path[6], 29, 29]
-    assert been["bert"][1:] == [5, 0, 5, 0]
+    assert play(world, 4)["anna"] == [0, path[3], path[6], 29, 29]
 
 
 @pytest.mark.parametrize("make", [goto, lambda ctx, node: patrol(ctx, [node, node]), lambda ctx, _: chase(ctx)])

@@ -25,10 +25,10 @@ yourself where a strategy asks for it. Without `legal`, an agent goes along one 
 **Arrays.** Most have an array form, which plays many games at once and follows its scalar form: `offer_form`.
 What one keeps of memories is in `memories.py`, for games that have begun, too: `Kept`.
 
-`travel.py` has those that need no enemies, `encounters.py` those that act on enemies, `assignment.py` the one by which
-a team shares them out, `sweeping.py` the one by which it visits all nodes; read `knowledge.py` first, which has what
-they know and how they go a step; `paces.py` says how long ways take. May import: `belief`, `context` and below. To add
-a strategy, write a function and name it below.
+`travel.py` has those that need no enemies, `stops.py` how agents go along a list, `encounters.py` those that act on
+enemies, `assignment.py` the one by which a team shares them out, `sweeping.py` the one by which it visits all nodes;
+read `knowledge.py` first, which has what they know and how they go a step; `paces.py` says how long ways take.
+May import: `belief`, `context` and below. To add a strategy, write a function and name it below.
 """
 
 from gamms.strategies.assignment import assign

@@ -414,6 +414,11 @@ def put(view: ArrayView, rows: IntArray) -> Tensor:
     return view.library.put(rows) if isinstance(view, DeviceView) else rows
 
 
+def places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
+    """Return the places of the games of a view, for arrays of so many axes; None: on a device."""
+    return None if isinstance(view, DeviceView) else np.arange(len(view.games)).reshape(-1, *(1,) * (axes - 1))
+
+
 def may_hold(view: ArrayView, which: Tensor) -> bool:
     """Return whether something is true of an agent of a view; yes on a device, which is not read for that."""
     return isinstance(view, DeviceView) or bool(which.any())

@@ -1,7 +1,7 @@
 """Strategies that need no enemies: they go somewhere, or are made of others."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from math import cos, frexp, inf, ldexp, pi, sin
 from typing import Any, TypeVar, overload
 
@@ -33,10 +33,12 @@ from gamms.strategies.knowledge import (
     no_actions,
     node_of,
     offer_form,
+    places_of,
     put,
     required,
 )
 from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
+from gamms.strategies.stops import route
 from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
@@ -176,11 +178,12 @@ def _go_where_in_arrays(find: ArrayStrategy, fallback: ArrayStrategy, view: Arra
 
 @shown_as_called
 def follow_path(
-    ctx: IContext, nodes: Iterable[NodeId], repeat: bool = False, otherwise: Strategy | None = stay
+    ctx: Context, nodes: Iterable[NodeId], repeat: bool = False, otherwise: Strategy | None = stay
 ) -> Strategy:
     """Go to one node after the other, by the shortest path from wherever the agent is.
 
-    The index of the next node is in `state["memory"]`, under `"follow_path [<nodes>]"`.
+    An agent with a speed goes on beyond a node of the list in the turn in which it gets there. The index of the next
+    node is in `state["memory"]`, under `"follow_path [<nodes>]"`; the way of the last turn is under that and `" way"`.
 
     Args:
         ctx: the context.
@@ -191,14 +194,15 @@ def follow_path(
     Raises:
         UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
     """
-    return _route(ctx, nodes, otherwise, "follow_path", repeat=repeat)
+    return route(ctx, nodes, otherwise, "follow_path", repeat=repeat)
 
 
 @shown_as_called
-def patrol(ctx: IContext, nodes: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
-    """Visit some nodes in a cycle, beginning with the nearest by road; of several, with the first on the list.
+def patrol(ctx: Context, nodes: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
+    """Visit nodes in a cycle, beginning with the nearest by road; ties go to the first on the list.
 
-    The index of the next node is in `state["memory"]`, under `"patrol [<nodes>]"`.
+    An agent with a speed goes on beyond a node of the list in the turn in which it gets there. The index of the next
+    node is in `state["memory"]`, under `"patrol [<nodes>]"`; the way of the last turn is under that and `" way"`.
 
     Args:
         ctx: the context.
@@ -208,7 +212,7 @@ def patrol(ctx: IContext, nodes: Iterable[NodeId], otherwise: Strategy | None = 
     Raises:
         UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
     """
-    return _route(ctx, nodes, otherwise, "patrol", repeat=True, is_nearest_first=True)
+    return route(ctx, nodes, otherwise, "patrol", repeat=True, is_nearest_first=True)
 
 
 @shown_as_called
@@ -263,11 +267,6 @@ def _waypoints_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]
     return memories_in_arrays(ctx, arrays, "random_waypoints", _NO_WAYPOINT, read)
 
 
-def _places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
-    """Return the places of the games of a view, for arrays of so many axes; None: on a device."""
-    return None if isinstance(view, DeviceView) else np.arange(len(view.games)).reshape(-1, *(1,) * (axes - 1))
-
-
 def _waypoints_in_arrays(
     chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
@@ -275,7 +274,7 @@ def _waypoints_in_arrays(
     among = None if chosen is None else streets.rows(chosen)
     target, left, is_there = known["target"], known["left"], known["target"] == view.node
     going = view.mask & ~is_there & (target >= 0)
-    is_lost = going & (view.routes().distances(view.node, target, among=among, asked=going, at=_places_of(view)) == inf)
+    is_lost = going & (view.routes().distances(view.node, target, among=among, asked=going, at=places_of(view)) == inf)
     draws = view.mask & ((target < 0) | is_lost | (is_there & (left <= 0)))
     left = xp.where(is_there & (left > 0), left - 1, left)
     if may_hold(view, draws):
@@ -517,72 +516,3 @@ def _first_node(action: object) -> int | None:
     if isinstance(wanted, Sequence):
         wanted = wanted[0] if wanted else None
     return None if wanted is None else as_int(wanted, "A node of an action")
-
-
-def _route(
-    ctx: IContext,
-    nodes: Iterable[NodeId],
-    otherwise: Strategy | None,
-    caller: str,
-    *,
-    repeat: bool,
-    is_nearest_first: bool = False,
-) -> Strategy:
-    """Return a strategy that goes from one of some stops to the next, and remembers which that is."""
-    as_context(ctx, caller)
-    stops = known_nodes(ctx, nodes, caller, "nodes")
-    key, fallback = f"{caller} {list(stops)}", as_otherwise(otherwise, caller)
-
-    def strategy(state: State) -> None:
-        memory, here = required(state, "memory", caller), node_of(state, caller)
-        if key not in memory and is_nearest_first:
-            nearest = ctx.graph.routes.nearest(here, stops)
-            memory[key] = 0 if nearest is None else stops.index(nearest)
-        memory[key] = at = _advanced(stops, memory.get(key, 0), here, repeat=repeat)
-        move_to(ctx, state, stops[at] if at < len(stops) else None, fallback, caller)
-
-    values, kept = (key, stops, repeat, is_nearest_first), Kept(partial(_route_begun, key, len(stops)))
-    offer_form(strategy, _route_in_arrays, *values, parts=[fallback], is_portable=True, kept=kept)
-    return strategy
-
-
-def _route_begun(key: str, stops: int, ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
-    def read(memory: dict[Any, Any]) -> Sequence[int]:
-        return [range(stops + 1)[as_int(memory[key], "the next stop")]] if key in memory else ()
-
-    return memories_in_arrays(ctx, arrays, key, {"at": -1}, read)
-
-
-def _route_in_arrays(
-    key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
-) -> IntArray:
-    xp, at, rows = view.xp, remembered(view, key, at=-1)["at"], movement_in(view).streets.rows(stops)
-    begins, first, stop_rows = view.mask & (at < 0), 0, put(view, np.append(rows, -1))
-    if is_nearest_first and may_hold(view, begins):
-        ends = put(view, rows)[None, None, :]
-        far = view.routes().distances(
-            view.node[..., None], ends, among=rows, asked=begins[..., None], at=_places_of(view, 3)
-        )
-        first = xp.argmin(far, axis=2)
-    at = xp.where(at < 0, first, at)
-    at = xp.where(stop_rows[at] == view.node, put(view, _following(stops, repeat=repeat))[at], at)
-    remember(view, key, at=at)
-    return moves_to(view, stop_rows[at], fallback, rows)
-
-
-@lru_cache(maxsize=256)
-def _following(stops: tuple[int, ...], *, repeat: bool) -> IntArray:
-    """Return of each stop the number of the next one at another node, and behind the last one their number."""
-    found = [_advanced(stops, at, node, repeat=repeat) for at, node in enumerate(stops)]
-    following = np.array([*found, len(stops)])
-    following.setflags(write=False)
-    return following
-
-
-def _advanced(stops: tuple[int, ...], at: int, here: int, *, repeat: bool) -> int:
-    """Return the index of the stop that comes next; their number after the last one."""
-    for _ in stops:  # no more than once round: they may all be the same node
-        if at == len(stops) or stops[at] != here:
-            break
-        at = (at + 1) % len(stops) if repeat else at + 1
-    return at

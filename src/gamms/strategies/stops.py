@@ -1,0 +1,220 @@
+"""The strategy of an agent that goes from one stop of a list to the next, as far as each turn leads."""
+
+from collections.abc import Hashable, Iterable, Sequence
+from functools import lru_cache, partial
+from math import floor, inf
+from typing import Any
+
+import numpy as np
+
+from gamms.arguments import as_context, as_int
+from gamms.context import Context
+from gamms.errors import NoPath
+from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in
+from gamms.ir.graph import IntArray
+from gamms.strategies.knowledge import (
+    as_otherwise,
+    has_speed,
+    known_nodes,
+    legal_on_map,
+    may_hold,
+    move_to,
+    moves_to,
+    node_of,
+    offer_form,
+    places_of,
+    put,
+    required,
+)
+from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
+from gamms.strategies.paces import pace_of
+from gamms.typing import IAgent
+from gamms.typing.game import NodeId, State, Strategy
+
+Step = tuple[int, int, float]  # a node, the index of the next stop from there, and how far it is: edges or map units
+Way = tuple[float, list[Step]]  # of one turn: how far it leads, and its nodes, beginning with the agent's own
+
+_MOST_NODES = 10_000  # of a way: an agent of endless speed would go round for ever
+
+
+def route(
+    ctx: Context,
+    nodes: Iterable[NodeId],
+    otherwise: Strategy | None,
+    caller: str,
+    *,
+    repeat: bool,
+    is_nearest_first: bool = False,
+) -> Strategy:
+    """Return a strategy that goes from one stop to the next, and remembers which one comes next."""
+    as_context(ctx, caller)
+    stops = known_nodes(ctx, nodes, caller, "nodes")
+    key = f"{caller} {list(stops)}"
+    way_key = f"{key} way"
+    fallback = as_otherwise(otherwise, caller)
+
+    def strategy(state: State) -> None:
+        memory = required(state, "memory", caller)
+        here = node_of(state, caller)
+        if key not in memory and is_nearest_first:
+            nearest = ctx.graph.routes.nearest(here, stops)
+            memory[key] = 0 if nearest is None else stops.index(nearest)
+        at = _stop_after(memory.pop(way_key, None), state, memory.get(key, 0))
+        memory[key] = at = _advanced(stops, at, here, repeat=repeat)
+        target = stops[at] if at < len(stops) else None
+        way = None
+        if target in legal_on_map(ctx, state) and _goes_beyond(ctx, state):
+            way = _way(ctx, state, stops, at, repeat=repeat)
+        if way is None:
+            move_to(ctx, state, target, fallback, caller)
+            return
+        memory[way_key] = way
+        path = [node for node, *_ in way[1]]
+        state["action"] = path if path[1] == here else path[1:]  # a path to turn round by names the node behind twice
+
+    values = key, stops, repeat, is_nearest_first
+    kept = Kept(partial(_route_begun, key, len(stops)))
+    parts = [fallback]
+    offer_form(strategy, _route_in_arrays, *values, parts=parts, is_portable=True, kept=kept, refuses=_why_not)
+    return strategy
+
+
+# -- the way of one turn --------------------------------------------------------------------------------------------
+
+
+def _goes_beyond(ctx: Context, state: State) -> bool:
+    """Whether an agent may pass a stop within a turn, without being asked again there."""
+    if ctx.current_game is None or not has_speed(ctx, state):
+        return False
+    return ctx.game.legal == "edges" and ctx.game.decide == "turn"
+
+
+def _way(ctx: Context, state: State, stops: tuple[int, ...], at: int, *, repeat: bool) -> Way | None:
+    """Return the way through the stops from number `at` on, up to the first node that is out of reach in this turn.
+
+    Args:
+        ctx: the context.
+        state: of an agent with a speed.
+        stops: ids of nodes.
+        at: the index of the next stop, which is legal.
+        repeat: whether the first stop follows the last one.
+
+    Returns:
+        None where no path leads to the next stop.
+    """
+    graph = ctx.graph.graph
+    unit, speed = pace_of(ctx, state["name"])
+    reach = speed + 1.0 if unit is None else speed  # part of an edge may have been covered before
+    last = state["curr_pos"]
+    far = 0.0
+    steps = [(last, at, -state.get("offset_m", 0.0))]
+    if state.get("edge") is not None:
+        last, far = _end_of_edge(ctx, state, stops[at])
+        at = _advanced(stops, at, last, repeat=repeat)
+        steps.append((last, at, far))
+    while at < len(stops) and far < reach and len(steps) < _MOST_NODES:
+        weight: str | None = "length"
+        if unit is not None:
+            weight = ctx.game.weight
+        elif len(steps) == 1 or graph.distance(last, stops[at], None) <= max(1.0, speed - far):
+            weight = None  # to a node that is legal an agent goes along the fewest edges
+        path = _path(ctx, last, stops[at], weight)
+        for node in path:
+            far += graph.distance(last, node, unit)
+            at = _advanced(stops, at, node, repeat=repeat)
+            steps.append((node, at, far))
+            last = node
+            if far >= reach:
+                break
+        if not path:
+            break
+    covers = floor(speed) + 0.5 if unit is None and speed < inf else speed
+    return None if len(steps) == 1 else (min(covers, far), steps)
+
+
+def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
+    """Return the end of its edge by which an agent goes to a node, and how far that end is."""
+    graph, weight = ctx.graph.graph, ctx.game.weight
+    source, end, edge = state["edge"]  # type: ignore[misc] # the agent is on one
+    length = graph.get_edge(edge).length
+    gone = state["offset_m"] / length
+    cost = graph.distance(source, end, weight)
+    ahead = (1.0 - gone) * cost + graph.distance(end, target, weight)
+    may_turn = state["legal"][0] == source
+    behind = gone * cost + graph.distance(source, target, weight) if may_turn else inf
+    return (source, state["offset_m"]) if behind < ahead else (end, length - state["offset_m"])
+
+
+def _path(ctx: Context, source: int, target: int, weight: str | None) -> list[int]:
+    """Return the nodes behind `source` on the shortest path; none where there is no path."""
+    try:
+        found: list[int] = ctx.graph.graph.shortest_path(source, target, weight)[1:]
+    except NoPath:
+        found = []
+    return found
+
+
+def _stop_after(way: Way | None, state: State, before: int) -> int:
+    """Return the index of the next stop of an agent that was on this way; `before` where it is not on it."""
+    here = state["curr_pos"]
+    if way is None or (state.get("blocked") and way[1][0][0] == here):
+        return before
+    covers, steps = way
+    gone = state.get("offset_m", 0.0)
+    passed = [(abs(far + gone - covers), stop) for node, stop, far in steps if node == here]
+    return min(passed)[1] if passed else before  # a way may pass a node more than once
+
+
+def _advanced(stops: tuple[int, ...], at: int, here: int, *, repeat: bool) -> int:
+    """Return the index of the stop that comes next; their number after the last one."""
+    for _ in stops:  # no more than once round: they may all be the same node
+        if at == len(stops) or stops[at] != here:
+            break
+        at = (at + 1) % len(stops) if repeat else at + 1
+    return at
+
+
+# -- in arrays ------------------------------------------------------------------------------------------------------
+
+
+def _why_not(game: PlayedGame, agent: IAgent) -> str | None:
+    """Return why an agent cannot be asked in arrays, in words; None: it can."""
+    settings = game.settings()
+    if agent.speed is None or settings["legal"] != "edges" or settings["decide"] != "turn":
+        return None
+    return "whose way leads beyond a stop within a turn"
+
+
+def _route_begun(key: str, stops: int, ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
+    def read(memory: dict[Any, Any]) -> Sequence[int]:
+        return [range(stops + 1)[as_int(memory[key], "the next stop")]] if key in memory else ()
+
+    return memories_in_arrays(ctx, arrays, key, {"at": -1}, read)
+
+
+def _route_in_arrays(
+    key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
+) -> IntArray:
+    xp, at, rows = view.xp, remembered(view, key, at=-1)["at"], movement_in(view).streets.rows(stops)
+    begins, first, stop_rows = view.mask & (at < 0), 0, put(view, np.append(rows, -1))
+    if is_nearest_first and may_hold(view, begins):
+        ends = put(view, rows)[None, None, :]
+        far = view.routes().distances(
+            view.node[..., None], ends, among=rows, asked=begins[..., None], at=places_of(view, 3)
+        )
+        first = xp.argmin(far, axis=2)
+    at = xp.where(at < 0, first, at)
+    at = xp.where(stop_rows[at] == view.node, put(view, _following(stops, repeat=repeat))[at], at)
+    remember(view, key, at=at)
+    return moves_to(view, stop_rows[at], fallback, rows)
+
+
+@lru_cache(maxsize=256)
+def _following(stops: tuple[int, ...], *, repeat: bool) -> IntArray:
+    """Return of each stop the number of the next one at another node, and behind the last one their number."""
+    found = [_advanced(stops, at, node, repeat=repeat) for at, node in enumerate(stops)]
+    following = np.array([*found, len(stops)])
+    following.setflags(write=False)
+    return following
