@@ -36,9 +36,10 @@ PROPERTY = """    battery = property(
 """
 
 
-def test_an_attribute_that_is_recorded_takes_three_files(tmp_path):
-    source = changed(
-        tmp_path,
+def with_battery(folder):
+    """A copy of the source in which agents have a battery, which is recorded."""
+    return changed(
+        folder,
         ("ir/agents.py", "NUMBERS: dict[str, tuple[type, Any]] = {}", 'NUMBERS = {"battery": (np.float64, 1.0)}'),
         (
             "ir/events.py",
@@ -52,6 +53,10 @@ def test_an_attribute_that_is_recorded_takes_three_files(tmp_path):
             PROPERTY + "    @property\n    def state(self)",
         ),
     )
+
+
+def test_an_attribute_that_is_recorded_takes_three_files(tmp_path):
+    source = with_battery(tmp_path)
     program = """
 import gamms
 
@@ -75,6 +80,33 @@ with gamms.create_context() as ctx:
     print(ctx.agent.get_agent("anna").battery)
 """
     assert printed(source, tmp_path, program) == "0.5\n[1.0, 0.75, 0.5]\n0.5"
+
+
+def test_a_recorded_attribute_is_that_of_its_own_game_in_batches(tmp_path):
+    program = """
+import gamms
+
+def drain(ctx):
+    anna = ctx.agent.get_agent("anna")
+    anna.battery -= 0.1 if anna.current_node_id % 2 else 0.05
+    if anna.battery <= 0.0:
+        ctx.game.end("the battery is empty")
+
+with gamms.create_context(seed=1, game={"max_turns": 40}) as ctx:
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
+    ctx.game.add(drain)
+    with ctx.game.batch(seeds=range(5)) as games:
+        while games.step().any():
+            pass
+        together = [games.result(number).turns for number in range(5)]
+    alone = []
+    for seed in range(5):
+        ctx.game.reset(seed=seed)
+        alone.append(ctx.game.run().turns)
+    print(together == alone, len(set(alone)) > 1)
+"""
+    assert printed(with_battery(tmp_path), tmp_path, program) == "True True"
 
 
 GUIDE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
