@@ -48,16 +48,19 @@ class DecidePhase:
         owner_changes: how often the owner of a sensor was set.
         strategy_changes: how often the strategy of an agent was set.
         known_names: the attributes of agents that were set and need no look again.
+        agent_kinds: class of agents -> its subclass that has the attributes of this context.
     """
 
     __slots__ = (
-        *("agent", "known_names", "moment", "owner_changes", "sensor_changes", "setting_changes", "strategy_changes"),
+        *("agent", "agent_kinds", "known_names", "moment", "owner_changes", "sensor_changes", "setting_changes"),
+        "strategy_changes",
     )
 
     def __init__(self) -> None:
         self.agent: Any = None
         self.moment: object = None
         self.known_names = set[str]()
+        self.agent_kinds: dict[type, type] = {}
         self.setting_changes = self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":

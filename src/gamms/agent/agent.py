@@ -6,6 +6,7 @@ from math import hypot
 from typing import Any, ClassVar
 
 from gamms import kernels
+from gamms.agent.attributes import Attribute, guarded_kind
 from gamms.agent.carried import carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
@@ -126,7 +127,10 @@ class BaseAgent(ContextPart, IAgent):
     def _put_attribute(self, name: str, value: object) -> None:
         """Set an attribute that nothing refuses."""
         if type(value) not in _SCALARS and not hasattr(type(self), name):
-            setattr(BaseAgent, name, Attribute(name))
+            kind = guarded_kind(type(self), self._phase.agent_kinds)
+            if not hasattr(kind, name):
+                setattr(kind, name, Attribute(name))
+            self.__class__ = kind
         object.__setattr__(self, name, value)
 
     # -- what it is ---------------------------------------------------------------------------------------------
@@ -580,21 +584,3 @@ class AerialAgent(BaseAgent, IAerialAgent):
             self._block.fly(self._row, position)
         if quat is not None:
             self._block.turn(self._row, quat)
-
-
-class Attribute:
-    """An attribute of the caller's, of whose value strategies see a read-only copy."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def __get__(self, agent: BaseAgent | None, owner: type) -> Any:
-        if agent is None or self._name not in agent.__dict__:
-            raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
-        return agent._phase.shown(agent.__dict__[self._name])
-
-    def __set__(self, agent: BaseAgent, value: object) -> None:
-        agent.__dict__[self._name] = value
-
-    def __delete__(self, agent: BaseAgent) -> None:
-        del agent.__dict__[self._name]

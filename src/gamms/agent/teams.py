@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.agent.agent import Agent, Attribute, BaseAgent
+from gamms.agent.agent import Agent, BaseAgent
 from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
@@ -414,7 +414,7 @@ def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -
 
 def is_attribute(column: str) -> bool:
     """Return whether a column of a team is an attribute of the caller's, which agents keep as it is given."""
-    return not hasattr(Agent, column) or type(vars(BaseAgent).get(column)) is Attribute
+    return not hasattr(Agent, column)
 
 
 def _refuse_fixed(column: str) -> None:
