@@ -590,6 +590,16 @@ def test_array_forms_that_do_what_they_are_declared_for_pass():
     check_array_forms(lambda: Scenario(map={"grid": {"width": 4, "height": 4}}, teams=teams).build(seed=1), turns=3)
 
 
+def test_array_forms_of_games_that_end_before_the_turns_that_are_compared_pass():
+    def make():
+        ctx = make_ctx()
+        ctx.game.max_turns = 5
+        ctx.game.add(gamms.rules.tag("red", "blue", score=1))
+        return ctx
+
+    check_array_forms(make)
+
+
 def test_array_forms_that_do_something_else_are_told_by_seed_turn_and_agent():
     with pytest.raises(AssertionError, match=r"seed 0 in arrays.* after turn 3, agent 'blue1' is at \d, and was at \d"):
         check_array_forms(lambda: hurried(otherwise), turns=8)
