@@ -307,6 +307,19 @@ def test_settings_may_be_given_to_the_context():
         gamms.create_context(game="fast", logger_config={"level": "CRITICAL"})
 
 
+def test_a_game_that_was_stepped_past_its_turns_ends_by_them(ctx, play):
+    play("a", 0)
+    ctx.game.max_turns = 2
+    for turn in range(4):
+        assert ctx.game.result().reason == ("unfinished" if turn < 2 else "max_turns")
+        ctx.game.step()
+    with ctx.game.batch(1) as games:
+        assert (games.result(0).turns, games.result(0).reason) == (4, "max_turns")
+    result = ctx.game.run()
+    assert (result.turns, result.reason, result.truncated) == (4, "max_turns", True)
+    assert ctx.game.run(3).reason == "max_turns"
+
+
 @pytest.mark.parametrize(
     ("rule", "phase", "error"), [(None, "during", ValueError), ("rule", "after", TypeError), (3, "before", TypeError)]
 )

@@ -467,8 +467,12 @@ class GameInternals(Guarded):
 
     @property
     def is_time_up(self) -> bool:
-        """Whether all turns of `run` or of the settings were played."""
-        return self.state.turn in (self.state.last_turn, self._parts.settings.max_turns)
+        """Whether all turns of `run` or of the settings were played, or more."""
+        turn = self.state.turn
+        last = self.state.last_turn
+        most = self._parts.settings.max_turns
+        is_past = most is not None and turn > most and (last is None or turn > last)
+        return turn in (last, most) or is_past
 
     @refused_while_deciding
     def close(self) -> None:
