@@ -50,6 +50,20 @@ def test_each_team_sees_the_moves_before_its_own():
     assert {name: one["moves"] for name, one in result.agents.items()} == {"a": 2, "b": 2, "c": 2}
 
 
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_the_path_of_an_agent_that_waits_for_its_part_has_each_node_once(unit):
+    with road([["cops"], ["robber"]]) as ctx:
+        ctx.game.speed_unit = unit
+        player(ctx, "cop", "cops", 0, [1, 2], speed=20.0)
+        player(ctx, "idle", "robber", 3, speed=20.0)
+        player(ctx, "rob", "robber", 3, [4, 5], speed=20.0)
+        ctx.game.step()
+        paths = {name: move.path for name, move in ctx.game.moves.items()}
+        assert paths == {"cop": (0, 1, 2), "idle": (3,), "rob": (3, 4, 5)}
+        (track,) = ctx.game.tracks([ctx.agent.get_agent("rob")])
+        assert dict(zip(track.path, track.times, strict=True)) == {3: 0.5, 4: 0.75, 5: 1.0}
+
+
 def test_agents_on_an_edge_are_on_no_node_while_another_team_moves():
     with road([["cops"], ["robber"]]) as ctx:
         ctx.game.speed_unit, ctx.game.conflicts, tracks = "metres", Conflicts(1), []

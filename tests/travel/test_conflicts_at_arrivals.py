@@ -115,8 +115,8 @@ def counted(ctx, time):
         if leg is not None:
             found["edge", leg.edge] += 1
         else:
-            times = ctx.game.tracks([ctx.agent.get_agent(move.agent)])[0].times
-            found["node", move.path[sum(when <= time for when in times) - 1]] += 1
+            (track,) = ctx.game.tracks([ctx.agent.get_agent(move.agent)])
+            found["node", track.path[sum(when <= time for when in track.times) - 1]] += 1
     return found
 
 

@@ -168,8 +168,11 @@ class TurnMoves:
         """Return agent -> its move, of these slots."""
         moves = {}
         for i in indices:
-            slot, track = self.slots[i], self.track(i)
-            moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], track.path, track.legs)
+            slot = self.slots[i]
+            path, _, legs = self.track(i)
+            if path[:1] == path[1:2]:  # it waits there for its part of the turn, as its track says
+                path = path[1:]
+            moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], path, legs)
         return moves
 
     def places(self) -> tuple[list[Any], list[Any]]:
