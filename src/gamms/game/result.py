@@ -46,7 +46,8 @@ class Result:
         truncated: whether it stopped before it was over.
         events: what rules emitted, in order: each with `turn` and `kind`.
         agents: name -> what became of it: team, alive, node (where it is), moves (turns in which it went on), blocked
-            (by conflicts), illegal, errors, overruns (how often each).
+            (turns in which a conflict, a rule that refused the move or a closed way kept it from going), illegal,
+            errors, overruns (how often each).
         errors: what strategies did wrong, in order: turn, agent, kind ("illegal", "error", "overrun"), message.
         deeds: what agents did besides moving, in order: turn, agent, deed, at (the node), and its fields.
         messages: what agents sent by channels, in order: turn, channel, sender, to, body, size (bytes), heard and
