@@ -270,19 +270,24 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
 
     def none_left(ctx: Context) -> None:
         if team in ctx.agent.teams and not any(agent.team == team for agent in ctx.game.agents):
-            ctx.game.end(f"none of {team} left", winner=_leader(ctx) if winner is LEADER else winner)
+            ctx.game.end(_none_in_play(team), winner=_leader(ctx) if winner is LEADER else winner)
 
     def in_arrays(turn: ArrayTurn) -> None:
         is_member = turn.roster.plays_for([team])
         at = np.flatnonzero(~(turn.alive & is_member).any(axis=1)) if is_member.any() else np.zeros(0, np.int64)
         if len(at):
-            turn.end(at, f"none of {team} left", _leaders(turn, at) if winner is LEADER else [winner] * len(at))
+            turn.end(at, _none_in_play(team), _leaders(turn, at) if winner is LEADER else [winner] * len(at))
 
     def may_be_gone(turn: DeviceTurn) -> Tensor:
         members = np.flatnonzero(turn.roster.plays_for([team]))
         return ~turn.any_of([turn.of(turn.alive, members)])
 
     return with_hooks(none_left, teams=named, rank=Rank.END, array_form=in_arrays, array_trigger=may_be_gone)
+
+
+def _none_in_play(team: Team) -> str:
+    """Return the reason of an end that is as true of agents that arrived as of agents that were tagged."""
+    return f"no agent of {team} is in play"
 
 
 @shown_as_called

@@ -24,6 +24,7 @@ _SENTENCES = {  # kind of event -> the field that the sentence is about, and wha
     "drop": ("agent", "loses the {flag} flag"),
     "capture": ("agent", "brings the {flag} flag home"),
     "reach": ("agent", "reaches the goal"),
+    "arrive": ("agent", "arrives at node {node}"),
     "discover": ("agent", "discovers node {node}"),
     "empty": ("agent", "has no {resource} left"),
     "hold": ("team", "has held its place for {turns} turns"),
@@ -45,9 +46,11 @@ class Caption(NamedTuple):
 def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     """Return what happened in a turn: a sentence for each agent, and kind and agent where no sentence is known."""
     found: dict[tuple[str | None, str], list[str]] = {}  # by agent and kind
-    for event in events:
+    of_turn = list(events)
+    arrived = [event.get("agent") for event in of_turn if event.get("kind") == "arrive"]
+    for event in of_turn:
         kind, agent = str(event.get("kind", "")), event.get("agent")
-        if kind in DECISIONS:
+        if kind in DECISIONS or (kind == "eliminated" and agent in arrived):  # an arrival says enough
             continue
         about, predicate = _SENTENCES.get(kind, ("", ""))
         if about and {about, *_FIELD.findall(predicate)} <= event.keys():

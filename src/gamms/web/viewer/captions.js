@@ -8,7 +8,7 @@ const REASONS = new Map([["max_turns", "all turns are played"]]);
 /** @type {Map<string, [string, string]>} kind -> the field that the sentence is about, and what it says of it */
 const SENTENCES = new Map([
   ["tag", ["other", "is tagged by {agent}"]], ["take", ["agent", "takes the {flag} flag"]], ["drop", ["agent", "loses the {flag} flag"]],
-  ["capture", ["agent", "brings the {flag} flag home"]], ["reach", ["agent", "reaches the goal"]], ["discover", ["agent", "discovers node {node}"]],
+  ["capture", ["agent", "brings the {flag} flag home"]], ["reach", ["agent", "reaches the goal"]], ["arrive", ["agent", "arrives at node {node}"]], ["discover", ["agent", "discovers node {node}"]],
   ["empty", ["agent", "has no {resource} left"]], ["hold", ["team", "has held its place for {turns} turns"]],
   ["eliminated", ["agent", "is out"]], ["respawned", ["agent", LAST]],
 ]);
@@ -19,7 +19,9 @@ const SENTENCES = new Map([
 export function captionsOf(events) {
   /** @type {Map<string, {agent: string | null, kind: string, said: string[]}>} */
   const found = new Map();
+  const arrived = new Set(events.filter((event) => event.get("kind") === "arrive").map((event) => event.get("agent")));
   for (const event of events) {
+    if (event.get("kind") === "eliminated" && arrived.has(event.get("agent"))) continue; // an arrival says enough
     const kind = String(event.get("kind") ?? "");
     const [about, predicate] = SENTENCES.get(kind) ?? ["", ""];
     const isKnown = about !== "" && [about, ...[...predicate.matchAll(/{(\w+)}/g)].map((match) => match[1])].every((key) => event.has(key));
