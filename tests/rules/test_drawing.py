@@ -9,6 +9,7 @@ from gamms.rules import capture_flag, tag, territory
 from gamms.visual import Artist
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.default_scene import team_rows
+from gamms.visual.drawers.marks import TAG_TURNS
 from gamms.visual.drawers.rules import as_text, in_text
 
 
@@ -45,14 +46,19 @@ def on_layer(ctx, layer, kind=None):
     return [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in np.flatnonzero(is_meant)]
 
 
-def test_a_tag_is_marked_in_its_turn_only_and_where_it_happened(game):
+def test_a_tag_is_marked_for_some_turns_below_the_place_where_it_happened(game):
     game.game.step()
     go(game, "r1", 5)
     assert on_layer(game, 25) == []
     game.game.step()
-    marks = on_layer(game, 25, DrawKind.CIRCLE)
-    assert {tuple(center[0]) for center in marks} == {(50.0, 0.0)}
+    marks = on_layer(game, 25)
+    (x, y), *_ = {tuple(mark[0]) for mark in marks}
+    assert x == 50.0
+    assert y < 0.0
     assert game.agent.get_agent("r1").current_node_id == 1
+    for _ in range(TAG_TURNS - 1):
+        game.game.step()
+        assert len(on_layer(game, 25)) == len(marks)
     game.game.step()
     assert on_layer(game, 25) == []
 
@@ -68,7 +74,7 @@ def test_a_game_that_begins_again_has_no_marks(game):
 def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_ring(game):
     go(game, "r0", 9)
     game.game.step()
-    poles = [line[0].tolist() for line in on_layer(game, 22, DrawKind.LINE)]
+    poles = [pole[0].tolist() for pole in on_layer(game, 22, DrawKind.POLYGON)][::2]  # and their cloths
     assert poles == [[90.0, 0.0], [0.0, 0.0]]
     agent = game.agent.get_agent("r0")
     agent.get_state()["action"] = 8
@@ -76,8 +82,8 @@ def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_ring(game):
     game.visual.drawing.motion.begin_turn()
     share = {name: artist for name, artist in game.visual.artists.shown().items() if name == "flags"}
     half = ArtistGroup(game, share).commands(0.5)
-    lines = half.points[half.offsets[:-1][half.kind == DrawKind.LINE]]
-    assert lines.tolist() == [[85.0, 0.0], [0.0, 0.0]]
+    poles = half.points[half.offsets[:-1][half.kind == DrawKind.POLYGON]][::2]
+    assert poles.tolist() == [[85.0, 0.0], [0.0, 0.0]]
     rings = half.points[half.offsets[:-1][(half.kind == DrawKind.CIRCLE) & (half.width > 0)]]
     assert rings.tolist() == [[90.0, 0.0], [0.0, 0.0]]
 

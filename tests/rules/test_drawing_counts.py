@@ -34,14 +34,21 @@ def shout_at_first(state):
     state["action"] = {"node_id": state["curr_pos"], "do": {"shout": None} if state["turn"] == 0 else {}}
 
 
-def lines_on(ctx, layer):
-    """The polylines that are drawn on a layer, by their colours."""
+def signs_on(ctx, layer):
+    """The signs that are drawn on a layer: color, place, and corners in pixels right of it and below."""
     commands = ctx.visual.draw_commands()
-    rows = np.flatnonzero((commands.layer == layer) & (commands.kind == DrawKind.LINE))
+    rows = np.flatnonzero((commands.layer == layer) & (commands.kind == DrawKind.POLYGON))
     return [
-        (tuple(commands.color[row][:3].tolist()), commands.points[commands.offsets[row] : commands.offsets[row + 1]])
+        (tuple(commands.color[row][:3].tolist()), place.tolist(), np.array(corners))
         for row in rows
+        for place, *corners in [commands.points[commands.offsets[row] : commands.offsets[row + 1]]]
     ]
+
+
+def share_of(arc):
+    """Return which share of a circle an arc is, which goes clockwise from the top, and back."""
+    right, down = arc[len(arc) // 2]
+    return np.arctan2(right, -down) / (2 * np.pi) % 1.0 or 1.0
 
 
 def signs(ctx):
@@ -51,25 +58,22 @@ def signs(ctx):
 
 def test_an_arc_grows_around_each_node_of_a_place_that_is_held(hill):
     hill.game.add(RULES["held"]())
-    assert lines_on(hill, 18) == []
+    assert signs_on(hill, 18) == []
     blue = tuple(hill.visual.drawing.group_colors()["blue"])
     for turns in (1, 2):
         hill.game.step()
-        arcs = lines_on(hill, 18)
-        assert [color for color, _ in arcs] == [blue, blue]
-        for (_, points), x in zip(arcs, (40.0, 50.0), strict=True):
-            right, up = (points[-1] - (x, 0.0)) / np.hypot(*(points[-1] - (x, 0.0)))
-            share = np.arctan2(right, up) / (2 * np.pi)
-            assert share == pytest.approx(turns / 4)  # clockwise from the top
+        arcs = signs_on(hill, 18)
+        assert [(color, place) for color, place, _ in arcs] == [(blue, [40.0, 0.0]), (blue, [50.0, 0.0])]
+        assert [share_of(arc) for *_, arc in arcs] == pytest.approx([turns / 4] * 2)
     assert "arc" in signs(hill)
 
 
 def test_a_node_that_was_discovered_has_a_square_in_the_colour_of_the_team(hill):
     hill.game.add(RULES["discovered"]())
-    assert len(lines_on(hill, 18)) == 2
+    assert len(signs_on(hill, 18)) == 2
     hill.game.step()
     red = tuple(hill.visual.drawing.group_colors()["red"])
-    assert [points.mean(axis=0)[0] for color, points in lines_on(hill, 18) if color == red] == [20.0]
+    assert [place for color, place, _ in signs_on(hill, 18) if color == red] == [[20.0, 0.0]]
     assert "square" in signs(hill)
 
 
@@ -77,12 +81,12 @@ def test_a_bar_is_as_long_as_what_is_left_and_gone_with_the_agent(hill):
     hill.game.add(RULES["resources"]())
     hill.game.step()
     red = tuple(hill.visual.drawing.group_colors()["red"])
-    lengths = {color: np.ptp(points[:, 0]) for color, points in lines_on(hill, 22)}
+    lengths = {color: np.ptp(bar[:, 0]) for color, _, bar in signs_on(hill, 22)}
     assert lengths[red] / max(lengths.values()) == pytest.approx(3 / 4)  # 30 of 40
     assert "gauge" in signs(hill)
     hill.game.eliminate("ann")
     hill.game.step()
-    assert red not in [color for color, _ in lines_on(hill, 22)]
+    assert red not in [color for color, *_ in signs_on(hill, 22)]
 
 
 def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill):
@@ -90,8 +94,7 @@ def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill
     shares = []
     for _ in range(4):
         hill.game.step()
-        arcs = [points - (20.0, 0.0) for _, points in lines_on(hill, 22)]
-        shares += [np.arctan2(*arc[-1]) / (2 * np.pi) % 1.0 or 1.0 for arc in arcs]
+        shares += [share_of(arc) for *_, arc in signs_on(hill, 22)]
     assert shares == pytest.approx([1.0, 2 / 3, 1 / 3])
     assert "arc" in signs(hill)  # the legend stays the same when nothing cools down
 
@@ -102,7 +105,7 @@ def test_a_replay_shows_the_same_and_the_artist_goes_with_the_rule(hill, tmp_pat
     hill.record.start(tmp_path / "game")
     hill.game.step()
     hill.record.stop()
-    assert lines_on(hill, LAYERS[name])
+    assert signs_on(hill, LAYERS[name])
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
         for _ in replayed.record.replay(tmp_path / "game"):
             pass

@@ -1,4 +1,4 @@
-"""Agents that went out of the game are not drawn, nor is what their sensors saw; a cross marks where it happened."""
+"""Agents that went out of the game are not drawn, nor is what their sensors saw; a mark says where it happened."""
 
 from math import inf
 
@@ -23,9 +23,9 @@ def places(ctx, layer, kind=DrawKind.CIRCLE):
 
 
 def crosses(ctx):
-    """How many crosses are drawn: two lines each, with an edge."""
+    """How many crosses are drawn, each with an edge."""
     commands = ctx.visual.draw_commands()
-    return int(((commands.layer == MARKS) & (commands.kind == DrawKind.LINE)).sum()) // 4
+    return int(((commands.layer == MARKS) & (commands.kind == DrawKind.POLYGON)).sum()) // 2
 
 
 @pytest.fixture
@@ -54,13 +54,18 @@ def test_a_picture_shows_as_many_agents_as_live(road):
     assert len(road.game.agents) == 3
 
 
-def test_a_cross_marks_the_place_in_the_turn_in_which_it_happened_only(road):
+def test_a_cross_marks_the_place_for_as_long_as_an_agent_is_out_and_is_pale_later(road):
     out_in_turn(road, 2, "a_3", "a_4")
-    counts = []
+    counts, alphas = [], []
     for _ in range(3):
         road.game.step()
         counts.append(crosses(road))
-    assert counts == [0, 2, 0]
+        commands = road.visual.draw_commands()
+        alphas.append(commands.color[commands.layer == MARKS, 3].min(initial=255))
+    assert counts == [0, 2, 2]
+    assert alphas[1] == 255 > alphas[2]
+    road.game.respawn("a_3")
+    assert crosses(road) == 1
 
 
 def test_what_the_eliminated_saw_is_not_drawn(road):

@@ -95,6 +95,6 @@ def test_a_flag_is_seen_in_small_pictures(width, height):
         ctx.game.step()
         svg = ctx.visual.picture(".svg", width, height, captions=True).decode()
         pennants = re.findall(r'<path d="m[\d.]+ [\d.]+ ?([\d.]+) ?([\d.]+)', svg)
-        assert sum(float(right) > 0.7 * 17.0 for right, _ in pennants) == 2
+        assert sum(float(right) == pytest.approx(0.7 * 26.0, abs=0.06) for right, _ in pennants) == 2
         pixels = ctx.visual.frame(width, height, captions=True)
         assert (pixels == pixels_of(ctx.visual.picture(".png", width, height, captions=True))).all()

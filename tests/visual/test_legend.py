@@ -8,6 +8,7 @@ from gamms.errors import BadType
 from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
+from gamms.visual.drawers.marks import TAG_TURNS
 from gamms.visual.legend import Legend, Row, Rows, block_from_plain, grown, plain_block, together
 from gamms.visual.page import Page, PageStyle
 
@@ -183,7 +184,7 @@ def test_a_sensor_that_no_agent_carries_is_explained(ctx):
     assert ">sensor of no agent<" in ctx.visual.picture(".svg").decode()
 
 
-def test_a_tag_is_explained_in_its_turn_only():
+def test_a_tag_is_explained_as_long_as_it_is_marked():
     with gamms.create_context(seed=1) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 8))
         for name, node in (("red", 0), ("blue", 1)):
@@ -192,5 +193,7 @@ def test_a_tag_is_explained_in_its_turn_only():
         ctx.game.step()
         assert ">tagged<" in ctx.visual.picture(".svg").decode()
         ctx.agent.get_agent("blue_0").current_node_id = 7
+        ctx.game.run(TAG_TURNS - 1)
+        assert ">tagged<" in ctx.visual.picture(".svg").decode()
         ctx.game.step()
         assert "tagged" not in ctx.visual.picture(".svg").decode()

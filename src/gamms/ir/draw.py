@@ -22,15 +22,17 @@ class DrawKind(IntEnum):
     CIRCLE = 1  # the centre, and in pixels how far it is moved right and down, if it is; size = radius
     RECTANGLE = 2  # two points: top-left corner, in world units; (width, height), in the unit of `space`
     LINE = 3  # two or more points, an open polyline; width
-    POLYGON = 4  # three or more points, closed; what it winds around is filled, so a seam to a ring may make a hole
+    # Three or more points, closed; what it winds around is filled, so a seam to a ring may make a hole. In pixels: a
+    # place on the map, and then two or more corners, so far right of it and below it.
+    POLYGON = 4
     TEXT = 5  # one point, the upper left corner, around which it is turned by the angle; size = font height
     IMAGE = 6  # one point, the centre; size = half of the side; `text` is the path or name of the image
 
 
 class DrawSpace(IntEnum):
-    """The unit of a command's size, of a rectangle's extent, and of a line's width.
+    """The unit of a command's size, of a rectangle's extent, of a line's width, and of a polygon's corners.
 
-    Positions are always in world units, y up; outlines are always in pixels.
+    Other positions are always in world units, y up; outlines are always in pixels.
     """
 
     WORLD = 0

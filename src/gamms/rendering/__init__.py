@@ -17,8 +17,7 @@ from gamms.text import shown
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import pages
 from gamms.visual.backends import FILMS, FORMATS
-from gamms.visual.drawers.graph import typical_edge_length
-from gamms.visual.drawing import longer_side
+from gamms.visual.drawers.graph import longer_side, typical_edge_length
 from gamms.visual.fog import Fog
 
 __all__ = ["Fog", "RenderOptions", "render"]

@@ -20,7 +20,7 @@ from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
-from gamms.visual.drawers.rules import render_tags
+from gamms.visual.drawers.marks import render_tags
 
 Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the context, the tagger and the tagged agent
 _Tag = tuple[BaseAgent, BaseAgent, int]  # tagger, tagged, the node where the latter was

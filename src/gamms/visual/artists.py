@@ -29,14 +29,8 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
-from gamms.visual.drawers.rules import (
-    FlagsDrawer,
-    TerritoryDrawer,
-    render_eliminated,
-    render_goals,
-    render_tags,
-    teams_of_rules,
-)
+from gamms.visual.drawers.marks import render_eliminated, render_tags, rows_of_eliminated
+from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_goals, teams_of_rules
 from gamms.visual.drawers.standings import render_amounts, render_cooldowns, render_discovered, render_held
 from gamms.visual.drawing import Drawing
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
@@ -216,11 +210,21 @@ class Artists(Guarded):
             from gamms.visual.drawers.trails import artists_of_trails
 
             artists |= artists_of_trails(self._ctx, artists, trails)
-        if not self._drawing.events.eliminated():
-            return artists
+        return self._eliminated(artists) | artists
+
+    def _eliminated(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
+        """Return the artist that marks agents that are out; marks stand beside the largest disc of these artists."""
+        looks = list(looks_of(artists))
+        colors, size = {look.name: look.color for look in looks}, max((look.size for look in looks), default=0.0)
+        out = {name: has_arrived for name, has_arrived in self._drawing.events.out().items() if name in colors}
+        tags = artists.get("tags")
+        if tags is not None and (self.fog is not None or tags.get_drawer() is render_tags):
+            data_of(tags).update(size=size, out=out)
+        if not out:
+            return {}
         marks = Artist(self._ctx, render_eliminated, Layer.TAGS)
-        marks.data = {"colors": {look.name: look.color for look in looks_of(artists)}}
-        return {"eliminated": marks} | artists
+        marks.data = {"colors": colors, "out": out, "size": size, "legend": rows_of_eliminated(out)}
+        return {"eliminated": marks}
 
     def _of_default(self, scene: "DefaultScene | None", *, sensors: bool) -> dict[str, IArtist]:
         """Return the default scene unless the graph was declared; in a replay of such a game, what its rules drew."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_float, as_int
 from gamms.deciding import Guarded, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadValue, GammsError
@@ -68,6 +69,7 @@ Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 FAINTEST_PX = 0.4  # of lines whose width is in world units: thinner ones would vanish
 CSS_DPI = 96.0  # at which pixels have the usual size
 _SMALLEST = 1e-9  # world units; anything smaller is a point
+_AT_SIDE = 0.05  # of the longer side of a box: what is nearer to one of its sides is at that side
 
 
 class Camera(NamedTuple):
@@ -195,30 +197,54 @@ def _corners(commands: DrawCommands) -> FloatArray:
     anchors = commands.offsets[rows]
     in_world = (commands.space[rows] == DrawSpace.WORLD)[:, None]
     points[anchors + 1] = points[anchors] + points[anchors + 1] * (1.0, -1.0) * in_world
-    moved = moved_circles(commands)
-    points[moved + 1] = points[moved]
+    shifts, places = shifted_points(commands)
+    points[shifts] = points[places]
     return points
 
 
-def moved_circles(commands: DrawCommands) -> IntArray:
-    """Return where the points of circles that are moved by pixels begin: the centre, then right and down."""
-    circles = np.flatnonzero(commands.kind == DrawKind.CIRCLE)
-    begins = commands.offsets[circles]
-    moved: IntArray = begins[commands.offsets[circles + 1] - begins == 2]
-    return moved
+def spill(commands: DrawCommands, box: Box) -> Margins:
+    """Return how many pixels signs that stand at the sides of a box, or nearly so, reach beyond it."""
+    shifts, places = shifted_points(commands)
+    low, high = box
+    far = _AT_SIDE * float((high - low).max())
+    reach = [0.0, 0.0, 0.0, 0.0]
+    for side, (axis, sign) in enumerate(((0, -1.0), (1, -1.0), (0, 1.0), (1, 1.0))):  # y is down in pixels
+        is_low = side in {0, 3}
+        apart = commands.points[places, axis] - low[axis] if is_low else high[axis] - commands.points[places, axis]
+        beyond = sign * commands.points[shifts[apart <= far], axis]
+        reach[side] = float(beyond.max(initial=0.0))
+    left, top, right, bottom = reach
+    return left, top, right, bottom
+
+
+def shifted_points(commands: DrawCommands) -> tuple[IntArray, IntArray]:
+    """Return which points are pixels right of a place and below it, and the point that is this place, for each.
+
+    The place is the first point of the command: the centre of a moved circle, or the place of a polygon in pixels.
+    """
+    is_moved = (commands.kind == DrawKind.CIRCLE) & (np.diff(commands.offsets) == 2)
+    is_symbol = (commands.kind == DrawKind.POLYGON) & (commands.space == DrawSpace.SCREEN)
+    rows = np.flatnonzero(is_moved | is_symbol)
+    begins = commands.offsets[rows]
+    command, shifts = kernels.expand_ranges(begins + 1, commands.offsets[rows + 1])
+    return shifts, begins[command]
 
 
 def on_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
-    """Return all points in pixels; of circles that are moved both points are the centre."""
-    points, moved = camera.to_screen(commands.points), moved_circles(commands)
-    points[moved] += commands.points[moved + 1]
-    points[moved + 1] = points[moved]
+    """Return all points in pixels.
+
+    Both points of a moved circle are its centre; both first points of a polygon in pixels are its first corner.
+    """
+    points = camera.to_screen(commands.points)
+    shifts, places = shifted_points(commands)
+    points[shifts] = points[places] + commands.points[shifts]
+    points[places] = points[places + 1]
     return points
 
 
 _HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
 _CLOSEST = 1e-6  # world units: half the width of the closest look
-_NO_MARGINS = (0.0, 0.0, 0.0, 0.0)
+NO_MARGINS = (0.0, 0.0, 0.0, 0.0)
 _STEADY, _STEP = 1.3, 0.5  # a camera that sees so many times as much, or moves by such a share of its view, leaps
 
 
@@ -307,7 +333,7 @@ class WindowCamera:
             raise BadValue(f"A screen needs a positive width and height, not {width} x {height}.")
         self._width, self._height = width, height
 
-    def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = _NO_MARGINS) -> None:
+    def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = NO_MARGINS) -> None:
         """Let everything between two corners be seen, in the middle if that leaves margins of so many pixels."""
         (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
         left, top, right, bottom = margins

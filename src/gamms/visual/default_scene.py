@@ -21,7 +21,8 @@ from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.agents import render_looks
-from gamms.visual.drawers.graph import obstacles_to_draw, render_base_map
+from gamms.visual.drawers.graph import longer_side, obstacles_to_draw, render_base_map
+from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import has_messages, render_messages
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
@@ -29,7 +30,6 @@ from gamms.visual.drawers.rules import (
     goals_in,
     render_flags,
     render_goals,
-    render_tags,
     territories_in,
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight, render_sights, sparse
@@ -310,7 +310,7 @@ def sight_radius(columns: GraphColumns) -> float:
     """Return a radius, in world units, at which agents neither hide streets nor vanish."""
     if len(columns.xy) == 0:
         return 1.0
-    widest = float(np.ptp(columns.xy, axis=0).max())
+    widest = longer_side(columns)
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     lengths = np.hypot(ways[:, 0], ways[:, 1])
     typical = median(lengths) if len(lengths) else widest

@@ -17,7 +17,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
 from gamms.text import shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
-from gamms.visual.camera import Viewpoint, moved_circles
+from gamms.visual.camera import Viewpoint, shifted_points
 from gamms.visual.shown_turn import Carriers, Motion, PastTurns, TurnEvents
 from gamms.visual.themes import THEMES, Theme
 
@@ -147,6 +147,21 @@ class Commands:
             raise BadValue("Each polygon needs three points or more, and the offsets must go from 0 to their number.")
         self._add(DrawKind.POLYGON, points, counts, color, width=width)
 
+    def add_symbols(self, places: Points, corners: Points, color: AnyColor, width: float = 0.0) -> None:
+        """Draw the same polygon at each of `places` (symbols, 2); `corners` are pixels right of there and below.
+
+        Raises:
+            BadValue: fewer than two corners.
+        """
+        places, corners = _as_points(places), _as_points(corners)
+        if len(corners) < 2:
+            raise BadValue(f"A symbol needs two corners or more, not {len(corners)}.")
+        points = np.empty((len(places), 1 + len(corners), 2))
+        points[:, 0] = places
+        points[:, 1:] = corners
+        counts = [1 + len(corners)] * len(places)
+        self._add(DrawKind.POLYGON, points.reshape(-1, 2), counts, color, space=DrawSpace.SCREEN, width=width)
+
     def add_rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle whose top-left corner is at (x, y); `width` and `height` in pixels."""
         extent = as_range(width, "The width of a rectangle"), as_range(height, "The height of a rectangle")
@@ -249,7 +264,7 @@ def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
     in_pixels, points = commands.space == DrawSpace.SCREEN, commands.points.copy()
     extents = commands.offsets[:-1][in_pixels & (commands.kind == DrawKind.RECTANGLE)] + 1
     points[extents] *= factor
-    points[moved_circles(commands) + 1] *= factor
+    points[shifted_points(commands)[0]] *= factor
     width_in_pixels = in_pixels | (commands.kind != DrawKind.LINE)  # outlines always are
     return replace(
         commands,
@@ -287,7 +302,6 @@ def _as_extent(value: object, name: str) -> float:
 Measured = TypeVar("Measured")
 
 _FONT_PX = 36
-LEAST_EXTENT_PX = 450.0  # marks are as large as if the map was shown so large
 
 
 class Drawing:
@@ -309,7 +323,6 @@ class Drawing:
         sides: the order in which teams choose their colours, as a cut recording says; None: an agent of no team.
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         has_stacks: whether so many agents are on one node that they are counted.
-        has_marks: whether something was drawn whose size goes by the `extent`.
         spread: how agents on one node were moved before and after a turn.
         commands: the open list; None: nothing is drawn.
     """
@@ -323,20 +336,20 @@ class Drawing:
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()
-        self._marks, self.has_marks = 1.0, False
         self.has_default_look = self.has_stacks = False
         self.spread: Spread | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
     @contextmanager
-    def themed(self, theme: Theme, marks: float = 1.0) -> Iterator[None]:
-        """Draw in another theme, and marks so many times as large as usual, in a `with` block."""
-        before, (self.theme, self._marks) = (self.theme, self._marks), (theme, marks)
+    def themed(self, theme: Theme) -> Iterator[None]:
+        """Draw in another theme in a `with` block."""
+        before = self.theme
+        self.theme = theme
         try:
             yield
         finally:
-            self.theme, self._marks = before
+            self.theme = before
 
     def record(self, draw: "Callable[[Commands], None]") -> DrawCommands:
         """Return what is drawn while a function runs, as draw commands."""
@@ -480,6 +493,18 @@ class Drawing:
             space = DrawSpace.SCREEN if in_pixels else DrawSpace.WORLD
             self.commands.add_circles(centers, radius, color, width, space)
 
+    def render_symbols(self, places: Points, corners: Points, color: AnyColor = Color.Black, width: float = 0) -> None:
+        """Draw a sign of one size in all pictures and windows at each of `places`: a polygon with two corners or more.
+
+        Args:
+            places: (x, y) pairs, in world units.
+            corners: of each sign, in pixels right of its place and below it.
+            color: of all signs.
+            width: of the outline, in pixels; 0 = filled.
+        """
+        if self.commands is not None:
+            self.commands.add_symbols(places, corners, color, width)
+
     def position_of(self, agent_name: str, share: float = 1.0) -> tuple[float, float]:
         """Return where an agent is shown after a share of its last move; 1.0 is where it is now.
 
@@ -514,22 +539,6 @@ class Drawing:
         colors = team_colors(in_order(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 
-    def extent(self) -> float:
-        """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.
-
-        It is the longer side of the map, or less where `look_at` or `follow` said so. In small pictures it is
-        larger, so that marks can still be seen.
-        """
-        self.has_marks = True
-        whole, look = self.of_map(longer_side), self.viewpoint.look
-        return self._marks * (whole if look is None else min(whole, look.world_width))
-
-    def marks_in(self, scale: float) -> float:
-        """Return how many times as large marks have to be at some pixels per world unit, so that they can be seen."""
-        had_marks, extent_px = self.has_marks, self.extent() / self._marks * scale
-        self.has_marks = had_marks
-        return max(1.0, LEAST_EXTENT_PX / max(extent_px, 1.0))
-
     def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:
         """Return what a function makes of the map, computed once per map: drawers ask for it in every frame."""
         columns = self._ctx.graph.columns()
@@ -560,11 +569,6 @@ class Drawing:
         """Draw discs of several looks, each above those before it; see `Commands.add_discs`."""
         if self.commands is not None:
             self.commands.add_discs(centers, discs, looks, shifts)
-
-
-def longer_side(columns: GraphColumns) -> float:
-    """Return the larger of the extents of a map from west to east and from south to north; 0.0 for no map."""
-    return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
 
 
 def drawing_of(ctx: IContext) -> Drawing:

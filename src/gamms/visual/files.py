@@ -21,7 +21,7 @@ from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
+from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, bounds, spill
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, Card, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import LABEL_PX, STREET_PX, Labels, StreetNames, name_ink, write_labels, write_street_names
@@ -104,21 +104,20 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
 
     def fitted(commands: DrawCommands) -> tuple[Page, Camera, Point | None]:
         box = bounds(commands)
-        width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine))
+        reach = spill(commands, box)
+        width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
         page, camera = Page(width, height, blocks, style, fine), viewpoint.camera(width, height)
+        page.spill = reach
         return (page, *page.fit(*box)) if camera is None else (page, camera, None)
 
-    source.drawing.has_marks = False
-    page, camera, corner = fitted(commands := group.commands())
-    with source.drawing.themed(style.theme, marks := source.drawing.marks_in(camera.scale / fine)):
-        if marks > 1.0 and source.drawing.has_marks:
-            page, camera, corner = fitted(commands := group.commands())
-        pen = page.pen(camera)
-        labels = page.labels(Labels(), camera, source.ctx, artists, corner)
-        for name in page.street_names(StreetNames(), camera, source.ctx, artists, corner, labels):
-            pen.turned_text(name.words, name.corner, STREET_PX, name_ink(style.background), name.angle)
-        for words, left, middle in labels:
-            pen.text(words, left, middle, LABEL_PX)
+    commands = group.commands()
+    page, camera, corner = fitted(commands)
+    pen = page.pen(camera)
+    labels = page.labels(Labels(), camera, source.ctx, artists, corner)
+    for name in page.street_names(StreetNames(), camera, source.ctx, artists, corner, labels):
+        pen.turned_text(name.words, name.corner, STREET_PX, name_ink(style.background), name.angle)
+    for words, left, middle in labels:
+        pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
     if page.has_captions:
         bar = Captions(source.ctx, source.drawing).now(source.hidden)
@@ -128,12 +127,18 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
 
 
 def _sides(
-    asked: Asked, box: Box, blocks: tuple[Block, ...], viewpoint: Viewpoint, style: PageStyle, fine: float = 1.0
+    asked: Asked,
+    box: Box,
+    blocks: tuple[Block, ...],
+    viewpoint: Viewpoint,
+    style: PageStyle,
+    fine: float = 1.0,
+    reach: Margins = NO_MARGINS,
 ) -> tuple[int, int]:
     """Return how large a page is; one that looks at a part of the map is 16 by 9 as far as nothing is asked."""
     width, height = asked
     if viewpoint.look is None:
-        return page_size(box, asked, blocks, style, fine)
+        return page_size(box, asked, blocks, style, fine, reach)
     width = width or round(height * _DEFAULT_RATIO if height else _DEFAULT_PX * fine)
     return width, height or round(width / _DEFAULT_RATIO)
 
@@ -218,6 +223,7 @@ class Frames:
         options: of the page.
         scene: what was kept of earlier frames.
         is_even: whether sides are rounded up to even numbers.
+        later_px: the room below the map for marks that come later.
 
     Attributes:
         width, height: pixels.
@@ -233,16 +239,20 @@ class Frames:
         scene: Scene | None = None,
         *,
         is_even: bool = False,
+        later_px: float = 0.0,
     ) -> None:
         self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
+        self._later_px = later_px
         self._source, self._viewpoint, self._options = source, source.drawing.viewpoint, options
-        self._style, self._labels, self._marks = style_of(self.ctx, **options), Labels(), 1.0
+        self._style, self._labels = style_of(self.ctx, **options), Labels()
         width, height = asked
         if width is None or height is None or self._style.is_tight:
             with self._themed():
                 artists = source.artists.shown(self._style.trails, sensors=self._style.sensors)
-                box, blocks = bounds(ArtistGroup(self.ctx, artists).commands()), blocks_of(self.ctx, artists)
-            width, height = _sides(asked, box, blocks, self._viewpoint, self._style)
+                commands, blocks = ArtistGroup(self.ctx, artists).commands(), blocks_of(self.ctx, artists)
+            box = bounds(commands)
+            reach = self._reach(spill(commands, box))
+            width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
         self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
         self._street_names = StreetNames()
@@ -264,7 +274,8 @@ class Frames:
             blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
         if (blocks, style) != (self._blocks, self._style):
             self._blocks, self._style = blocks, style
-            self._page = Page(self.width, self.height, blocks, style)
+            reach, self._page = self._page.spill, Page(self.width, self.height, blocks, style)
+            self._page.spill = reach
         if style.has_captions:
             with self._themed():
                 self._caption_bar = self.captions.now(self._source.hidden)
@@ -276,12 +287,6 @@ class Frames:
             self.begin_turn()
         self._draw(share)
         camera, corner = self._view(share)
-        if self._camera is None and (marks := self._source.drawing.marks_in(camera.scale)) > 1.0:
-            self._marks = marks  # of all frames; those of the first one are drawn again
-            if self._source.drawing.has_marks:
-                self._fitted, self._is_new_turn = None, True
-                self._draw(share)
-                camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
         page, bar = self._page, self._caption_bar
@@ -303,14 +308,18 @@ class Frames:
         Painting(self._page.card(self._camera, self._card)).paint(self.canvas, self._camera)
         return True
 
+    def _reach(self, now: Margins) -> Margins:
+        """Return the room for the signs that are at the sides of the map now, and below for marks that come later."""
+        left, top, right, bottom = now
+        return left, top, right, max(bottom, self._later_px)
+
     def _draw(self, share: float) -> None:
-        self._source.drawing.has_marks = False
         with self._themed():
             self.scene.draw(self._artists or {}, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
         self._is_new_turn = False
 
     def _themed(self) -> AbstractContextManager[None]:
-        return self._source.drawing.themed(self._style.theme, self._marks)
+        return self._source.drawing.themed(self._style.theme)
 
     def _world(self) -> Any:
         """Return what changes when the graph or the obstacles do, or the theme."""
@@ -323,7 +332,9 @@ class Frames:
         if pointed is not None:
             return pointed, None
         if self._fitted is None:
-            self._fitted = self._page.fit(*self.scene.box())
+            box = self.scene.box()
+            self._page.spill = self._reach(self.scene.spill(box))
+            self._fitted = self._page.fit(*box)
         return self._fitted
 
 

@@ -25,8 +25,9 @@ from gamms.visual.default_scene import MOST_SENSORS, TOGETHER, artists_of_sights
 from gamms.visual.drawers import render_input_overlay, render_obstacles
 from gamms.visual.drawers.agents import render_looks
 from gamms.visual.drawers.graph import render_base_map, typical_edge_length
+from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import legend_of_messages, render_messages
-from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
+from gamms.visual.drawers.rules import flags_in, render_flags, territories_in
 from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
@@ -181,7 +182,8 @@ class Fog:
         render_messages(ctx, data | {"of": self._own_names(), "hidden": self.hidden})
 
     def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
-        render_tags(ctx, data | {"of": self._own_names()})
+        data["of"] = self._own_names()
+        render_tags(ctx, data)
 
 
 class _TurnDrawer:

@@ -23,6 +23,7 @@ from gamms.visual.appearance import AgentData, Rgb, Rgba, inks
 from gamms.visual.artist import ArtistGroup, data_of, drawn_looks, looks_of
 from gamms.visual.camera import Camera, on_screen, touching
 from gamms.visual.drawers.agents import RING, RING_PX
+from gamms.visual.drawers.marks import drawn_marks
 from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
 from gamms.visual.drawing import Commands, drawing_of
 from gamms.visual.lettering import EM, MIDDLE, words_width
@@ -87,7 +88,7 @@ class Labels:
     """
 
     def __init__(self) -> None:
-        self._sides: dict[str, int] = {}
+        self._sides: dict[tuple[str, bool], int] = {}  # of names of agents, and whether they stand at a mark
         self._is_first, self.are_shown = True, False
 
     def placed(
@@ -116,23 +117,26 @@ class Labels:
         # Among very many agents no count could be read.
         if named or heights or (drawing_of(ctx).has_stacks and len(agents) <= _MOST_COUNTED):
             looks = [look for look in looks_of(artists) if look.current_position is not None and look.name in agents]
+            marks = _named_marks(artists, named)
+            keys = [(look.name, False) for look in looks] + [(look.name, True) for look in marks]
+            looks += marks
             dots = dots_of(looks, camera, fine, heights.keys())
             words = dict(_words(looks, dots, heights, named))
         if not words:
             self._sides = {}
             return []
         # Those that were there stay; counts and heights say more than names.
-        order = {row: (looks[row].name not in self._sides, words[row] == looks[row].name, row) for row in words}
+        order = {row: (keys[row] not in self._sides, words[row] == looks[row].name, row) for row in words}
         rows = np.array(sorted(words, key=order.__getitem__))
         sizes = np.array([(words_width(words[row], LABEL_PX), EM * LABEL_PX) for row in rows.tolist()])
-        names = [looks[row].name for row in rows.tolist()]
-        before = np.array([self._sides.get(name, -1) for name in names])
+        keys = [keys[row] for row in rows.tolist()]
+        before = np.array([self._sides.get(key, -1) for key in keys])
         rings, shapes = _marks(ctx, artists, camera, fine)
         dots, taken = _ringed(dots, rings), [*taken, *shapes]
         boxes = beside(Dots(dots.centers[rows], dots.radii[rows]), sizes)
         comes = np.where((before < 0) & (not self._is_first), _COMES_PX, 0.0)
         sides = placed(boxes, are_free(boxes, dots, rows, page, taken, comes), before)
-        self._sides = {name: side for name, side in zip(names, sides.tolist(), strict=True) if side >= 0}
+        self._sides = {key: side for key, side in zip(keys, sides.tolist(), strict=True) if side >= 0}
         self._is_first = False
         there = [
             (row, boxes[number, side]) for number, (row, side) in enumerate(zip(rows, sides, strict=True)) if side >= 0
@@ -155,6 +159,12 @@ def _named(ctx: IContext, choice: Choice, page: Rectangle) -> frozenset[str]:
         most = min(_MOST_AUTO, (right - left) * (bottom - top) / _AUTO_PX)
         choice = drawing_of(ctx).has_default_look and len(ctx.agent.agents) <= most
     return frozenset(ctx.agent.agents if choice else ())
+
+
+def _named_marks(artists: Mapping[str, IArtist], named: frozenset[str]) -> list[AgentData]:
+    """Return where marks of named agents were drawn, of tags and the like."""
+    marks = [mark for artist in artists.values() for mark in drawn_marks(artist)]
+    return [mark for mark in marks if mark.name in named]
 
 
 def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:

@@ -19,7 +19,7 @@ from gamms.text import shown
 from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
-from gamms.visual.camera import Box, Camera, Point, fit_box
+from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, Card, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import in_metres
 from gamms.visual.labels import AUTO, Choice, Label, Labels, Rectangle, StreetName, StreetNames, as_choice, box_of
@@ -109,6 +109,7 @@ class Page:
     Attributes:
         legend: it has no extent where there is no room for it.
         has_captions: whether there is room for what happens.
+        spill: how far signs on the map reach beyond it, in 96ths of an inch.
     """
 
     def __init__(self, width: int, height: int, blocks: tuple[Block, ...], style: PageStyle, fine: float = 1.0) -> None:
@@ -131,14 +132,22 @@ class Page:
         self.legend = Legend(blocks, self._size[0], self._size[1] - header - foot)
         aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
         self._margins = self._margin, header, aside, foot
+        self.spill: Margins = NO_MARGINS
 
     def fit(self, low: FloatArray, high: FloatArray) -> tuple[Camera, Point]:
         """Return a camera that sees all from corner to corner, and the pixel of the map's upper right corner."""
-        left, top, right, bottom = (margin * self._fine for margin in self._margins)
+        left, top, right, bottom = (margin * self._fine for margin in self._around())
         width, height = (round(side * self._fine) for side in self._size)
         camera = fit_box(low, high, width, height, (left, top, right, bottom))
         x, y = camera.to_screen(high[None])[0].tolist()
         return camera, (x, y)
+
+    def _around(self) -> Margins:
+        """Return what is free around the map, for what stands there and for signs that reach beyond the map."""
+        left, top, right, bottom = (
+            margin + max(reach - _GAP_PX, 0.0) for margin, reach in zip(self._margins, self.spill, strict=True)
+        )
+        return left, top, right, bottom
 
     def tight(self, low: FloatArray, high: FloatArray) -> tuple[int, int]:
         """Return how large a page is that the map, at the scale of this one, fills; at most as large as this one."""
@@ -148,7 +157,7 @@ class Page:
 
     def around(self, across: float, up: float) -> tuple[float, float]:
         """Return how large a page is around a map of a size, both in 96ths of an inch."""
-        left, top, right, bottom = self._margins
+        left, top, right, bottom = self._around()
         title = words_width(self._style.title, _TITLE_PX) + 2 * self._margin if self._style.title else 0.0
         foot = (max if self._rows > 1 else sum)(self._feet) + 2 * _EDGE_PX
         width, height = self.legend.least
@@ -282,6 +291,7 @@ def page_size(
     blocks: tuple[Block, ...],
     style: PageStyle,
     fine: float = 1.0,
+    spill: Margins = NO_MARGINS,
 ) -> tuple[int, int]:
     """Return how large a page is: as asked, and on a side without a given length as the map needs, pixels.
 
@@ -291,6 +301,7 @@ def page_size(
         blocks: of the legend.
         style: of the page.
         fine: how many pixels are a 96th of an inch.
+        spill: how far signs on the map reach beyond it, in 96ths of an inch.
     """
     width, height = asked
     if width is not None and height is not None and not style.is_tight:
@@ -299,11 +310,15 @@ def page_size(
     if width is None and height is None:
         across, up = np.maximum(high - low, 1e-9).tolist()
         ratio = min(max(across / up, _SLIMMEST), 1 / _SLIMMEST)
-        free = Page(_ENDLESS, _ENDLESS, blocks, style).around((_AREA * ratio) ** 0.5, (_AREA / ratio) ** 0.5)
+        page = Page(_ENDLESS, _ENDLESS, blocks, style)
+        page.spill = spill
+        free = page.around((_AREA * ratio) ** 0.5, (_AREA / ratio) ** 0.5)
         width, height = (round(side * fine) for side in free)
     width = width or round((height or 0) / _SLIMMEST)
     height = height or round(width / _SLIMMEST)
-    tight = Page(width, height, blocks, style, fine).tight(low, high)
+    page = Page(width, height, blocks, style, fine)
+    page.spill = spill
+    tight = page.tight(low, high)
     if style.is_tight:
         return tight
     return asked[0] or tight[0], asked[1] or tight[1]

@@ -17,7 +17,7 @@ from gamms.visual.appearance import Rgba
 from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import Camera, bounds
+from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, spill
 from gamms.visual.constants import CACHE_ZOOM_MAX
 
 if TYPE_CHECKING:
@@ -500,6 +500,12 @@ class Scene:
         low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
         high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
         return low, high
+
+    def spill(self, box: Box) -> Margins:
+        """Return how many pixels signs at the sides of a box reach beyond it: left, top, right and bottom."""
+        reach = [spill(part.painting.commands, box) for part in self._parts]
+        left, top, right, bottom = map(max, zip(NO_MARGINS, *reach, strict=True))
+        return left, top, right, bottom
 
     def note_overlay(self, artists: tuple[IArtist, ...], surface: "Surface | None") -> None:
         """Show a surface above what these artists drew; None: nothing."""

@@ -380,12 +380,14 @@ class TurnEvents:
         self._begin = self._end = 0
         self._shown: _Turn | None = None  # the turn of which these are the begin and the end
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
+        self._ends: dict[str, bool] | None = None  # of all agents that went out, once they are asked for
 
     def go_to_turn(self) -> None:
         """Take the last events that bear the number of the present turn for its own, after a jump to that turn."""
         game = self._ctx.current_game
         events = () if game is None else game.events
-        self._shown, self._eliminated = self._turns.latest, None
+        self._shown = self._turns.latest
+        self._eliminated = self._ends = None
         self._begin = self._end = len(events)
         while game is not None and self._begin and events[self._begin - 1].get("turn") == game.turn:
             self._begin -= 1
@@ -396,15 +398,27 @@ class TurnEvents:
 
     def of_turn(self) -> list[dict[str, Any]]:
         """Return the events of the last turn."""
+        return list(self._all()[self._begin : self._end])
+
+    def _all(self) -> Sequence[dict[str, Any]]:
+        """Return all events, of which the last turn has those from `_begin` to `_end`."""
         game, latest = self._ctx.current_game, self._turns.latest
         events: Sequence[dict[str, Any]] = () if game is None else game.events
         if latest is not None and latest is not self._shown:
-            self._shown, self._eliminated = latest, None
+            self._shown = latest
+            self._eliminated = self._ends = None
             self._begin, self._end = latest[6], latest[3]
         if len(events) < self._end:  # the game was reset
             self._begin = self._end = 0
-            self._eliminated = None
-        return list(events[self._begin : self._end])
+            self._eliminated = self._ends = None
+        return events
+
+    def of_turns(self, kind: str, turns: int) -> list[dict[str, Any]]:
+        """Return the events of that kind in the last turns, so many at most, the latest first."""
+        events, game = self._all(), self._ctx.current_game
+        first = 0 if game is None else game.turn - turns
+        latest = (events[place] for place in reversed(range(self._end)))
+        return [one for one in takewhile(lambda one: one["turn"] > first, latest) if one.get("kind") == kind]
 
     def eliminated(self) -> frozenset[str]:
         """Return the names of the agents that went out of the game in the last turn."""
@@ -412,6 +426,21 @@ class TurnEvents:
             names = (event.get("agent") for event in self.of_kind("eliminated"))
             self._eliminated = frozenset(name for name in names if isinstance(name, str))
         return self._eliminated
+
+    def out(self) -> dict[str, bool]:
+        """Return the agents that are out of the game, and for each whether it went out because it had arrived."""
+        positions = self._ctx.agent.positions
+        missing = {positions.names[row] for row in positions.inactive}
+        if not missing:
+            return {}
+        events = self._all()
+        if self._ends is None:
+            last = {"arrive": dict[str, int](), "eliminated": dict[str, int]()}  # agent -> its last turn with it
+            for event in islice(events, self._end):
+                if event.get("kind") in last and isinstance(event.get("agent"), str):
+                    last[event["kind"]][event["agent"]] = event["turn"]
+            self._ends = {name: last["arrive"].get(name) == turn for name, turn in last["eliminated"].items()}
+        return {name: has_arrived for name, has_arrived in self._ends.items() if name in missing}
 
 
 class Sight(NamedTuple):

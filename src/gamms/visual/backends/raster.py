@@ -309,23 +309,27 @@ class _Polygons:
     """Polygons of one style; opaque ones are filled together, others one by one, for they show through each other."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
-        self.commands, self.rows = commands, rows
-        self.margin_px = float(commands.width[rows[0]])
-        self.color = _rgba(commands, int(rows[0]))
-        take, offsets = kernels.chosen_runs(commands.offsets, rows)
-        self.low = np.minimum.reduceat(commands.points[take], offsets[:-1])
-        self.high = np.maximum.reduceat(commands.points[take], offsets[:-1])
+        self.color, self.width = _rgba(commands, int(rows[0])), float(commands.width[rows[0]])
+        take, self.offsets = kernels.chosen_runs(commands.offsets, rows)
+        self.points, self.shifts = commands.points[take], np.zeros((len(take), 2))  # world units, and pixels
+        first = self.offsets[:-1]
+        if commands.space[rows[0]] == DrawSpace.SCREEN:
+            self.shifts = self.points
+            self.points = np.repeat(self.points[first], np.diff(self.offsets), axis=0)
+            self.shifts[first] = self.shifts[first + 1]
+        self.low, self.high = (measure.reduceat(self.points, first) for measure in (np.minimum, np.maximum))
+        self.margin_px = self.width + float(np.abs(self.shifts).max())
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
         seen = touching(self.low, self.high, _view(camera, self.margin_px))
         if not seen.any() or self.color[3] == 0:
             return
-        if self.margin_px > 0.0 or self.color[3] < _OPAQUE:
-            for row in self.rows[seen].tolist():
-                _polygon(canvas, camera, _Command.of(self.commands, row, camera))
+        take, offsets = kernels.chosen_runs(self.offsets, np.flatnonzero(seen))
+        points = camera.to_screen(self.points[take]) + self.shifts[take]
+        if self.width > 0.0 or self.color[3] < _OPAQUE:
+            for begin, end in pairwise(offsets.tolist()):
+                _polygon(canvas, points[begin:end], self.width, self.color)
             return
-        take, offsets = kernels.chosen_runs(self.commands.offsets, self.rows[seen])
-        points = camera.to_screen(self.commands.points[take])
         patch = coverage.polygons(points, offsets, camera.width, camera.height)
         if patch is not None:
             canvas.cover(patch, self.color)
@@ -360,25 +364,25 @@ class _Command(NamedTuple):
         )
 
 
-def _rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:
+def _rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:  # noqa: ARG001 - as of all kinds
     (x, y), (width, height) = command.points[0].tolist(), command.extent.tolist()
     if command.width == 0.0:
         canvas.rectangle(x, y, width, height, command.color)
         return
     corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
-    _polygon(canvas, camera, command._replace(points=corners))
+    _polygon(canvas, corners, command.width, command.color)
 
 
-def _polygon(canvas: Canvas, camera: Camera, command: _Command) -> None:
-    low, high = command.points.min(axis=0) - command.width, command.points.max(axis=0) + command.width
-    if (high < 0).any() or (low > (camera.width, camera.height)).any() or command.color[3] == 0:
+def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -> None:
+    low, high = points.min(axis=0) - width_px, points.max(axis=0) + width_px
+    if (high < 0).any() or (low > (canvas.width, canvas.height)).any() or color[3] == 0:
         return
-    if command.width == 0.0:
-        patch = coverage.polygon(command.points, camera.width, camera.height)
-        if patch is not None:
-            canvas.cover(patch, command.color)
-    else:
-        draw_lines(canvas, command.points, np.roll(command.points, -1, axis=0), command.width, command.color)
+    if width_px > 0.0:
+        draw_lines(canvas, points, np.roll(points, -1, axis=0), width_px, color)
+        return
+    patch = coverage.polygon(points, canvas.width, canvas.height)
+    if patch is not None:
+        canvas.cover(patch, color)
 
 
 def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:

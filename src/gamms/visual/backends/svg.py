@@ -160,6 +160,7 @@ def _rectangle(sheet: Sheet, row: int) -> str:
 
 def _polygon(sheet: Sheet, row: int) -> str:
     points = sheet.points_of(row)
+    points = points[1:] if points[0] == points[1] else points  # of a polygon in pixels, see `on_screen`
     steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *points])]
     return f'<path d="{_joined(["m", *steps, "z"])}"/>'
 

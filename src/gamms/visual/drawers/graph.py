@@ -34,6 +34,11 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
         draw(ctx, columns, rows[part], unit, values.colors[int(places[part[0]])])
 
 
+def longer_side(columns: GraphColumns) -> float:
+    """Return the larger of the extents of a map from west to east and from south to north; 0.0 for no map."""
+    return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
+
+
 def typical_edge_length(columns: GraphColumns) -> float:
     """Return the median length of edges as the crow flies; for a map without any, how large it is, or 1.0."""
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]

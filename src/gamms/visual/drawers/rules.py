@@ -1,10 +1,10 @@
-"""Drawers of what rules keep and do: flags, territories, tags and agents that go out.
+"""Drawers of what rules keep: flags, territories and goals.
 
 They read `ctx.game.data`, of a game or of its replay, which has no rules. Flags are `{"bases": team -> node,
 "carriers": team -> name or None}`; territories are in `data["territories"]`, as `as_text` made them.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -14,13 +14,12 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.visual.appearance import AnyColor, color_group, rgba
+from gamms.visual.appearance import AnyColor, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows
-from gamms.visual.shown_turn import TurnEvents
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
@@ -31,7 +30,10 @@ _TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
 _GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
 _FEW_GOALS = 12  # of more of them a team has, each is a dot
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a typical edge
-_FLAG = 0.04  # the height of a flag, in widths of what is seen
+FLAG_PX = 26.0  # the height of a flag
+_POLE_PX = 2.5  # the width of its pole
+_POLE = np.array([(0.0, 0.0), (0.0, -1.0)]) * FLAG_PX
+_CLOTH = np.array([(0.0, -1.0), (0.7, -0.75), (0.0, -0.5)]) * FLAG_PX
 
 
 def game_data(ctx: IContext) -> Mapping[Any, Any]:
@@ -131,10 +133,8 @@ def _checked_colors(colors: object) -> Mapping[Any, Any] | None:
 
 def _pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
     visual = drawing_of(ctx)
-    height = _FLAG * visual.extent()
-    top = y + height
-    visual.render_lines([(x, y), (x, top)], [0, 2], color, 2.5)
-    visual.render_polygon([(x, top), (x + 0.7 * height, top - 0.25 * height), (x, top - 0.5 * height)], color)
+    visual.render_symbols([(x, y)], _POLE, color, _POLE_PX)
+    visual.render_symbols([(x, y)], _CLOTH, color)
 
 
 # -- territories --------------------------------------------------------------------------------------------------
@@ -236,60 +236,7 @@ def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
             visual.render_circles(places, radius, color, width, in_pixels=True)
 
 
-_ARM, _REACH = 0.011, 1.5  # half of a cross, in widths of what is seen; radius of its ring, in such halves
-_LINE_PX, _EDGE_PX = 3.0, 3.0
-
-
-def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
-    """Mark the nodes of this turn's `tag` events, as `gamms.rules.tag` emits them.
-
-    `data` may have `colors` by team, and names of agents as `of`: tags without any of these are left out.
-    """
-    visual, of = drawing_of(ctx), data.get("of")
-    tags = [tag for tag in visual.events.of_kind("tag") if of is None or {tag.get("agent"), tag.get("other")} & of]
-    if not tags:
-        return
-    arm, colors = _ARM * visual.extent() or 1.0, visual.group_colors()
-    for tag in tags:
-        node, tagger = tag.get("node", -1), ctx.agent.agents.get(tag.get("agent", ""))
-        if tagger is None or not ctx.graph.graph.has_node(node):
-            continue
-        side = color_group(tagger)
-        color = data.get("colors", {}).get(side, colors[str(side)])
-        place = ctx.graph.graph.get_node(node)
-        for ink, more_px in ((visual.theme.background, _EDGE_PX), (color, 0.0)):
-            visual.render_circles([(place.x, place.y)], _REACH * arm, ink, _LINE_PX + more_px)
-            _cross(ctx, place.x, place.y, arm, ink, _LINE_PX + more_px)
-
-
-def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
-    """Mark where agents went out of the game in this turn; `data["colors"]` has the colours of those that are shown."""
-    visual = drawing_of(ctx)
-    names = sorted(visual.events.eliminated() & data["colors"].keys() & ctx.agent.agents.keys())
-    arm = _ARM * visual.extent() or 1.0 if names else 1.0
-    for name in names:
-        x, y = visual.position_of(name)
-        for ink, more_px in ((visual.theme.background, _EDGE_PX), (data["colors"][name], 0.0)):
-            _cross(ctx, x, y, arm, ink, _LINE_PX + more_px)
-
-
-def _cross(ctx: IContext, x: float, y: float, arm: float, ink: AnyColor, width_px: float) -> None:
-    cross = [(x - arm, y - arm), (x + arm, y + arm), (x - arm, y + arm), (x + arm, y - arm)]
-    drawing_of(ctx).render_lines(cross, [0, 2, 4], ink, width_px)
-
-
-def _legend_of_events(find: Callable[[TurnEvents], Any], words: str, sign: str) -> Callable[[IContext], Rows | None]:
-    row = Rows("", (Row(SIGN, words, sign=sign),))
-    return lambda ctx: row if find(drawing_of(ctx).events) else None
-
-
-render_tags.__dict__["legend"] = _legend_of_events(lambda events: events.of_kind("tag"), "tagged", "tag")
-render_eliminated.__dict__["legend"] = _legend_of_events(TurnEvents.eliminated, "out", "cross")
 render_flags.__dict__["legend"] = _FLAGS
-render_goals.__dict__["legend"] = _GOALS
-for _drawer in (render_goals, render_tags, render_eliminated):
-    _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
-for _drawer in (render_flags, render_goals, render_tags, render_eliminated):
+render_goals.__dict__.update(artist="goals", layer=Layer.GOALS, legend=_GOALS, once_a_turn=True)
+for _drawer in (render_flags, render_goals):
     _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
-render_tags.__dict__.update(artist="tags", layer=Layer.TAGS)
-render_goals.__dict__.update(artist="goals", layer=Layer.GOALS)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import AnyColor, color_group
+from gamms.visual.appearance import color_group
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
 from gamms.visual.drawing import drawing_of
@@ -28,14 +28,12 @@ _FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
     COOLDOWNS: {"of": int, "left": dict},
 }
 _MOST = 100  # places, resources and agents: no game shows so many, but a hostile recording may
-_RING, _RING_PX, _ARC_PX, _FINE = 0.03, 2.0, 5.0, 48  # radius, in widths of what is seen; widths; parts of a circle
-_AROUND, _APART_AROUND, _AROUND_PX = 0.021, 0.005, 3.0  # radii of arcs around agents, in widths; and how broad they are
-_SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
-_WIDER, _FOUND_PX = (
-    0.006,
-    3.0,
-)  # how much larger the square of each next team is, in widths; and how broad its lines are
-_BAR, _BELOW, _APART, _BAR_PX = 0.034, 0.034, 0.01, 5.0  # length and places of bars, in widths; and how thick they are
+_PLACE_PX, _THIN_PX, _ARC_PX = 20.0, 2.0, 5.0  # radius of rings and squares, and the widths of their lines
+_FINE = 48  # parts of a circle
+_AROUND_PX, _NEXT_PX, _LINE_PX = 18.0, 4.0, 3.0  # radii of arcs around agents, and the width of their lines
+_SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)])
+_WIDER_PX, _FOUND_PX = 4.0, 3.0  # how much larger the square of each next team is, and the width of its lines
+_BAR_PX, _BELOW_PX, _APART_PX, _THICK_PX = 26.0, 20.0, 7.0, 5.0  # length, places and thickness of bars
 
 _XY = tuple[float, float]
 
@@ -59,22 +57,19 @@ def render_held(ctx: IContext, data: dict[str, Any]) -> None:
     """
     visual, columns, held = drawing_of(ctx), ctx.graph.columns(), counted_in(ctx, HELD)
     colors = team_colors_of(ctx, {state.get("team"): None for state in held.values()}, data.get("colors"))
-    radius = _RING * visual.extent() or 1.0
     for state in held.values():
         places = columns.xy[in_text(state["nodes"], columns.node_ids)]
-        visual.render_circles(places, radius, SIGN, _RING_PX)
+        visual.render_circles(places, _PLACE_PX, SIGN, _THIN_PX, in_pixels=True)
         share = min(1.0, max(0, state["turns"]) / max(1, state["of"]))
         if state.get("team") is not None and share > 0.0:
-            arc = _arc(share) * radius
-            points = (places[:, None] + arc[None]).reshape(-1, 2)
-            offsets = np.arange(len(places) + 1, dtype=np.int64) * len(arc)
-            visual.render_lines(points, offsets, colors[state["team"]], _ARC_PX)
+            visual.render_symbols(places, _arc(share, _PLACE_PX), colors[state["team"]], _ARC_PX)
 
 
-def _arc(share: float) -> FloatArray:
-    """Return the points (points, 2) of a part of the unit circle, from the top on and clockwise."""
+def _arc(share: float, radius: float) -> FloatArray:
+    """Return the corners (corners, 2) of an outline that is a part of a circle, from the top on and clockwise."""
     turn = 2.0 * pi * share * np.linspace(0.0, 1.0, 2 + int(_FINE * share))
-    return np.column_stack([np.sin(turn), np.cos(turn)])
+    arc = np.column_stack([np.sin(turn), -np.cos(turn)]) * radius
+    return np.concatenate([arc, arc[-2:0:-1]])  # back the way it came, for an outline is closed
 
 
 def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
@@ -83,45 +78,36 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
     `data` may have `colors` by team.
     """
     visual, columns = drawing_of(ctx), ctx.graph.columns()
-    size = visual.extent() or 1.0
     for state in counted_in(ctx, DISCOVERED).values():
         by = dict(islice(state["by"].items(), _MOST))
-        _squares(ctx, columns.xy[in_text(state["nodes"], columns.node_ids)], _RING * size, SIGN, _RING_PX)
+        nodes = columns.xy[in_text(state["nodes"], columns.node_ids)]
+        visual.render_symbols(nodes, _PLACE_PX * _SQUARE, SIGN, _THIN_PX)
         for number, (team, color) in enumerate(team_colors_of(ctx, by, data.get("colors")).items()):
             found = columns.xy[np.isin(columns.node_ids, by[team])]
-            _squares(ctx, found, (_RING + number * _WIDER) * size, color, _FOUND_PX)
-
-
-def _squares(ctx: IContext, centers: FloatArray, radius: float, color: AnyColor, width_px: float) -> None:
-    """Draw squares that stand on a corner, (squares, 2)."""
-    points = (centers[:, None] + _SQUARE[None] * radius).reshape(-1, 2)
-    offsets = np.arange(len(centers) + 1, dtype=np.int64) * len(_SQUARE)
-    drawing_of(ctx).render_lines(points, offsets, color, width_px)
+            visual.render_symbols(found, (_PLACE_PX + number * _WIDER_PX) * _SQUARE, color, _FOUND_PX)
 
 
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw below each agent what it has left, by the rule `resource`: a bar for each, as long as it is full."""
     visual, colors = drawing_of(ctx), drawing_of(ctx).group_colors()
-    size = visual.extent() or 1.0
     for number, state in enumerate(counted_in(ctx, RESOURCES).values()):
-        for agent, (x, above), amount in _marked(ctx, state["amounts"], data):
-            left, y = x - _BAR / 2 * size, above - (_BELOW + number * _APART) * size
+        for agent, place, amount in _marked(ctx, state["amounts"], data):
+            left, down = -_BAR_PX / 2, _BELOW_PX + number * _APART_PX
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
             ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, colors[str(color_group(agent))], 0.0))
             for length, color, more_px in ends:
                 if length > 0.0:
-                    line = [(left, y), (left + length * _BAR * size, y)]
-                    visual.render_lines(line, [0, 2], color, _BAR_PX + more_px)
+                    line = [(left, down), (left + length * _BAR_PX, down)]
+                    visual.render_symbols([place], line, color, _THICK_PX + more_px)
 
 
 def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw around each agent how long it cannot do a deed again, by the rule `cooldown`: an arc that gets shorter."""
-    visual, size = drawing_of(ctx), drawing_of(ctx).extent() or 1.0
+    visual = drawing_of(ctx)
     for number, state in enumerate(counted_in(ctx, COOLDOWNS).values()):
-        for _, center, turns in _marked(ctx, state["left"], data):
+        for _, place, turns in _marked(ctx, state["left"], data):
             share = min(1.0, max(0.0, turns / (state["of"] or 1)))
-            arc = _arc(share) * (_AROUND + number * _APART_AROUND) * size + center
-            visual.render_lines(arc, [0, len(arc)], SIGN, _AROUND_PX)
+            visual.render_symbols([place], _arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
 
 
 def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:

@@ -57,7 +57,8 @@ function paintAlike(/** @type {CanvasRenderingContext2D} */ to, /** @type {Comma
     to.stroke();
   } else if (kind[row] === POLYGON) {
     to.beginPath();
-    addLine(to, camera, points, at, counts[row]);
+    if (space[row] === SCREEN) addCorners(to, x, y, points, at + 1, counts[row] - 1);
+    else addLine(to, camera, points, at, counts[row]);
     to.closePath();
     if (width[row]) to.stroke();
     else to.fill("nonzero");
@@ -85,6 +86,11 @@ function addLine(to, camera, points, at, count) {
     if (i === at) to.moveTo(x, y);
     else to.lineTo(x, y);
   }
+}
+
+/** Add corners that are pixels right of a place and below it. @param {CanvasRenderingContext2D} to @param {number} x @param {number} y @param {ArrayLike<number>} points @param {number} at @param {number} count */
+function addCorners(to, x, y, points, at, count) {
+  for (let i = at; i < at + count; i++) to.lineTo(x + points[2 * i], y + points[2 * i + 1]);
 }
 
 /** @param {CanvasRenderingContext2D} to @param {string} words @param {number} x @param {number} y @param {number} height @param {number} angle */

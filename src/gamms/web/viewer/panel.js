@@ -202,7 +202,7 @@ function signs(replay) {
   const rows = [
     [hasFlags, "⚑", "a flag; a ring is its home"], [has("territories"), "▒", "streets of a territory"], [has("goals of reach"), "◎", "a goal"], [has("held"), "◔", "a place to hold, and how long it was held"],
     [has("discovered"), "◇", "a node to find, and who has found it"], [has("resources"), "▬", `${[...(data.get("resources")?.keys?.() ?? [])].map(String).join(", ")} left`], [has("cooldowns"), "◜", "a deed that is not ready"],
-    [kinds.has("tag"), "⊗", "tagged"], [kinds.has("died"), "✕", "out of the game"], [replay.overview.hasMessages, "⌒", "a message; dashed: overheard; crossed: lost"],
+    [kinds.has("tag"), "⊗", "tagged"], [kinds.has("died"), "✕", "out of the game"], [kinds.has("arrived"), "✓", "arrived"], [replay.overview.hasMessages, "⌒", "a message; dashed: overheard; crossed: lost"],
   ].filter(([isThere]) => isThere);
   if (rows.length === 0) return [];
   return [element("details", { open: true }, element("summary", { text: "Signs" }), ...rows.map(([, sign, words]) => element("div", { class: "team" }, element("span", { class: "sign", "aria-hidden": "true", text: sign }), element("span", { text: words }))))];

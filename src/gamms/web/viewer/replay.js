@@ -21,6 +21,8 @@ export class Overview {
     /** @type {{turn: number, data: () => any}[]} */ this.worlds = [];
     /** @type {Map<string, string>} */ this.sides = new Map(); // of agents that come during the game, by their names
     /** @type {Set<string>} */ this.kinds = new Set(); // of what happens
+    /** @type {Map<string, {turn: number, hasArrived: boolean}[]>} */ this.ends = new Map(); // when agents went out, by their names
+    /** @type {{turn: number, node: number, agent: string, other: string}[]} */ this.tags = [];
     this.hasSensed = false;
     this.hasMessages = false;
   }
@@ -32,7 +34,7 @@ export class Overview {
     const chunk = recording.chunk(this.turns);
     for (let i = 0; i < chunk.turns; i++) {
       const turn = chunk.first + i + 1;
-      const events = [];
+      const events = [], died = [];
       for (let event = chunk.eventEnds[i]; event < chunk.eventEnds[i + 1]; event++) {
         const kind = chunk.kinds[event];
         const data = () => recording.chunk(turn - 1).data(event);
@@ -44,14 +46,36 @@ export class Overview {
         else if (kind === KINDS.WORLD) this.worlds.push({ turn, data });
         else if (kind === KINDS.SENSED) this.hasSensed = true;
         else if (kind === KINDS.MESSAGE) this.hasMessages = true;
-        else if (kind === KINDS.ALIVE && !chunk.data(event).get("alive")) this.kinds.add("died");
+        else if (kind === KINDS.ALIVE && !chunk.data(event).get("alive")) died.push(String(chunk.data(event).get("agent_name")));
         else if (kind === KINDS.AGENT_CREATE) this.#addAgent(chunk.data(event));
       }
       for (const event of events) this.kinds.add(String(event.get("kind")));
+      this.#addMarks(turn, events, died);
       for (const { words, agent } of captionsOf(events)) this.#add({ turn, words, agent, isMajor: false, isMarked: events.some(isMarked) });
     }
     this.turns = chunk.first + chunk.turns;
     return true;
+  }
+
+  /** Note which agents were tagged, and which went out. @param {number} turn @param {Map<string, any>[]} events @param {string[]} died */
+  #addMarks(turn, events, died) {
+    const arrived = new Set(events.filter((event) => event.get("kind") === "arrive").map((event) => event.get("agent")));
+    for (const name of died) {
+      const hasArrived = arrived.has(name);
+      this.kinds.add(hasArrived ? "arrived" : "died");
+      const ends = this.ends.get(name) ?? [];
+      if (ends.length < MOST_MARKS) ends.push({ turn, hasArrived });
+      if (this.ends.size < MOST_MARKS) this.ends.set(name, ends);
+    }
+    for (const event of events) {
+      if (event.get("kind") !== "tag" || this.tags.length >= MOST_MARKS) continue;
+      this.tags.push({ turn, node: event.get("node"), agent: String(event.get("agent")), other: String(event.get("other")) });
+    }
+  }
+
+  /** Return when an agent went out that is out after a turn, and whether it had arrived. @param {string} name @param {number} turn */
+  endOf(name, turn) {
+    return this.ends.get(name)?.filter((one) => one.turn <= turn).pop();
   }
 
   /** @param {Map<string, any>} data */

@@ -1,16 +1,23 @@
-// What the shipped rules keep and do: flags, territories, goals, tags, and agents that go out.
+// What the shipped rules keep and do: flags, territories, goals, tags, and agents that go out or arrive.
 import { teamText } from "./state.js";
+import { placeOf } from "./motion.js";
 import { faded } from "./themes.js";
 
 const TINT = 70 / 255, BAND = 0.75;
-const FLAG_PX = 26, ARM_PX = 7;
+const FLAG_PX = 26, ARM_PX = 7, RING_PX = 8.5;
+const STEP_PX = 20, ROW_PX = 40, DOWN_PX = 16.5; // between marks of a row, at each side of its middle, and from the disc to them
+const TAG_TURNS = 5, PALE = 150 / 255; // for which a tag is shown; marks of earlier turns
+const CROSS = [[[-1, -1], [1, 1]], [[1, -1], [-1, 1]]];
+const LINES = { cross: CROSS, tag: CROSS, tick: [[[-1, 0.1], [-0.3, 0.8], [1, -0.8]]] };
 const MOST = 100; // flags, territories and goals
 const MOST_RUNS = 20000; // in a text of nodes
 const FEW_GOALS = 12;
-const PLACE_PX = 13, WIDER_PX = 4, ARC_PX = 5, BAR_PX = 26;
+const PLACE_PX = 20, WIDER_PX = 4, ARC_PX = 5, BAR_PX = 26;
 
 /** @typedef {import("./scene.js").Scene} Scene @typedef {import("./themes.js").Theme} Theme */
 /** @typedef {CanvasRenderingContext2D} Context */
+/** @typedef {"cross" | "tag" | "tick"} Sign */
+/** @typedef {{name: string, px: number, py: number, radius: number, sign: Sign, color: string}} Mark where it is painted, and how much around it is kept clear */
 
 /** Return the rows of the nodes in a text such as "0..41 57". @param {string} text @param {Map<number, number>} rowOf */
 function rowsIn(text, rowOf) {
@@ -179,42 +186,58 @@ export function paintFlags(to, scene, colors, hidden) {
   }
 }
 
-/** Crosses where agents were tagged or went out in this turn. @param {Context} to @param {Scene} scene @param {Map<string, string>} colors @param {Theme} theme @param {import("./scene.js").Look} look */
+/**
+ * Marks of agents that are out, crosses or, for those that arrived, ticks, and of those that were tagged in the last turns,
+ * in a row below each place so that they cross out no agent.
+ * @param {Context} to @param {Scene} scene @param {Map<string, string>} colors @param {Theme} theme @param {import("./scene.js").Look} look
+ * @returns {Mark[]}
+ */
 export function paintMarks(to, scene, colors, theme, look) {
-  const { world, camera, replay } = scene;
-  const sideOf = (/** @type {string} */ name) => {
-    const agent = replay.state.byName.get(name);
-    return agent === undefined ? "" : agent.team ?? agent.name;
-  };
-  for (const event of replay.state.log.events) {
-    if (event.get("kind") !== "tag") continue;
-    const row = world.rowOf.get(event.get("node"));
-    if (row === undefined || (look.fog !== null && ![event.get("agent"), event.get("other")].some((name) => sideOf(name) === look.fog))) continue;
-    const [x, y] = camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]);
-    cross(to, x, y, colors.get(sideOf(event.get("agent"))) ?? "#888888", theme.background, true);
+  const { world, replay } = scene;
+  const { state, overview } = replay;
+  /** @type {{name: string, turn: number, x: number, y: number, sign: Sign}[]} */
+  const found = [];
+  for (const agent of state.agents.values()) {
+    const end = agent.alive || !(scene.visible?.has(agent.number) ?? true) ? undefined : overview.endOf(agent.name, state.turn);
+    const [x, y] = placeOf(world, agent);
+    if (end !== undefined && Number.isFinite(x)) found.push({ name: agent.name, turn: end.turn, x, y, sign: end.hasArrived ? "tick" : "cross" });
   }
-  for (const name of replay.state.log.died) {
-    const disc = scene.discOf(name) ?? null;
-    const way = replay.ways.find((one) => one.name === name);
-    if (way === undefined || (scene.visible !== null && !scene.visible.has(way.number))) continue;
-    const [x, y] = disc ? [disc.px, disc.py] : camera.toScreen(way.points[way.points.length - 2], way.points[way.points.length - 1]);
-    cross(to, x, y, colors.get(sideOf(name)) ?? "#888888", theme.background, false);
+  found.sort((a, b) => a.turn - b.turn);
+  const out = new Set(found.map((mark) => mark.name));
+  const recent = overview.tags.filter(({ turn }) => turn > state.turn - TAG_TURNS && turn <= state.turn).reverse();
+  const seen = new Set();
+  for (const { turn, node, agent, other } of recent) {
+    const row = world.rowOf.get(node), key = `${node} ${other}`;
+    const isOpen = look.fog === null || [agent, other].some((name) => replay.sideOf(name) === look.fog);
+    if (row === undefined || !isOpen || out.has(other) || seen.has(key) || !state.byName.has(other)) continue;
+    seen.add(key);
+    found.push({ name: other, turn, x: world.xy[2 * row], y: world.xy[2 * row + 1], sign: "tag" });
   }
+  /** @type {Map<string, number>} */ const sizes = new Map(); // of rows
+  const marks = found.map((mark) => {
+    const key = `${mark.x} ${mark.y}`, number = sizes.get(key) ?? 0;
+    sizes.set(key, number + 1);
+    return { ...mark, key, number };
+  }).map(({ name, turn, x, y, sign, key, number }) => {
+    const step = Math.min(STEP_PX, ROW_PX / Math.max(Math.floor((sizes.get(key) ?? 1) / 2), 1));
+    const [px, py] = scene.camera.toScreen(x, y), right = Math.ceil(number / 2) * step * (number % 2 ? 1 : -1); // from the middle outwards
+    const color = colors.get(replay.sideOf(name)) ?? "#888888";
+    return { name, px: px + right, py: py + scene.discPx + DOWN_PX, radius: STEP_PX / 2, sign, color: turn === state.turn ? color : faded(color, PALE) };
+  });
+  for (const isEdge of [true, false]) for (const mark of marks) paintSign(to, mark, isEdge ? theme.background : mark.color, isEdge ? 6 : 3);
+  return marks;
 }
 
-/** @param {Context} to @param {number} x @param {number} y @param {string} color @param {string} background @param {boolean} isRinged */
-function cross(to, x, y, color, background, isRinged) {
-  for (const [ink, width] of /** @type {[string, number][]} */ ([[background, 6], [color, 3]])) {
-    if (isRinged) circle(to, x, y, 1.5 * ARM_PX, ink, width);
-    to.beginPath();
-    to.moveTo(x - ARM_PX, y - ARM_PX);
-    to.lineTo(x + ARM_PX, y + ARM_PX);
-    to.moveTo(x - ARM_PX, y + ARM_PX);
-    to.lineTo(x + ARM_PX, y - ARM_PX);
-    to.strokeStyle = ink;
-    to.lineWidth = width;
-    to.stroke();
-  }
+/** @param {Context} to @param {Mark} mark @param {string} ink @param {number} width */
+function paintSign(to, { px, py, sign }, ink, width) {
+  to.lineCap = to.lineJoin = "round";
+  if (sign === "tag") circle(to, px, py, RING_PX, ink, width);
+  const arm = sign === "tag" ? 0.6 * ARM_PX : ARM_PX;
+  to.beginPath();
+  for (const line of LINES[sign]) line.forEach(([x, y], i) => (i ? to.lineTo(px + arm * x, py + arm * y) : to.moveTo(px + arm * x, py + arm * y)));
+  to.strokeStyle = ink;
+  to.lineWidth = width;
+  to.stroke();
 }
 
 /** @param {Context} to @param {number} x @param {number} y @param {string} color */

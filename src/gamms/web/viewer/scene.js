@@ -13,7 +13,7 @@ import { THEMES, faded, isBright, teamColors } from "./themes.js";
 
 const AGENT_LAYER = 20; // artists below it are behind the agents
 const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
-const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
+const AGENT_PX = 6, LEAST_PX = 3, LARGEST_PX = 15, MANY = 150; // radius of agents; more than so many are smaller
 const MOST_PICTURES = 50;
 const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
 const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
@@ -41,6 +41,8 @@ export class Scene {
     this.camera = new Camera(replay.world.box, replay.world.unit);
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
+    /** @type {import("./rules.js").Mark[]} */ this.marks = []; // of agents that are out or were tagged
+    this.discPx = 0; // the radius of agents on the map
     /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
     /** @type {((scene: Scene) => void) | null} */ this.overlay = null; // paints what a person may choose
@@ -95,7 +97,7 @@ export class Scene {
     this.#paintAgents(look, theme);
     paintAmounts(to, this, theme, look);
     paintFlags(to, this, colors, hidden);
-    paintMarks(to, this, colors, theme, look);
+    this.marks = paintMarks(to, this, colors, theme, look);
     this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
     this.#paintNames(look, theme);
     if (this.world.isMetric) paintScaleBar(to, camera, theme);
@@ -157,7 +159,8 @@ export class Scene {
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
     const { box, unit } = replay.world;
     const extent = Math.max(box.right - box.left, box.top - box.bottom) || unit;
-    const radius = Math.max(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, least);
+    this.discPx = Math.min(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, LARGEST_PX);
+    const radius = Math.max(this.discPx, least);
     const starts = spreadOf(ways, (way) => way.before?.node ?? way.agent.node), ends = spreadOf(ways, (way) => way.agent.node);
     this.discs = ways.map((way, i) => {
       const [x, y] = placeOn(way, share);
@@ -409,20 +412,20 @@ export class Scene {
     const { to, camera } = this;
     const isChosen = (/** @type {Disc} */ disc) => disc.name === look.selected || disc.name === look.hovered;
     const areAll = look.labels === true || (look.labels === "auto" && this.discs.length <= MOST_NAMES);
-    const named = this.discs.filter((disc) => areAll || isChosen(disc)).sort((a, b) => Number(isChosen(b)) - Number(isChosen(a)));
+    const discs = this.discs.filter((disc) => areAll || isChosen(disc)).sort((a, b) => Number(isChosen(b)) - Number(isChosen(a)));
+    const named = [...discs.map((disc) => ({ ...disc, must: isChosen(disc) })), ...this.marks.filter(() => areAll).map((mark) => ({ ...mark, must: false, way: null }))];
     /** @type {number[][]} */
-    const taken = this.discs.length <= 300 ? this.discs.map(({ px, py, radius }) => [px - radius, py - radius, px + radius, py + radius]) : [];
+    const taken = this.discs.length <= 300 ? [...this.discs, ...this.marks].map(({ px, py, radius }) => [px - radius, py - radius, px + radius, py + radius]) : [];
     to.font = "12px system-ui, sans-serif";
     to.textBaseline = "middle";
     to.textAlign = "left";
-    for (const disc of named) {
-      const { px, py, radius, name, way } = disc;
+    for (const { px, py, radius, name, way, must } of named) {
       if (px < 0 || py < 0 || px > camera.width || py > camera.height) continue;
-      const height = way.agent.flies && way.agent.position[2] > 0 ? ` ${way.agent.position[2].toFixed(0)} m` : "";
+      const height = way?.agent.flies && way.agent.position[2] > 0 ? ` ${way.agent.position[2].toFixed(0)} m` : "";
       const words = (name.length > 24 ? `${name.slice(0, 23)}…` : name) + height;
       const width = to.measureText(words).width, far = radius + 4;
       const places = [[px + far - 2, py - far - 4], [px + far, py + far + 3], [px - far - width, py - far - 4], [px - far - width, py + far + 3], [px + far + 2, py], [px - width / 2, py - far - 8]];
-      const place = places.find(([x, y]) => !taken.some((box) => x < box[2] && x + width > box[0] && y - 8 < box[3] && y + 8 > box[1])) ?? (isChosen(disc) ? places[0] : null);
+      const place = places.find(([x, y]) => !taken.some((box) => x < box[2] && x + width > box[0] && y - 8 < box[3] && y + 8 > box[1])) ?? (must ? places[0] : null);
       if (place === null) continue;
       taken.push([place[0], place[1] - 8, place[0] + width, place[1] + 8]);
       paintWords(to, words, place[0], place[1], theme);

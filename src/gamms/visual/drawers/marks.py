@@ -1,0 +1,141 @@
+"""Drawers of marks: where agents were tagged, went out of the game, or arrived.
+
+A mark has the color of the agent that it is about. It stands beside the discs of agents, so that it crosses out none,
+and marks of one place stand in a row. `drawn_marks` returns them as labels need them, so that they get names.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+from gamms.typing import IArtist, IContext, NodeId
+from gamms.visual.appearance import AgentData, AnyColor, color_group, rgba
+from gamms.visual.constants import Layer
+from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import SIGN, Row, Rows
+
+TAG_TURNS = 5  # for which a tag is shown
+_ARM_PX, _RING_PX = 7.0, 8.5  # half of a cross or a tick, and the ring around the cross of a tag
+_LINE_PX, _EDGE_PX = 3.0, 3.0
+_DISC_PX, _GAP_PX = 6.0, 2.0  # a disc that has no size on the map, and what is free around it
+_STEP_PX = 20.0  # from a mark to the next one in a row
+_LABEL_PX = _STEP_PX / 2 + 0.5  # radius of what is kept clear for a mark; those of a row touch
+_ROW_PX = 40.0  # at most from the first mark of a row to the last one at each side
+_DOWN_PX = _DISC_PX + _GAP_PX + _RING_PX  # from the disc to the marks
+MARK_PX = _DOWN_PX + _RING_PX + _LINE_PX  # how far marks reach below the disc
+_MARKS = "_marks"  # the key of the marks in the data of their artist
+_PALE = 150  # alpha of marks of earlier turns
+_CROSS = np.array([(-1.0, -1.0), (1.0, 1.0), (0.0, 0.0), (1.0, -1.0), (-1.0, 1.0), (0.0, 0.0)]) * _ARM_PX
+_TICK = np.array([(-1.0, 0.1), (-0.3, 0.8), (1.0, -0.8), (-0.3, 0.8)]) * _ARM_PX
+_AROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+_RING = np.column_stack([np.cos(_AROUND), np.sin(_AROUND)]) * _RING_PX
+
+
+class _Mark(NamedTuple):
+    """A sign for an agent at a place."""
+
+    name: str
+    color: AnyColor
+    place: tuple[float, float]
+    number: int  # in the row of its place
+    signs: tuple[FloatArray, ...]
+
+
+def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
+    """Mark the nodes of the `tag` events of the last turns, as `gamms.rules.tag` emits them.
+
+    `data` may have `colors` by team; the `size` of agents; names of agents as `of`, so that tags without any of these
+    are left out; and the agents that `render_eliminated` marks as `out`, for which no tag is marked.
+    """
+    visual, marks, out = drawing_of(ctx), list[_Mark](), data.get("out", {})
+    colors, new = visual.group_colors() | data.get("colors", {}), visual.events.of_turns("tag", 1)
+    taken = Counter(visual.position_of(name) for name in out)
+    for node, tags in _tags(ctx, data.get("of"), out).items():
+        at = ctx.graph.graph.get_node(node)
+        for number, (name, tag) in enumerate(sorted(tags.items()), taken[at.x, at.y]):
+            side = color_group(ctx.agent.agents[name])
+            color = _aged(colors.get(side, colors[str(side)]), is_new=tag in new)
+            marks.append(_Mark(name, color, (at.x, at.y), number, (_RING, 0.6 * _CROSS)))
+    _draw(ctx, marks, data)
+
+
+def _tags(ctx: IContext, of: Collection[str] | None, out: Collection[str]) -> dict[NodeId, dict[str, dict[str, Any]]]:
+    """Return node -> agent -> its latest tag there, of those that are marked."""
+    graph, agents, found = ctx.graph.graph, ctx.agent.agents, dict[NodeId, dict[str, dict[str, Any]]]()
+    for tag in drawing_of(ctx).events.of_turns("tag", TAG_TURNS):
+        node, name = tag.get("node", -1), tag.get("other", "")
+        is_open = of is None or tag.get("agent") in of or name in of
+        if is_open and name in agents and name not in out and graph.has_node(node):
+            found.setdefault(node, {}).setdefault(name, tag)
+    return found
+
+
+def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
+    """Mark where agents went out of the game: a cross, or a tick for an agent that arrived.
+
+    `data["out"]` says which agents are out, and for each whether it arrived; `data["colors"]` has their colors, and
+    `data["size"]` is the radius of agents.
+    """
+    visual, marks, taken = drawing_of(ctx), list[_Mark](), Counter[tuple[float, float]]()
+    for name, has_arrived in data["out"].items():
+        color, place = data["colors"][name], visual.position_of(name)
+        color = _aged(color, is_new=name in visual.events.eliminated())
+        marks.append(_Mark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,)))
+        taken[place] += 1
+    _draw(ctx, marks, data)
+
+
+def drawn_marks(artist: IArtist) -> list[AgentData]:
+    """Return the marks that an artist drew last, at their places."""
+    data = getattr(artist, "data", None)
+    is_drawn = isinstance(data, dict) and artist.get_visible()
+    return data.get(_MARKS, []) if is_drawn else []
+
+
+def _aged(color: AnyColor, *, is_new: bool) -> AnyColor:
+    red, green, blue, alpha = rgba(color)
+    return red, green, blue, alpha if is_new else min(alpha, _PALE)
+
+
+def _draw(ctx: IContext, marks: Sequence[_Mark], data: dict[str, Any]) -> None:
+    """Draw marks below their places, first the edges of all, and note in `data` where they are."""
+    visual, last = drawing_of(ctx), {mark.place: mark.number for mark in marks}
+    places, shifts = [], []
+    for mark in marks:
+        x, y = mark.place
+        step = min(_STEP_PX, _ROW_PX / max((last[mark.place] + 1) // 2, 1))
+        right = (mark.number + 1) // 2 * step * (1.0 if mark.number % 2 else -1.0)  # from the middle outwards
+        places.append((x, y - data.get("size", 0.0)))
+        shifts.append((right, _DOWN_PX))
+    for more_px in (_EDGE_PX, 0.0):
+        for mark, place, shift in zip(marks, places, shifts, strict=True):
+            ink = visual.theme.background if more_px else mark.color
+            for sign in mark.signs:
+                visual.render_symbols([place], sign + shift, ink, _LINE_PX + more_px)
+    data[_MARKS] = [
+        AgentData(mark.name, mark.color, 0.0, None, place, _LABEL_PX, (right / _LABEL_PX, down / _LABEL_PX))
+        for mark, place, (right, down) in zip(marks, places, shifts, strict=True)
+    ]
+
+
+def _rows_of_tags(ctx: IContext) -> Rows | None:
+    is_marked = bool(_tags(ctx, None, drawing_of(ctx).events.out()))
+    return Rows("", (Row(SIGN, "tagged", sign="tag"),)) if is_marked else None
+
+
+def rows_of_eliminated(out: Mapping[str, bool]) -> Rows:
+    """Return the legend of the agents that are out, where these arrived or not."""
+    words = ((False, "out", "cross"), (True, "arrived", "tick"))
+    return Rows(
+        "", tuple(Row(SIGN, name, sign=sign) for has_arrived, name, sign in words if has_arrived in out.values())
+    )
+
+
+render_tags.__dict__.update(artist="tags", layer=Layer.TAGS, legend=_rows_of_tags)
+_DRAWERS: tuple[Callable[..., None], ...] = render_tags, render_eliminated
+for _drawer in _DRAWERS:
+    _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
+    _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
