@@ -43,6 +43,12 @@ def emits(*turns):
 # -- words --------------------------------------------------------------------------------------------------------
 
 
+def test_who_arrives_is_not_said_to_be_out():
+    events = [{"kind": kind, "agent": "robot_1", "node": 7} for kind in ("arrive", "eliminated")]
+    lost = {"kind": "eliminated", "agent": "robot_2", "node": 7}
+    assert words_of([*events, lost]) == ["robot_1 arrives at node 7", "robot_2 is out"]
+
+
 def test_an_event_is_a_sentence_about_the_agent_to_whom_it_happens():
     assert words_of([{"kind": "take", "agent": "red_2", "flag": "blue"}]) == ["red_2 takes the blue flag"]
     assert words_of([{"kind": "tag", "agent": "blue_3", "other": "red_1"}]) == ["red_1 is tagged by blue_3"]

@@ -193,6 +193,15 @@ def test_an_image_that_cannot_be_read_is_named(tmp_path):
                 st.tuples(st.lists(points, min_size=2, max_size=4), st.just(RED), st.sampled_from([1, 1.5, 6])),
             ),
             st.tuples(st.just("add_polygon"), st.tuples(st.lists(points, min_size=3, max_size=4), st.just(RED))),
+            st.tuples(
+                st.just("add_symbols"),
+                st.tuples(
+                    st.lists(points, max_size=3),
+                    st.lists(st.tuples(st.floats(-30, 30), st.floats(-30, 30)), min_size=2, max_size=4),
+                    st.just(RED),
+                    st.sampled_from([0, 3]),
+                ),
+            ),
         ),
         max_size=5,
     )
@@ -207,6 +216,15 @@ def test_culling_never_changes_pixels(calls):
     # Hairlines may be rounded differently where they were cut.
     far = np.abs(part - whole[300:350, 350:450]).max(axis=2) > 130
     assert far.sum() <= 3
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 8.0])
+def test_a_symbol_is_as_large_at_every_scale_and_stands_where_it_should(scale):
+    commands = Commands()
+    commands.add_symbols([(0.0, 0.0)], [(10, 5), (20, 5), (20, 15), (10, 15)], RED)
+    seen = pixels(commands, Camera(100, 50, -20.0 / scale, 10.0 / scale, scale))
+    red = np.argwhere(seen[:, :, 1] < 128)
+    assert (red.min(axis=0).tolist(), red.max(axis=0).tolist(), len(red)) == ([15, 30], [24, 39], 100)
 
 
 @given(

@@ -130,6 +130,10 @@ def test_an_image_of_a_foreign_kind_is_refused(tmp_path):
             st.tuples(st.just("add_circles"), st.tuples(st.lists(points, max_size=3), sizes, colors, sizes)),
             st.tuples(st.just("add_line"), st.tuples(st.lists(points, min_size=2, max_size=4), colors, sizes)),
             st.tuples(st.just("add_polygon"), st.tuples(st.lists(points, min_size=3, max_size=4), colors)),
+            st.tuples(
+                st.just("add_symbols"),
+                st.tuples(st.lists(points, max_size=3), st.lists(points, min_size=2, max_size=4), colors, sizes),
+            ),
             st.tuples(st.just("add_rectangle"), st.tuples(numbers, numbers, sizes, sizes, colors)),
             st.tuples(st.just("add_text"), st.tuples(st.text(), numbers, numbers, colors, sizes)),
         )

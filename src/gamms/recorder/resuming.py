@@ -143,6 +143,10 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     replayer.show(looks[-1] if looks else reader.header.get("visuals"), drawings)
     for _, kind, data in past.events(turn, tuple(COMPONENTS)):
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
+    drawing = getattr(ctx.visual, "drawing", None)  # a visual engine of the caller's may have none
+    if drawing is not None:
+        drawing.turns.forget(events=len(ctx.game.events))
+        drawing.events.go_to_turn()
 
 
 def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:

@@ -7,10 +7,12 @@ import numpy as np
 from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.camera import WindowCamera
+from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.window.input import Input
 from gamms.visual.window.overlay import Overlay
 
 _CHOICES_PX, _APART_PX, _NEAREST_PX = 80, 36, 90  # of choices: from the edge, and from the one who is asked
+_FOOT_PX = 16 + MARK_PX  # below a whole graph, from a mark to what stands there
 _MARGINS = (40, 0.06), (40, 0.06), (84, 0.12)  # at the sides, above, below a whole graph: pixels, share of the height
 
 
@@ -55,7 +57,7 @@ class Framing:
         xy = self._ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self._camera.screen_height) for px, share in _MARGINS)
-            margins = side, top, max(side, self._overlay.hud.legend.width), max(low, self._overlay.foot + 16)
+            margins = side, top, max(side, self._overlay.hud.legend.width), max(low, self._overlay.foot + _FOOT_PX)
             self._camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
 
     def see_choices(self, places: FloatArray) -> None:

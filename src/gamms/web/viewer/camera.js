@@ -16,6 +16,7 @@ export class Camera {
     this.scale = 1; // pixels per world unit
     this.isFitted = true;
     this.insets = { left: 0, top: 0, right: 0, bottom: 0 };
+    this.belowPx = 0; // for marks below the map
     /** @type {Covered[]} */ this.covered = []; // by cards at the upper corners
   }
 
@@ -50,10 +51,11 @@ export class Camera {
   /** @param {{left: number, top: number, right: number, bottom: number}} insets */
   #fitInto(insets) {
     const { left, bottom, right, top } = this.box;
-    const free = { width: Math.max(this.width - insets.left - insets.right, 50), height: Math.max(this.height - insets.top - insets.bottom, 50) };
+    const low = insets.bottom + this.belowPx;
+    const free = { width: Math.max(this.width - insets.left - insets.right, 50), height: Math.max(this.height - insets.top - low, 50) };
     this.scale = (1 - 2 * MARGIN) * Math.min(free.width / Math.max(right - left, this.unit), free.height / Math.max(top - bottom, this.unit));
     this.x = (left + right) / 2 - (insets.left - insets.right) / 2 / this.scale;
-    this.y = (bottom + top) / 2 + (insets.top - insets.bottom) / 2 / this.scale;
+    this.y = (bottom + top) / 2 + (insets.top - low) / 2 / this.scale;
   }
 
   /** Move by pixels. @param {number} dx @param {number} dy */

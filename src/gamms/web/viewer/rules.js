@@ -6,6 +6,7 @@ import { faded } from "./themes.js";
 const TINT = 70 / 255, BAND = 0.75;
 const FLAG_PX = 26, ARM_PX = 7, RING_PX = 8.5;
 const STEP_PX = 20, ROW_PX = 40, DOWN_PX = 16.5; // between marks of a row, at each side of its middle, and from the disc to them
+export const MARK_PX = 28; // how far marks reach below a disc
 const TAG_TURNS = 5, PALE = 150 / 255; // for which a tag is shown; marks of earlier turns
 const CROSS = [[[-1, -1], [1, 1]], [[1, -1], [-1, 1]]];
 const LINES = { cross: CROSS, tag: CROSS, tick: [[[-1, 0.1], [-0.3, 0.8], [1, -0.8]]] };

@@ -6,14 +6,14 @@ import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
-import { paintAmounts, paintDiscovered, paintFlags, paintGoals, paintHeld, paintMarks, territoriesOf } from "./rules.js";
+import { MARK_PX, paintAmounts, paintDiscovered, paintFlags, paintGoals, paintHeld, paintMarks, territoriesOf } from "./rules.js";
 import { paintMessages } from "./messages.js";
 import { sideOf } from "./sensed.js";
 import { THEMES, faded, isBright, teamColors } from "./themes.js";
 
 const AGENT_LAYER = 20; // artists below it are behind the agents
 const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
-const AGENT_PX = 6, LEAST_PX = 3, LARGEST_PX = 15, MANY = 150; // radius of agents; more than so many are smaller
+const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
 const MOST_PICTURES = 50;
 const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
 const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
@@ -39,6 +39,7 @@ export class Scene {
     this.world = replay.world;
     this.map = new MapLayer(replay.world);
     this.camera = new Camera(replay.world.box, replay.world.unit);
+    this.camera.belowPx = MARK_PX;
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
     /** @type {import("./rules.js").Mark[]} */ this.marks = []; // of agents that are out or were tagged
@@ -159,7 +160,7 @@ export class Scene {
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
     const { box, unit } = replay.world;
     const extent = Math.max(box.right - box.left, box.top - box.bottom) || unit;
-    this.discPx = Math.min(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, LARGEST_PX);
+    this.discPx = Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale;
     const radius = Math.max(this.discPx, least);
     const starts = spreadOf(ways, (way) => way.before?.node ?? way.agent.node), ends = spreadOf(ways, (way) => way.agent.node);
     this.discs = ways.map((way, i) => {

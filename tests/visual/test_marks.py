@@ -1,0 +1,216 @@
+"""Marks of tags, outs and arrivals stand beside agents, in pixels, and say whom they are about."""
+
+import re
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.ir.draw import DrawKind, DrawSpace
+from gamms.rules import arrive, capture_flag, cooldown, discover, hold, none_left, resource, tag
+from gamms.strategies import goto
+from gamms.visual.artist import ArtistGroup
+from gamms.visual.backends.pillow_backend import pixels_of
+from gamms.visual.camera import Camera, on_screen
+from gamms.visual.drawers.marks import drawn_marks
+
+MARKS = 25  # the layer
+
+
+def staying(state):
+    state["action"] = state["curr_pos"]
+
+
+@pytest.fixture
+def street():
+    """A maker of agents on a grid of 4 x 6 nodes: name -> team and node, and a node that it goes to."""
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 6))
+
+        def make(**agents):
+            for name, (team, node, *target) in agents.items():
+                strategy = goto(ctx, target[0]) if target else staying
+                ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=strategy)
+            return ctx
+
+        yield make
+
+
+def chase(street, then="eliminate"):
+    """Two reds come to the node of two blues, which are tagged."""
+    agents = {f"red_{number}": ("red", 1, 2) for number in range(2)} | {
+        f"blue_{number}": ("blue", 2) for number in (0, 1)
+    }
+    ctx = street(**agents, blue_2=("blue", 14))
+    ctx.game.add(tag("red", lambda agent: agent.team == "blue", then=then))
+    ctx.game.run(1)
+    return ctx
+
+
+def rows_on(commands, layer):
+    return np.flatnonzero(commands.layer == layer).tolist()
+
+
+def marks(ctx):
+    artists = ctx.visual.artists.shown()
+    ArtistGroup(ctx, artists).commands()
+    return [mark for artist in artists.values() for mark in drawn_marks(artist)]
+
+
+@pytest.mark.parametrize("scale", [0.5, 4.0, 40.0])
+@pytest.mark.parametrize("then", ["eliminate", "respawn"])
+def test_no_mark_touches_the_middle_of_a_disc(street, scale, then):
+    ctx = chase(street, then)
+    commands = ctx.visual.draw_commands()
+    points = on_screen(commands, Camera(1000, 1000, 0.0, 0.0, scale))
+    middles = Camera(1000, 1000, 0.0, 0.0, scale).to_screen(ctx.graph.columns().xy[[2]])
+    corners = np.concatenate(
+        [points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
+    )
+    assert np.hypot(*(corners - middles).T).min() > 6.0  # the least radius of an agent
+
+
+@pytest.mark.parametrize("then", ["eliminate", "respawn"])
+def test_two_victims_on_a_node_have_marks_apart_in_their_color_with_their_names(street, then):
+    ctx = chase(street, then)
+    blue = ctx.visual.drawing.group_colors()["blue"]
+    found = marks(ctx)
+    assert {mark.name for mark in found} == {"blue_0", "blue_1"}
+    assert {tuple(mark.color[:3]) for mark in found} == {blue}
+    (one, _), (other, _) = (np.multiply(mark.shift, mark.least_px) for mark in found)
+    assert abs(one - other) >= 17.0  # two rings
+    svg = ctx.visual.picture(".svg").decode()
+    words = re.findall(r">([^<>]+)</text>", svg)
+    times = 1 if then == "eliminate" else 2  # those who start again have names there, too
+    assert [words.count(name) for name in ("blue_0", "blue_1", "red_0")] == [times, times, 1]
+
+
+def test_who_is_out_has_one_mark_and_not_that_of_a_tag_besides(street):
+    ctx = chase(street)
+    words = re.findall(r">([^<>]+)</text>", ctx.visual.picture(".svg").decode())
+    assert "out" in words
+    assert "tagged" not in words
+    assert len(marks(ctx)) == 2
+
+
+def test_a_victim_of_an_earlier_turn_is_still_marked(street):
+    ctx = street(red_0=("red", 1, 5), blue_0=("blue", 2), blue_1=("blue", 4))
+    ctx.game.add(tag("red", "blue", then="eliminate"))
+    ctx.game.run(9)
+    assert [(mark.name, mark.current_position[0]) for mark in marks(ctx)] == [("blue_0", 20.0), ("blue_1", 40.0)]
+
+
+def home(street):
+    ctx = street(robot_0=("robots", 0, 3), robot_1=("robots", 5, 3), thief=("thieves", 6, 7), guard=("guards", 7))
+    ctx.game.add(arrive("robots", 3))
+    ctx.game.add(tag("guards", "thieves", then="eliminate"))
+    ctx.game.add(none_left("robots", winner="robots"))
+    return ctx
+
+
+def test_an_arrival_is_a_tick_and_explained_as_one(street):
+    ctx = home(street)
+    result = ctx.game.run(9)
+    shapes = {len(corners) for corners in corners_of_marks(ctx)}
+    assert {mark.name for mark in marks(ctx)} == {"robot_0", "robot_1", "thief"}
+    assert shapes == {4, 6}  # ticks and a cross
+    words = re.findall(r">([^<>]+)</text>", ctx.visual.picture(".svg", captions=True).decode())
+    assert {"arrived", "out"} <= set(words)
+    assert "robot_0 arrives at node 3" in words
+    assert result.reason == "no agent of robots is in play"
+
+
+def corners_of_marks(ctx):
+    commands = ctx.visual.draw_commands()
+    return [commands.points[commands.offsets[row] + 1 : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
+
+
+def test_who_came_back_and_was_then_tagged_has_not_arrived(street):
+    ctx = street(robot=("robots", 2, 3), guard=("guards", 9))
+    ctx.game.add(arrive("robots", 3))
+    ctx.game.run(1)
+    assert {len(corners) for corners in corners_of_marks(ctx)} == {4}
+    ctx.game.respawn("robot")
+    ctx.game.step()
+    ctx.game.respawn("robot")
+    ctx.game.remove("arrive")
+
+    @ctx.game.add
+    def end(ctx):
+        ctx.game.eliminate("robot")
+
+    ctx.game.step()
+    assert {len(corners) for corners in corners_of_marks(ctx)} == {6}
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
+def test_a_recording_shows_the_same_marks_after_each_turn(street, tmp_path, suffix):
+    ctx, live, path = home(street), [], tmp_path / f"picture{suffix}"
+    ctx.record.start(tmp_path / "game.ggr")
+    while not ctx.game.is_over:
+        ctx.game.step()
+        live.append(ctx.visual.picture(suffix))
+    ctx.record.stop()
+    assert len(set(live)) == len(live) == 3
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        for turn, picture in enumerate(live, 1):
+            recording.save(path, turn)
+            assert path.read_bytes() == picture
+
+
+def test_a_game_that_goes_on_from_a_recording_says_what_happens_then_alone(street, tmp_path):
+    ctx = home(street)
+    ctx.record.start(tmp_path / "game.ggr")
+    ctx.game.run(9)
+    ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording, recording.resume(2) as again:
+        assert [event["kind"] for event in again.visual.drawing.events.of_turn()] == ["arrive", "eliminated"]
+        again.game.step()
+        assert again.visual.drawing.events.of_turn() == []
+        assert {mark.name for mark in marks(again)} == {"robot_1", "thief"}
+
+
+def test_marks_at_the_lower_side_of_a_map_are_on_the_page(street):
+    ctx = chase(street)
+    svg = ctx.visual.picture(".svg", captions=True).decode()
+    turn = float(re.search(r'y="([\d.]+)"[^>]*>turn 1<', svg)[1])
+    height = float(re.search(r'height="(\d+)"', svg)[1])
+    blue = "#{:02x}{:02x}{:02x}".format(*ctx.visual.drawing.group_colors()["blue"])
+    lines = re.findall(rf'<g fill="none" stroke="{blue}"[^>]*>(.*?)</g>', svg)
+    lowest = max(float(y) for line in lines for y in re.findall(r'd="m[\d.]+ ([\d.]+)', line))
+    assert lowest + 2 * 7.0 < turn - 6.0 < height
+
+
+RULES = {
+    "tags": lambda ctx: tag("red", "blue"),
+    "outs": lambda ctx: tag("red", "blue", then="eliminate"),
+    "flags": lambda ctx: capture_flag({"red": 0, "blue": 23}),
+    "places": lambda ctx: hold([4, 5], 4),
+    "nodes": lambda ctx: discover([1, 7]),
+    "bars": lambda ctx: resource("fuel", 40, per_turn=10),
+    "arcs": lambda ctx: cooldown("shout", 3),
+}
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_signs_of_rules_have_sizes_in_pixels(street, name):
+    ctx = street(red_0=("red", 1, 2), blue_0=("blue", 2), red_1=("red", 4))
+    ctx.game.deeds = {"shout": None}
+    shout = lambda state: state.update(action={"node_id": state["curr_pos"], "do": {"shout": None}})
+    ctx.agent.get_agent("red_1").register_strategy(shout)
+    ctx.game.add(RULES[name](ctx))
+    ctx.game.step()
+    commands = ctx.visual.draw_commands()
+    of_rules = np.isin(commands.layer, (18, 22, 25))
+    assert of_rules.any()
+    assert set(commands.space[of_rules].tolist()) == {DrawSpace.SCREEN}
+    assert DrawKind.LINE not in commands.kind[of_rules]
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_a_frame_shows_signs_as_a_picture_does(street, name):
+    ctx = street(red_0=("red", 1, 2), blue_0=("blue", 2), red_1=("red", 4))
+    ctx.game.deeds = {"shout": None}
+    ctx.game.add(RULES[name](ctx))
+    ctx.game.step()
+    assert (ctx.visual.frame(500, 400) == pixels_of(ctx.visual.picture(".png", 500, 400))).all()
