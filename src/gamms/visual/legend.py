@@ -338,7 +338,7 @@ def _cross(pen: Pen, x: float, y: float, color: Rgb) -> None:
         pen.line([(x - 5.0, y - 5.0 * side), (x + 5.0, y + 5.0 * side)], color, 2.5)
 
 
-def _tick(pen: Pen, x: float, y: float, color: Rgb) -> None:
+def _check(pen: Pen, x: float, y: float, color: Rgb) -> None:
     pen.line([(x - 6.0, y + 0.5), (x - 2.0, y + 5.0), (x + 6.0, y - 5.0)], color, 2.5)
 
 
@@ -382,7 +382,7 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "band": lambda pen, x, y, color: pen.line([(x - 6.0, y), (x + 6.0, y)], (*color, 90), 9.0),
     "flag": _flag,
     "cross": _cross,
-    "tick": _tick,
+    "tick": _check,
     "tag": _tag,
     "goal": _goal,
     "arc": _arc,

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.graph import FloatArray
-from gamms.typing import IArtist, IContext, NodeId
-from gamms.visual.appearance import AgentData, AnyColor, color_group, rgba
+from gamms.typing import IArtist, IContext
+from gamms.visual.appearance import AgentData, AnyColor, Rgba, color_group, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows
@@ -38,7 +38,7 @@ class _Mark(NamedTuple):
     """A sign for an agent at a place."""
 
     name: str
-    color: AnyColor
+    color: Rgba
     place: tuple[float, float]
     number: int  # in the row of its place
     signs: tuple[FloatArray, ...]
@@ -62,9 +62,9 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     _draw(ctx, marks, data)
 
 
-def _tags(ctx: IContext, of: Collection[str] | None, out: Collection[str]) -> dict[NodeId, dict[str, dict[str, Any]]]:
+def _tags(ctx: IContext, of: Collection[str] | None, out: Collection[str]) -> dict[int, dict[str, dict[str, Any]]]:
     """Return node -> agent -> its latest tag there, of those that are marked."""
-    graph, agents, found = ctx.graph.graph, ctx.agent.agents, dict[NodeId, dict[str, dict[str, Any]]]()
+    graph, agents, found = ctx.graph.graph, ctx.agent.agents, dict[int, dict[str, dict[str, Any]]]()
     for tag in drawing_of(ctx).events.of_turns("tag", TAG_TURNS):
         node, name = tag.get("node", -1), tag.get("other", "")
         is_open = of is None or tag.get("agent") in of or name in of
@@ -91,11 +91,10 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
 def drawn_marks(artist: IArtist) -> list[AgentData]:
     """Return the marks that an artist drew last, at their places."""
     data = getattr(artist, "data", None)
-    is_drawn = isinstance(data, dict) and artist.get_visible()
-    return data.get(_MARKS, []) if is_drawn else []
+    return data.get(_MARKS, []) if isinstance(data, dict) and artist.get_visible() else []
 
 
-def _aged(color: AnyColor, *, is_new: bool) -> AnyColor:
+def _aged(color: AnyColor, *, is_new: bool) -> Rgba:
     red, green, blue, alpha = rgba(color)
     return red, green, blue, alpha if is_new else min(alpha, _PALE)
 
