@@ -1,6 +1,7 @@
 """Rules in batches: each game is the one that is played alone, whatever the rules do in it."""
 
 import math
+from functools import partial
 from pathlib import Path
 
 import networkx as nx
@@ -10,7 +11,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
-from gamms.rules import Conflicts, by_priority, discover, last_team
+from gamms.rules import Conflicts, by_priority, capture_flag, discover, last_team, tag
 from gamms.scenario import Scenario
 from gamms.sensor.ground import MapSensor
 from gamms.strategies import random_waypoints
@@ -209,6 +210,24 @@ def test_what_sensors_show_that_have_no_array_form_is_discovered_one_by_one():
 )
 def test_flags_are_taken_and_captured_as_in_games_that_are_played_alone(flags, given, same_as_one_by_one):
     same_as_one_by_one(scene([TAG, rule("capture_flag", flags=flags, **given)], max_turns=50), SEEDS)
+
+
+@pytest.mark.parametrize("in_arrays", [(True, True), (False, True), (True, False)])
+@pytest.mark.parametrize(("unit", "speed"), [("edges", 4), ("metres", 40.0)])
+def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(unit, speed, in_arrays):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 4))
+        ctx.agent.create_agent("runner", start_node_id=0, team="red", speed=speed)
+        ctx.agent.get_agent("runner").strategy = lambda state: state.update(action=[0, 1, 2, 1, 0])
+        ctx.agent.create_agent("guard", start_node_id=1, team="blue")
+        rules = tag("blue", "red"), capture_flag({"blue": 2, "red": 0}, announce=False)
+        for name, one, has_form in zip(("tags", "flags"), rules, in_arrays, strict=True):
+            ctx.game.add(one if has_form else partial(one), name=name)
+        with ctx.game.batch(2) as games:
+            games.step()
+            assert not games.detached
+            assert "in arrays" in repr(games)
+            assert [event["kind"] for event in games.result(1).events] == ["tag", "respawned"]
 
 
 def test_carriers_of_flags_are_known_as_numbers_of_agents():

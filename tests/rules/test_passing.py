@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.agent import AgentType
-from gamms.rules import contacts, tag
+from gamms.rules import capture_flag, contacts, tag
 from gamms.strategies import goto, patrol
 
 
@@ -128,6 +128,62 @@ def test_who_was_put_elsewhere_is_there_at_the_end_of_the_turn():
     ctx.game.step()
     ctx.game.respawn("r")
     assert [(one.b, one.time) for one in contacts(ctx, "red", "blue")] == [("c", 1.0)]
+
+
+@pytest.mark.parametrize(("unit", "speed"), [("edges", 4), ("metres", 40.0)])
+@pytest.mark.parametrize("place", ["respawn", "node", "snapshot"])
+def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(unit, speed, place):
+    ctx = open_road(("r", "red", 0, speed, 4), ("b", "blue", 2, None, 2), ("c", "blue", 0, None, 0), unit=unit)
+    ctx.agent.get_agent("r").strategy = lambda state: state.update(action=[0, 1, 2, 1, 0])
+    ctx.game.step()
+    assert [one.time for one in contacts(ctx, "red", "blue")] == [0.5, 1.0]
+    if place == "node":
+        ctx.agent.get_agent("r").current_node_id = 0
+    else:
+        ctx.game.respawn("r")
+    if place == "snapshot":
+        here = ctx.game.snapshot()
+        ctx.game.step()
+        ctx.game.restore(here)
+    assert [(one.b, one.time) for one in contacts(ctx, "red", "blue")] == [("c", 1.0)]
+    assert [(one.b, one.time) for one in contacts(ctx.game.fork(5).ctx, "red", "blue")] == [("c", 1.0)]
+    assert [one[2] for one in met(ctx)] == [0.5, 1.0]  # until it moves again
+
+
+def test_a_flyer_that_is_put_where_it_flew_to_has_not_gone_along_an_edge():
+    ctx = open_road(("r", "red", 1, None, 0))
+    ctx.agent.create_agent("b", type=AgentType.AERIAL, team="blue", start_node_id=0, speed=10.0)
+    ctx.agent.get_agent("b").strategy = lambda state: state.update(action=(10.0, 0.0, 0.0))
+    ctx.game.step()
+    ctx.agent.get_agent("b").position = ctx.agent.get_agent("b").position
+    assert contacts(ctx, "red", "blue", air=True) == []
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_a_runner_that_is_tagged_on_its_way_home_captures_no_flag_in_that_turn(unit):
+    ctx = open_road(
+        ("runner", "red", 0, {"edges": 4, "metres": 40.0}[unit], 9), ("guard", "blue", 1, None, 1), unit=unit
+    )
+    ctx.agent.get_agent("runner").strategy = lambda state: state.update(action=[0, 1, 2, 1, 0])
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.add(capture_flag({"blue": 2, "red": 0}))
+    assert [event["kind"] for event in ctx.game.run(1).events] == ["tag", "respawned"]
+
+
+@pytest.mark.parametrize("mover", ["red", "blue"])
+def test_an_agent_that_a_deed_puts_where_its_part_of_the_turn_ended_has_met_no_agent_on_its_way(mover):
+    ctx = open_road(("r", "red", 0, 4, 9), ("b", "blue", 2, None, 2))
+    ctx.agent.get_agent("r").strategy = lambda state: state.update(action=[0, 1, 2, 1, 0])
+    ctx.game.order = [["red"], ["blue"]]
+    parts = iter(["red", "blue"])
+
+    def put(ctx):
+        if next(parts) == mover:
+            ctx.game.respawn("r")
+
+    ctx.game.add(put, phase="deeds")
+    ctx.game.step()
+    assert bool(contacts(ctx, "red", "blue")) is (mover == "red")  # before it moves it is put where it begins
 
 
 def test_with_a_distance_agents_are_compared_when_one_reaches_a_node():

@@ -246,12 +246,14 @@ class TurnMoves:
 
     def was_put(self, i: int) -> bool:
         """Return whether an agent whose node is that of its move is not there by the move: it flew, or was put."""
-        slot, action = self.slots[i], self.actions.get(i)
+        slot, action, block = self.slots[i], self.actions.get(i), self.order.block
+        if block.placed and slot.name in block.rows and block.row_of(slot.name) in block.placed:
+            return True
         if slot.flies:
             return action is not None and action.position not in (None, slot.agent.prev_position)
         if not slot.travels:
             return False
-        block, ended = self.order.block, None if action is None else action.progress
+        ended = None if action is None else action.progress
         now = block.progress[block.row_of(slot.name)] if slot.name in block.rows else ended
         return (now and now[:-1]) != (ended and ended[:-1])  # how it moves there is no matter
 

@@ -117,8 +117,8 @@ class RuleVerbs(Settings):
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return how agents have moved in this turn: for each, the nodes and from 0 to 1 when it was at each.
 
-        An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
-        only at 1.
+        An agent that stayed is at its node from 0 on. An agent that flew, or that a rule has put on its node since it
+        moved, is there only at 1.
         """
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(agents)

@@ -231,6 +231,7 @@ class TurnEngine:
         if order.unlisted is not None:
             raise left_out(order.unlisted.name, order.unlisted.team)
         self._groups, self.is_moving = order.groups, True
+        order.block.placed.clear()
         try:
             if order.is_usual and not (observers or rules.act_before_moves):
                 self._play_at_once(order)
@@ -576,6 +577,9 @@ class TurnEngine:
         order.count_moves(turn.starts, ends, None)
         if part.paced or turn.actions:
             self._apply_actions(turn, part, block)
+        if block.placed:
+            rows = order.selection.rows
+            block.placed.difference_update([rows[i] for i in part.members])
 
     def _apply_actions(self, turn: TurnMoves, part: Part, block: AgentBlock) -> None:
         """Write what a part does besides going from node to node."""

@@ -20,9 +20,7 @@ Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
-
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
-
 
 NUMBERS: dict[str, tuple[type, Any]] = {}
 """Further columns of one number per agent, by name: the kind and the value of a new agent.
@@ -75,6 +73,7 @@ class AgentBlock:
         flyers: the rows of flyers, ascending.
         travellers: the rows of agents whose progress has a motion.
         inactive: the rows of agents that are not alive.
+        placed: the rows of agents that were put where they are since they moved in a turn.
         removed: the rows of agents that were removed; `close_up` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         rows: of the agents, by their names.
@@ -86,8 +85,8 @@ class AgentBlock:
 
     __slots__ = (
         *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_located_revision", "_unlocated"),
-        *("_version", "copied", "flyers", "graph", "inactive", "journal", "removed", "rows", "structure", "travellers"),
-        *("trusts_nodes", "under_way"),
+        *("_version", "copied", "flyers", "graph", "inactive", "journal", "placed", "removed", "rows", "structure"),
+        *("travellers", "trusts_nodes", "under_way"),
     )
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
@@ -107,6 +106,7 @@ class AgentBlock:
             setattr(self, name, [])
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
+        self.placed: set[int] = set()
         self.travellers: set[int] = set()
         self.removed: list[int] = []
         self._version = 0
@@ -267,7 +267,7 @@ class AgentBlock:
             self._show(name, np.delete(buffer, gone), len(self.names))
         self.rows.close_up(gone)
         self.journal.close_up(gone)
-        for which in ("_unlocated", "inactive", "travellers"):
+        for which in ("_unlocated", "inactive", "placed", "travellers"):
             setattr(self, which, {row - bisect_left(gone, row) for row in getattr(self, which).difference(gone)})
         self.flyers = [*compress(count(), self.kind)] if self.flyers else []
         self._have_all_changed = True
@@ -354,6 +354,8 @@ class AgentBlock:
             self._changed.add(row)
         if column in _OF_STRUCTURE:
             self.structure.note((row,))
+        if column == "node":
+            self.placed.add(row)
         if column == "alive":
             (self.inactive.discard if value else self.inactive.add)(row)
         if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
@@ -409,6 +411,7 @@ class AgentBlock:
         elif before is None or position[0] != before[0] or position[1] != before[1]:
             self._unlocated.add(row)
         self.position[row] = position
+        self.placed.add(row)
         self._changed.add(row)
         if not journal.is_silent:
             journal.flew(row, self.nearest(row), position)
@@ -513,8 +516,8 @@ class AgentBlock:
             self._changed.clear()
 
     def values(self) -> dict[str, Any]:
-        """Return copies of all columns, for `restore`."""
-        columns: dict[str, Any] = {name: getattr(self, name) for name in BY_ROW}
+        """Return copies of all columns and of `placed`, for `restore`."""
+        columns: dict[str, Any] = {name: getattr(self, name) for name in (*BY_ROW, "placed")}
         return {name: np.array(one) if name in self._buffers else one.copy() for name, one in columns.items()}
 
     def restore(self, values: dict[str, Any], *, has_structure: bool) -> None:
@@ -533,6 +536,7 @@ class AgentBlock:
                 np.asarray(column)[:] = before
             else:
                 column[:] = before.tolist() if isinstance(column, list) and isinstance(before, np.ndarray) else before
+        self.placed = set(values["placed"])
         self._have_all_changed = True
         self._unlocated.update(self.flyers)
         if has_structure:

@@ -382,14 +382,16 @@ class _TurnOfOne(ArrayTurn):
         super().__init__(state, np.zeros(1, np.int64))
         self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
         self._number = {name: number for number, name in enumerate(roster.names)}
+        block = ctx.agent.block
+        state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
         self.took_part = np.zeros(self.node.shape, np.bool_)
-        self._was_put = np.zeros(self.node.shape, np.bool_)  # who flew, or was put, to the node where its move ends
+        self._has_flown = np.zeros(self.node.shape, np.bool_)
         moves: TurnMoves | None = game.internals.state.moves
         if moves is not None:
             self.starts, self.ends, self.took_part, paths = LastTurn.of(moves, roster, movement, self.node)
             self.paths = None if self._by_metres else paths
             for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
-                self._was_put[0, number] = moves.was_put(moves.order.index_of[roster.names[number]])
+                self._has_flown[0, number] = moves.was_put(moves.order.index_of[roster.names[number]])
         done = [(0, self._number[one.agent], i, one.kind, one.values) for i, one in enumerate(game.performed())]
         self._deeds += state.deeds.from_plain(done, self.starts)
 
@@ -407,7 +409,7 @@ class _TurnOfOne(ArrayTurn):
     @property
     def is_there_by_move(self) -> BoolArray:
         """Which agents are where their moves have led them, rather than put there since: (1, agents)."""
-        return super().is_there_by_move & ~self._was_put
+        return super().is_there_by_move & ~self._has_flown
 
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
         """Return at which nodes agents were in the turn."""
@@ -456,6 +458,7 @@ class _TurnOfOne(ArrayTurn):
             self._game.respawn(self.roster.names[number])
             put_locked(self.node, (0, number), self.streets.rows(self.roster.agents[number].current_node_id))
             put_locked(self.alive, (0, number), values=True)
+            self._state.placed[0, number] = True
 
     def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
         """Refuse these deeds, which is for the check of a rule."""

@@ -288,6 +288,7 @@ class ArrayEngine:
     def _play_turn(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of games whose rules of the phase "before" were applied."""
         state, asking = self.state, Asking(self.state, self._here, given, at_arrivals=self._arriving is not None)
+        state.placed[turn.games] = False
         actions, is_given = asking.given(turn, self._resting(turn.games))
         self._refuse_left_out(turn)
         for number, members in enumerate(self._parts):

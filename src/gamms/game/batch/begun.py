@@ -67,6 +67,7 @@ class Beginning:
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
         self._node = rows([int(block.node[row]) for row in own]) if self._turn else None
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._placed = [block.placed and name in known and block.row_of(name) in block.placed for name in names]
         self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
         self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
@@ -133,6 +134,7 @@ class Beginning:
         """Let some games begin here, which were reset."""
         values = self._values
         state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
+        state.placed[games] = self._placed
         state.alive[games[:, None], self._agents] = self._alive
         if self._node is not None:
             state.node[games[:, None], self._agents] = self._node

@@ -143,6 +143,7 @@ class DeviceGames(GameArrays):
             "moves": now["moves"] + xp.astype(ends != now["node"], xp.int64),
         }  # fmt: skip
         self.turn[playing] += 1
+        self.placed[playing] = False
         self.turn_there = self.turn_there + (1 if playing.all() else self.library.put(playing.astype(np.int64)))
         self._is_old = True
         self.now.clear()

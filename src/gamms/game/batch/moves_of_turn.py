@@ -112,6 +112,7 @@ def _are_closed(turn: ArrayTurn, moves: Moves) -> BoolArray:
 def move(turn: ArrayTurn, moves: Moves, in_conflict: BoolArray | None, part: TurnPart | None = None) -> None:
     """Move agents, of a part of the turn or all, and note which, (games, agents), conflicts have stopped."""
     state, games = turn._state, turn.games
+    state.placed[games if part is None else np.ix_(games, part.members)] = False
     state.counts["moves"][turn._rows] += moves.ends != turn.node
     if in_conflict is None:
         in_conflict = np.broadcast_to(np.False_, moves.ends.shape)

@@ -64,10 +64,11 @@ class GameColumns(NamedTuple):
     """Some games of a turn as lists: of each game the values of its agents."""
 
     turns: list[int]
-    node: list[list[int]]  # in the order of the rows, as the next three
+    node: list[list[int]]  # in the order of the rows, as the next four
     previous: list[list[int]]
     alive: list[list[bool]]
     took_part: list[list[bool]]
+    placed: list[list[bool]]
     names_took_part: list[list[bool]]  # in the order of the names, as what follows
     starts: list[list[int]]
     ends: list[list[int]]
@@ -281,6 +282,7 @@ class RuleFork:
             self._set_alive(columns.took_part[at])
             values.moves = None if phase == "before" and not values.turn else self._moves(at, columns)
         self._set_alive(columns.alive[at])
+        block.placed = {row for row, is_placed in enumerate(columns.placed[at]) if is_placed}
         for row, place in columns.in_air[at].items():
             self._put_flyer(row, place)
         block.move_all(self._all, columns.previous[at])
@@ -303,11 +305,9 @@ class RuleFork:
         self._structure, self._counted = block.structure.version, self._what_is_counted()
 
     def _set_alive(self, alive: list[bool]) -> None:
-        block = self._block
-        if block.alive != alive:
-            for row, (is_now, was) in enumerate(zip(alive, block.alive.copy(), strict=True)):
-                if is_now != was:
-                    block.set(row, "alive", is_now)
+        for row, (is_now, was) in enumerate(zip(alive, self._block.alive.copy(), strict=True)):
+            if is_now != was:
+                self._block.set(row, "alive", is_now)
 
     def _moves(self, at: int, columns: GameColumns) -> TurnMoves:
         """Return the moves of a turn."""
@@ -445,6 +445,7 @@ class RuleFork:
                 put_locked(column, (row, rows), turn.streets.rows(now))
         if block.alive != alive:
             put_locked(turn.alive, (at, rows), block.alive)
+        state.placed[game, rows] = [row in block.placed for row in range(len(rows))]
         left = [row for row in columns.progress[i] if block.progress[row] is None]
         if left:
             state.movement.clear(game, self.rows[left])

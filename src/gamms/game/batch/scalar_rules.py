@@ -252,6 +252,7 @@ def _columns(
         ids(headings.previous[games][:, rows]),
         turn.alive[at][:, rows],
         turn.took_part[at][:, rows],
+        state.placed[games][:, rows],
         turn.took_part[at],
         ids(turn.starts[at]),
         ids(turn.ends[at]),

@@ -246,6 +246,7 @@ class GameArrays:
         apart: games that the turn engine plays, by their numbers, and why.
         observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
+        placed: (games, agents) which were put where they are since they moved in this turn.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         first, first_by: what they remember of a game that has begun, likewise, as arrays of one game; and which does.
         has_begun: whether games begin after some turns; what forms keep of these must be in `first` then.
@@ -292,6 +293,7 @@ class GameArrays:
         self.deeds = DeclaredDeeds({}, None, roster, movement.streets, games)
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
+        self.placed = np.zeros(shape, np.bool_)
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(roster.names), np.bool_)
         self.facts, self.events = dict[str, Any](), EventLog(games)
@@ -325,7 +327,7 @@ class GameArrays:
         self.start[games] = self.node[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games], self.turn[games], self.stops[games] = True, 0, 0
-        self.blocked[games] = False
+        self.blocked[games] = self.placed[games] = False
         self.put_roads(games, None)
         self.movement.clear(games)
         if self.headings is not None:
@@ -477,7 +479,8 @@ class GameArrays:
     def checkpoint(self) -> Callable[[], None]:
         """Return what takes back all that forms change from now on, but for where agents are."""
         by_name: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
-        columns = [self.stops, self.is_going, *(getattr(self.movement, name) for name in self.movement.remembers)]
+        columns = [self.stops, self.placed, self.is_going]
+        columns += [getattr(self.movement, name) for name in self.movement.remembers]
         columns += [one for those in (*by_name, self.counts) for one in those.values()]
         if self.headings is not None:
             columns.append(self.headings.previous)

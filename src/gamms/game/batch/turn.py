@@ -139,7 +139,7 @@ class ArrayTurn:
     @property
     def is_there_by_move(self) -> BoolArray:
         """Which agents are where their moves have led them, rather than put there since: (games, agents)."""
-        by_move: BoolArray = self.took_part & (self.node == self.ends)
+        by_move: BoolArray = self.took_part & (self.node == self.ends) & ~self._state.placed[self.games]
         if self.paths is not None and self.paths.edge is not None:
             by_move &= self._state.movement.edge[self.games] == self.paths.edge
             if self._is_moving and self.paths.legs is not None and self.paths.legs.edge.size:  # they have not moved yet
@@ -377,6 +377,7 @@ class ArrayTurn:
             begun = np.where(is_first, self._state.start[games, agents], before)
             put_locked(self.node, (at, agents), begun)
             put_locked(self.alive, (at, agents), values=True)
+            self._state.placed[games, agents] = True
             self._state.movement.clear(games, agents)
             if self._state.flyers is not None:
                 self._state.flyers.respawn(games, agents)
