@@ -212,6 +212,30 @@ def test_flags_are_taken_and_captured_as_in_games_that_are_played_alone(flags, g
     same_as_one_by_one(scene([TAG, rule("capture_flag", flags=flags, **given)], max_turns=50), SEEDS)
 
 
+@pytest.mark.parametrize(
+    ("unit", "xs", "speeds", "order"),
+    [
+        ("edges", [0.0, 1.0, 2.0], (2, 2), None),
+        ("edges", [0.0, 1.0, 2.0], (2, 2), [["red"], ["blue"]]),
+        ("metres", [0.0, 1.0, 2.0], (2.0, 2.0), None),
+        ("metres", [0.0, 0.3, 1.0], (0.4, 0.7 / 0.75), None),  # at one time but for rounding
+    ],
+)
+def test_agents_that_meet_on_a_node_do_not_pass_each_other_on_the_edge_behind_it(unit, xs, speeds, order):
+    with gamms.create_context(game={"speed_unit": unit, "order": order}) as ctx:
+        ctx.graph.add_nodes(range(3), xs, [0.0] * 3)
+        ctx.graph.add_edges(range(4), [0, 1, 1, 2], [1, 2, 0, 1])
+        last = 1 if order else 2
+        for (team, start, target), speed in zip((("red", 0, last), ("blue", last, 0)), speeds, strict=True):
+            one = ctx.agent.create_agent(team, start_node_id=start, team=team, speed=speed)
+            one.register_strategy(gamms.strategies.goto(ctx, target))
+        ctx.game.add(tag("red", "blue", mutual=True, territory={0: "blue", 2: "red"}))
+        with ctx.game.batch(2) as games:
+            games.step()
+            assert not games.detached
+            assert games.result(1).events == []
+
+
 @pytest.mark.parametrize("in_arrays", [(True, True), (False, True), (True, False)])
 @pytest.mark.parametrize(("unit", "speed"), [("edges", 4), ("metres", 40.0)])
 def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(unit, speed, in_arrays):

@@ -130,6 +130,37 @@ def test_who_was_put_elsewhere_is_there_at_the_end_of_the_turn():
     assert [(one.b, one.time) for one in contacts(ctx, "red", "blue")] == [("c", 1.0)]
 
 
+@pytest.mark.parametrize(
+    ("unit", "speed", "order", "red", "blue"),
+    [
+        ("edges", 2, None, [2, 3, 4], [4, 3, 2]),
+        ("edges", 2, [["red"], ["blue"]], [2, 3], [3, 2]),
+        ("metres", 20.0, None, [2, 3, 4], [4, 3, 2]),
+        ("metres", 10.0, [["red"], ["blue"]], [2, 3], [3, 2]),
+    ],
+)
+def test_agents_that_meet_on_a_node_do_not_pass_each_other_on_the_edge_behind_it(unit, speed, order, red, blue):
+    ctx = open_road(("r", "red", red[0], speed, red[-1]), ("b", "blue", blue[0], speed, blue[-1]), unit=unit)
+    ctx.game.order = order
+    grounds = {2: "blue", 3: None, 4: "red"}
+    ctx.game.add(tag("red", "blue", mutual=True, territory=grounds))
+    ctx.game.step()
+    assert ctx.game.events == []
+    assert [one[2:6] for one in contacts(ctx, "red", "blue")] == [(0.0, 0.5, 3, 3)]
+
+
+def test_agents_that_come_to_a_node_at_one_time_but_for_rounding_meet_on_that_node():
+    ctx = gamms.create_context(seed=5, logger_config={"level": "CRITICAL"}, game={"speed_unit": "metres"})
+    ctx.graph.add_nodes(range(3), [0.0, 0.3, 1.0], [0.0] * 3)
+    ctx.graph.add_edges(range(4), [0, 1, 1, 2], [1, 2, 0, 1])
+    for name, team, start, target, speed in (("r", "red", 0, 2, 0.4), ("b", "blue", 2, 0, 0.7 / 0.75)):
+        ctx.agent.create_agent(name, start_node_id=start, team=team, speed=speed, strategy=goto(ctx, target))
+    ctx.game.step()
+    times = [track.times[1] for track in ctx.game.tracks(ctx.game.agents)]
+    assert 0.0 < abs(times[0] - times[1]) < 1e-12
+    assert [one[4:6] for one in contacts(ctx, "red", "blue")] == [(1, 1)]
+
+
 @pytest.mark.parametrize(("unit", "speed"), [("edges", 4), ("metres", 40.0)])
 @pytest.mark.parametrize("place", ["respawn", "node", "snapshot"])
 def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(unit, speed, place):

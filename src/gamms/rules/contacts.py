@@ -260,26 +260,31 @@ def _on_nodes(ours: list[_Tracked], theirs: list[_Tracked], slack: float = 0.0) 
                     yield max(begin, came), 0.0, False, name, other, node, node
 
 
+def _opposite(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[tuple[str, Leg, str, Leg]]:
+    """Yield the pairs that went along one edge in opposite directions, each with its leg."""
+    on: dict[tuple[int, int], list[tuple[str, Leg]]] = defaultdict(list)
+    for name, track in ours:
+        for leg in legs_of(track):
+            on[leg[:2]].append((name, leg))
+    for other, track in theirs:
+        for back in legs_of(track):
+            for name, leg in on.get((back[1], back[0]), ()):
+                yield name, leg, other, back
+
+
 def _on_edges(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[Meeting]:
     """Yield the pairs that were on one edge at one time, in opposite directions."""
-    on: dict[tuple[int, int], list[tuple[str, float, float]]] = defaultdict(list)
-    for name, track in ours:
-        for source, target, begin, end in legs_of(track):
-            on[source, target].append((name, begin, end))
-    for other, track in theirs:
-        for source, target, came, left in legs_of(track):
-            for name, begin, end in on.get((target, source), ()):
-                if begin <= left and came <= end:
-                    yield max(begin, came), 0.0, True, name, other, target, source
+    for name, (node, _, begin, end), other, (other_node, _, came, left) in _opposite(ours, theirs):
+        if begin < left and came < end:  # else one enters the edge when the other leaves it: they meet on the node
+            yield max(begin, came), 0.0, True, name, other, node, other_node
 
 
 def _crossed(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> Iterator[Meeting]:
     """Yield the pairs that went along one edge in opposite directions, at any time of the turn."""
     sides = _tracked(ctx, ours, passing=True), _tracked(ctx, theirs, passing=True)
-    whenever = ([(name, Track(path, (1.0,) * len(path))) for name, (path, *_) in side] for side in sides)
     node_of = {agent.name: agent.current_node_id for agent in (*ours, *theirs)}
-    for time, *_, name, other, _, _ in _on_edges(*whenever):
-        yield time, 0.0, True, name, other, node_of[name], node_of[other]
+    for name, _, other, _ in _opposite(*sides):
+        yield 1.0, 0.0, True, name, other, node_of[name], node_of[other]
 
 
 def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aerial: _Aerial) -> Iterator[Meeting]:

@@ -195,8 +195,9 @@ def _on_edges(turn: ArrayTurn, paths: Paths, sides: Sides, *, passing: bool) -> 
     ways, back = ((at * turn.streets.num_nodes + a) * turn.streets.num_nodes + b for a, b in (ends, ends[::-1]))
     i, j = equal_keys(ways[ours], back[theirs])
     i, j = ours[i], theirs[j]
-    together = (since[i] <= until[j]) & (since[j] <= until[i])
-    i, j = i[together], j[together]
+    if passing:  # who enters an edge when the other leaves it meets it on the node
+        together = (since[i] < until[j]) & (since[j] < until[i])
+        i, j = i[together], j[together]
     times, games, (a, b) = np.maximum(since[i], since[j]), at[i], (agents[i], agents[j])
     where = (ends[0][i], ends[0][j]) if passing else (turn.node[games, a], turn.node[games, b])
     return games, a, b, times, times * 0.0, times >= 0.0, *where

@@ -78,8 +78,8 @@ class Journey:
         self.visits, self.legs = visits_of(track), track.legs
 
     def node_at(self, time: float) -> int:
-        """Return the node that it has passed last."""
-        passed = [node for node, when in zip(self.track.path, self.track.times, strict=True) if when <= time]
+        """Return the node that it has passed last; it is on a node that it reaches right after the time."""
+        passed = [node for node, when in zip(*self.track[:2], strict=True) if when <= time + TIME_SLACK]
         return passed[-1] if passed else self.track.path[0]
 
     def xy_at(self, edges: "EdgesGoneAlong", time: float) -> tuple[float, float] | None:

@@ -93,7 +93,7 @@ def _pieces(turn: ArrayTurn, legs: Legs, *, passing: bool) -> _Pieces:
 
 def node_at(turn: ArrayTurn, paths: Paths, where: tuple[IntArray, IntArray], time: FloatArray) -> IntArray:
     """Return the nodes that agents, by game and number, have passed last at some times."""
-    passed = (paths.times[where] <= time[:, None]).sum(axis=-1) - 1
+    passed = (paths.times[where] <= time[:, None] + TIME_SLACK).sum(axis=-1) - 1
     found: IntArray = np.where(
         turn.is_there_by_move[where], paths.nodes[*where, np.maximum(passed, 0)], turn.node[where]
     )
