@@ -206,7 +206,7 @@ class Game(RuleVerbs):
         if not state.has_begun:
             self._begin()
         if self._ruleset.unchecked:
-            self._ruleset.warn_of_unknown_teams()
+            self._ruleset.warn()
         if self._unchecked_plans:
             self._warn_of_unknown_teams()
         if self._global_random.is_lent:
@@ -515,6 +515,7 @@ class Game(RuleVerbs):
                 "or play scenario.batch(…, record=True)."
             )
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
+        self._ruleset.warn()
         return Batch(
             BatchSource(self.fork(0), None, None, None), chosen, record=False, library=library, most_agents=most_agents
         )

@@ -316,11 +316,13 @@ class RuleSet:
         phases: the phases in which a rule is called; "check" is one of them.
         act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
         unchecked: those that were added since it was checked which teams they name.
+        said: what was warned of, so that games of one scenario warn of it once.
     """
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.unchecked: list[NamedRule] = []
+        self.said: set[str] = set()
         self.replace(())
 
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
@@ -409,14 +411,24 @@ class RuleSet:
                 raise
         return bool(checks)
 
-    def warn_of_unknown_teams(self) -> None:
-        """Warn about the teams that rules name and no agent plays for, once for each new rule."""
+    def warn(self) -> None:
+        """Warn about new rules: of teams that no agent plays for, and of what a rule before one makes of it."""
         for named in [one for one in self.unchecked if one in self.rules]:
             teams = sorted({*self._ctx.agent.block.teams}, key=str)  # which makes no members of large teams
             for team in getattr(named.rule, "teams", ()):
                 if team not in teams:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
+            self._warn_of_earlier(named)
         self.unchecked.clear()
+
+    def _warn_of_earlier(self, named: NamedRule) -> None:
+        """Warn once about what the rules that are called before a rule make of it."""
+        for earlier in self.rules[: self.rules.index(named)] if hasattr(named.rule, "warn_after") else ():
+            why = named.rule.warn_after(earlier.rule) if earlier.phase == named.phase else None
+            sentence = f"The rules {earlier.name!r} and {named.name!r} {why}"
+            if why is not None and sentence not in self.said:
+                self.said.add(sentence)
+                self._ctx.logger.warning(sentence)
 
     def _propose(self, named: NamedRule) -> None:
         artist = _artist_of(named)

@@ -54,6 +54,9 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     moved; then the tags are counted; then the tagged agents are moved. Each tag is an event `tag` with `agent` (the
     tagger), `other` and `node` (where the other was then, or the node that it had passed last). See `contacts`.
 
+    Two rules by which each side tags the other are not fair without a territory, which the first run warns of: the
+    agents that the first rule tags are gone before the second one looks.
+
     Args:
         taggers: a team, or a function of an agent that says whether it is on that side.
         tagged: likewise.
@@ -121,6 +124,8 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         tag,
         drawer=render_tags,
         teams=[side for side in (taggers, tagged) if not callable(side)],
+        sides=sides if ground is None else None,
+        warn_after=partial(_why_unfair_after, sides if ground is None else None),
         array_form=in_arrays if has_form else None,
         array_trigger=partial(may_meet, taggers, tagged, nearness) if nearness.unit in {None, "euclid"} else None,
     )
@@ -131,6 +136,18 @@ def _tags_of(ctx: Context, contact: Contact, owners: Mapping[int, object] | None
     a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
     tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
     return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
+
+
+def _why_unfair_after(sides: tuple[Side, Side] | None, earlier: Rule) -> str | None:
+    """Return why a rule that has no territory should not be called after a rule by which the other side tags."""
+    if sides is None or sides[0] == sides[1] or getattr(earlier, "sides", None) != sides[::-1]:
+        return None
+    return (
+        "tag each other's sides and have no territory. The first of them is called first in every turn, and agents "
+        "that it puts back or eliminates are gone before the second one looks, so the side that tags by the first has "
+        "an advantage; another order of the rules gives it to the other side. Give both a territory=, so that each "
+        "side tags on its own ground, or play another game: one rule with mutual=True tags both agents of a pair."
+    )
 
 
 def _as_then(then: object) -> Then:

@@ -77,6 +77,7 @@ class Scenario(Fixed):
             self._put_public(spec=checked(self._raw, Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
+        self._said = set[str]()  # what its games have warned of
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
@@ -99,6 +100,7 @@ class Scenario(Fixed):
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
         new._library = self._library
+        new._said = self._said
         return new
 
     def columns(self) -> GraphColumns:
@@ -256,6 +258,7 @@ class Scenario(Fixed):
             with named(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 ctx.game.internals.digests = self.digests
+                ctx.game.internals.parts.rules.said = self._said
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
                 ctx.game.internals.scenario = written_out(self.spec, self._library)
@@ -339,6 +342,7 @@ class Scenario(Fixed):
             source = BatchSource(
                 ctx.game, Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None, reason, build
             )
+            ctx.game.internals.parts.rules.warn()
             return Batch(source, chosen, record=record, library=library, most_agents=most_agents)
         except BaseException:
             ctx.terminate()
