@@ -153,6 +153,7 @@ GRAPHS = {
     "square": nx.cycle_graph(4),
     "tree": nx.balanced_tree(2, 2),
     "path": nx.path_graph(5),
+    "road": nx.path_graph(9),
     "cycle": nx.cycle_graph(5),
     "grid": nx.convert_node_labels_to_integers(nx.grid_2d_graph(3, 3)),
     "star": nx.star_graph(4),

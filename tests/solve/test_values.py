@@ -190,6 +190,40 @@ def test_values_are_given_for_each_place_of_an_agent():
         solution.value_at({"copp": 0})
 
 
+def flight(robber, turns):
+    """A robber on a road, which is safe on node 0, with a cop behind it."""
+    game = pursuit("road", [8], [robber], turns=turns)
+    return game.replace(rules=[*PURSUIT, {"rule": "reach", "with": {"team": "robbers", "nodes": 0}}])
+
+
+def test_a_state_has_no_value_for_more_turns_than_are_left_when_the_game_gets_there():
+    solution = solve(flight(7, 6), team="robbers", reward="win")
+    assert solution.values("robber_0") == {7: 0.0}
+    for node in range(2, 8):
+        first = 7 - node
+        for turn in range(first, 6):
+            assert solution.value_at({"robber_0": node}, turn) == 0.0
+        for turn in range(first):
+            for ask in (solution.value_at, lambda places, when: solution.policy("robbers", places, when)):
+                with pytest.raises(BadValue, match=rf"gets there in turn {first} at first.* Give turn={first}"):
+                    ask({"robber_0": node}, turn)
+    assert solution.values("robber_0", turn=5) == dict.fromkeys(range(2, 8), 0.0)
+    assert solve(flight(2, 6), team="robbers", reward="win").value == 1.0  # which the longer game does not show
+
+
+def test_all_states_have_values_at_the_start_where_more_turns_lead_to_no_others():
+    solution = solve(flight(7, 30), team="robbers", reward="win")
+    assert solution.values("robber_0") == dict.fromkeys(range(1, 8), 1.0)
+
+
+def test_a_strategy_does_not_play_where_the_solved_game_does_not_get_to_so_early():
+    solution = solve(flight(7, 7), reward="win")
+    strategies = {team: solution.strategy(team) for team in ("cops", "robbers")}
+    assert flight(7, 7).play(strategies=strategies).winner == "robbers"
+    with pytest.raises(BadValue, match="In turn 0 agents are where the solved game does not get to"):
+        flight(2, 7).play(strategies=strategies)
+
+
 EYES = {"eyes": {"type": "AGENT"}, "near": {"type": "AGENT_RANGE", "sensor_range": 10}}
 
 

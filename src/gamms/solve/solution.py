@@ -249,12 +249,14 @@ class Solution:
 
         Raises:
             UnknownName (KeyError): there is no such agent.
-            BadValue: the game does not get there, or rules remember more than where agents are.
+            BadValue: the game does not get there, or not so early and the turns that are left then were not all played;
+                or rules remember more than where agents are.
         """
-        return self._value_of(self._number(places, turn), as_count(turn, "turn", 0))
+        played = as_count(turn, "turn", 0)
+        return self._value_of(self._number(places, played), played)
 
     def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
-        """Return what the team gets by where an agent is: node -> value, of all nodes that it gets to.
+        """Return what the team gets by where an agent is: node -> value, of all nodes for which `value_at` has one.
 
         Args:
             agent: the one that is on one node after the other.
@@ -264,12 +266,12 @@ class Solution:
         Raises:
             UnknownName, BadValue: see `value_at`.
         """
-        nodes = self.table.nodes[:, self._agent(agent)]
+        played, nodes = as_count(turn, "turn", 0), self.table.nodes[:, self._agent(agent)]
         found = {}
         for node in np.unique(nodes).tolist():
-            numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), turn)
+            numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), played)
             if len(numbers) == 1:
-                found[node] = self._value_of(numbers[0], turn)
+                found[node] = self._value_of(numbers[0], played)
         return found
 
     def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
@@ -285,7 +287,7 @@ class Solution:
         Raises:
             UnknownName, BadValue: see `value_at`.
         """
-        side, number = self._side_of(team), self._number(places or {}, turn)
+        side, number = self._side_of(team), self._number(places or {}, as_count(turn, "turn", 0))
         own, other = (shares_of(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side))
         shares = own[:, int(other[:, 0].argmax())]
         chosen = sorted(enumerate(shares.tolist()), key=lambda item: -item[1])
@@ -310,6 +312,12 @@ class Solution:
         nodes = self._nodes(places)
         found = self.table.states_at(nodes, turn)
         where = self.table.named(nodes)
+        first = None if found else self.table.first_turn(nodes)
+        if first is not None and turn < first:
+            raise BadValue(
+                f"There is no value of {where} in turn {turn}: the game gets there in turn {first} at first, and what "
+                f"follows is known for the turns that are left then. Give turn={first}, or solve the game begun there."
+            )
         if not found:
             raise BadValue(f"The game does not go on with {where} in turn {turn}: it does not get there, or is over.")
         if len(found) > 1:

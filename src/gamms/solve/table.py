@@ -12,6 +12,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.solve.worlds import GOES_ON, SAME, TOLERANCE, Played, Setup, Shift, States, World, joined, world_of
 from gamms.text import shown
 
+_ALL_TURNS = np.iinfo(np.int64).max
 _SHORT = 3  # turns: a game that lasts no longer has its states turn by turn, rather than be compared between turns
 _MORE_SCORE = 1024.0
 _DRAWS = 32  # turns that are played with other seeds at least, at each moment of a game, to see whether any draws
@@ -136,14 +137,47 @@ class Table:
         """Return the row of a state and the joint actions of the teams."""
         return int(self.offsets[state] + actions[0] * self.sizes[state, 1] + actions[1])
 
-    def states_at(self, places: Sequence[int], turn: int | None) -> list[int]:
+    def states_at(self, places: Sequence[int], turn: int) -> list[int]:
         """Return the states in which the game goes on and agents are on these nodes, -1: out of the game.
+
+        Without those from which the turns that are left then were not all played, because the game does not get there
+        so early.
 
         Args:
             places: of all agents, in order.
-            turn: how many turns were played; it counts where it is part of the state.
+            turn: how many turns were played.
         """
-        return self._at.get((turn if self.by_turn else None, *places), [])
+        found = self._at.get((turn if self.by_turn else None, *places), [])
+        return found if self.last_turn is None else [state for state in found if self._is_played_from(state, turn)]
+
+    def _is_played_from(self, state: int, turn: int) -> bool:
+        last = self.last_turn or 0
+        return bool(self.level[state] <= turn or self._turns_played[state] >= last - turn)
+
+    def first_turn(self, places: Sequence[int]) -> int | None:
+        """Return how many turns are played before agents are first on these nodes in a game that goes on; None: never.
+
+        Args:
+            places: of all agents, in order.
+        """
+        is_there = (np.where(self.alive, self.nodes, -1) == np.array(places)).all(axis=1)
+        levels = self.level[is_there & (np.diff(self.offsets) > 0)]
+        return int(levels.min()) if len(levels) else None
+
+    @cached_property
+    def _turns_played(self) -> IntArray:
+        """How many turns from each state were played, whatever teams do, (states,); many more where all were."""
+        last, after = self.last_turn or 0, self.usual.after
+        sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
+        played = np.full(len(self), _ALL_TURNS)
+        reached = self.level == last - 1  # first reached there: but for the last turn none was played from them
+        for turns in range(1, last + 1):
+            played[reached] = turns
+            leads_there = np.bincount(sources, reached[after], len(self)) > 0
+            reached = leads_there & (played == _ALL_TURNS)
+            if not reached.any():
+                break
+        return played
 
     def named(self, places: Sequence[int]) -> dict[str, int | None]:
         """Return agent -> its node, None: it is out, of the same for messages."""
