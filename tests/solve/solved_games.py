@@ -157,6 +157,7 @@ GRAPHS = {
     "cycle": nx.cycle_graph(5),
     "grid": nx.convert_node_labels_to_integers(nx.grid_2d_graph(3, 3)),
     "star": nx.star_graph(4),
+    **{f"random {seed}": nx.gnm_random_graph(6, 11, seed=seed) for seed in (1, 4, 6)},
     "fan": nx.Graph([(0, i) for i in range(1, 5)] + [(1, 2), (2, 3), (3, 4)]),
 }
 

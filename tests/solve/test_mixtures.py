@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from solved_games import GRAPHS, matrix_value, pursuit, scene, simultaneous
 
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.solve import double_oracle, evaluate, matrix_game, solve
 from gamms.strategies import chase, stay
 
@@ -72,10 +72,44 @@ def test_an_answer_is_best_also_to_moves_that_no_strategy_of_the_other_team_make
         assert game.play(strategies={"red": red, "blue": blue}).scores == {"blue": 4.0}
 
 
-def test_an_oracle_that_is_cut_short_says_by_how_much_it_may_be_off():
-    found = double_oracle(CHASE, iterations=2)
-    assert len(found.gaps) == 2
+@pytest.mark.parametrize("graph", ["random 1", "random 4", "random 6"])
+def test_it_ends_where_best_responses_ask_each_other_and_matrices_have_many_equal_entries(graph):
+    game = pursuit(graph, [0], [5], turns=2)
+    found = double_oracle(game, team="cops")
+    assert found.gap < 1e-9
+    assert found.value == pytest.approx(solve(game, team="cops").value, abs=1e-9)
+
+
+@pytest.mark.parametrize("limit", [{"iterations": 2}, {"max_nodes": 250}, {"max_nodes": 3_000}])
+def test_an_oracle_that_is_cut_short_says_by_how_much_it_may_be_off(limit):
+    game = pursuit("random 4", [0], [5], turns=3)
+    found = double_oracle(game, team="cops", **limit)
+    assert 2 <= len(found.gaps) < 100
     assert found.gap > 0.1
+    low, high = found.bounds
+    assert low <= solve(game, team="cops").value <= high
+    assert low <= found.value <= high
+    assert high - low <= found.gap + 1e-12
+    assert f"bounds=({low:.6g}, {high:.6g})" in repr(found)
+    assert {len(shares) for shares in found.mixtures.values()} == {*found.payoffs.shape}
+    assert game.play(1, {team: found.strategy(team) for team in found.teams}).turns <= 3
+
+
+def test_bounds_get_narrower_until_they_are_the_value():
+    several = [double_oracle(CHASE, iterations=number) for number in range(1, 1 + len(double_oracle(CHASE).gaps))]
+    lows, highs = zip(*(one.bounds for one in several), strict=True)
+    assert list(lows) == sorted(lows)
+    assert list(highs) == sorted(highs, reverse=True)
+    assert highs[-1] - lows[-1] < 1e-9
+    assert lows[-1] == pytest.approx(several[-1].value, abs=1e-9)
+    assert "bounds" not in repr(several[-1])
+
+
+def test_it_is_refused_that_teams_see_too_much_for_one_best_response():
+    with pytest.raises(TooLarge, match="more than max_nodes=5 different things"):
+        double_oracle(CHASE, max_nodes=5)
+    with pytest.raises(BadValue, match="max_nodes must be at least 1"):
+        double_oracle(CHASE, max_nodes=0)
 
 
 def test_games_without_a_last_turn_and_unknown_teams_are_refused():

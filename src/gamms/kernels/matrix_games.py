@@ -10,7 +10,8 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
 _TINY = 1e-12  # what counts as 0 in a tableau, whose entries are about 1
-_FAST_PIVOTS = 60  # pivots by the steepest column; then by Bland's rule, which cannot go round in a circle
+_LEAST_PIVOT = 1e-10  # what may be divided by; less may be rounding
+_REFRESH = 60  # pivots after which tableaus are worked out again from their bases, without the rounding
 
 
 def saddle_points(payoffs: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -48,35 +49,60 @@ def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     games, rows, columns = payoffs.shape
     least = payoffs.min(axis=(1, 2), keepdims=True)
     spread = payoffs.max(axis=(1, 2), keepdims=True) - least
-    tableau = np.zeros((games, rows + 1, columns + rows + 1))
-    tableau[:, :rows, :columns] = (payoffs - least) / spread + 1.0
-    tableau[:, :rows, columns:-1] = np.eye(rows)
-    tableau[:, :rows, -1], tableau[:, -1, :columns] = 1.0, -1.0
+    scaled = (payoffs - least) / spread + 1.0
+    tableau = _first_tableau(scaled)
     basis = np.broadcast_to(np.arange(columns, columns + rows), (games, rows)).copy()
     going, pivots = np.arange(games), 0
     while len(going):
-        costs = tableau[going, -1, :-1]
+        costs = tableau[going, -1, :-2]
         is_open = costs.min(axis=1) < -_TINY
         going, costs = going[is_open], costs[is_open]
         if len(going):
-            entering = costs.argmin(axis=1) if pivots < _FAST_PIVOTS else (costs < -_TINY).argmax(axis=1)
-            _pivot(tableau, basis, going, entering)
+            _pivot(tableau, basis, going, costs.argmin(axis=1))
             pivots += 1
+            if pivots % _REFRESH == 0:
+                tableau[going] = _of_basis(_first_tableau(scaled[going]), basis[going], pivots)
     total = tableau[:, -1, -1]
     at, row = np.nonzero(basis < columns)
-    ys, xs = np.zeros((games, columns)), np.maximum(tableau[:, -1, columns:-1], 0.0)
+    ys, xs = np.zeros((games, columns)), np.maximum(tableau[:, -1, columns:-2], 0.0)
     ys[at, basis[at, row]] = np.maximum(tableau[at, row, -1], 0.0)
     xs, ys = xs / xs.sum(axis=1, keepdims=True), ys / ys.sum(axis=1, keepdims=True)
     return (1.0 / total - 1.0) * spread[:, 0, 0] + least[:, 0, 0], xs, ys
+
+
+def _first_tableau(scaled: FloatArray) -> FloatArray:
+    """Return tableaus, (games, rows + 1, columns + rows + 2): A, the identity, what decides between ties, and 1."""
+    games, rows, columns = scaled.shape
+    tableau = np.zeros((games, rows + 1, columns + rows + 2))
+    tableau[:, :rows, :columns] = scaled
+    tableau[:, :rows, columns:-2] = np.eye(rows)
+    tableau[:, :rows, -1], tableau[:, -1, :columns] = 1.0, -1.0
+    return tableau
+
+
+def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
+    """Return the tableaus of these bases, made of the first ones.
+
+    From then on ties are decided as if the right side were a little larger, by other numbers each time, so that pivots
+    do not go round in a circle.
+    """
+    chosen, rows = np.take_along_axis(tableau, basis[:, None], axis=2), basis.shape[1]
+    tableau[:, :rows] = np.linalg.solve(chosen[:, :rows], tableau[:, :rows])
+    tableau[:, rows:] -= chosen[:, rows:] @ tableau[:, :rows]
+    tableau[:, :rows, -2] = 1.0 + np.arange(1, rows + 1) * pivots * 0.6180339887498949 % 1.0
+    return tableau
 
 
 def _pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntArray) -> None:
     """Let one column of each of these games enter its basis."""
     now, each = tableau[games], np.arange(len(games))
     column = now[each, :, entering]  # (games, rows + 1)
-    may_leave: BoolArray = column[:, :-1] > _TINY
-    ratios = np.where(may_leave, now[:, :-1, -1] / np.where(may_leave, column[:, :-1], 1.0), np.inf)
-    is_least = ratios <= ratios.min(axis=1, keepdims=True) + _TINY
+    may_leave: BoolArray = column[:, :-1] > _LEAST_PIVOT
+    by = np.where(may_leave, column[:, :-1], 1.0)
+    is_least = may_leave
+    for side in (-1, -2):
+        ratios = np.where(is_least, now[:, :-1, side] / by, np.inf)
+        is_least = is_least & (ratios <= ratios.min(axis=1, keepdims=True) + _TINY)
     leaving = np.where(is_least, basis[games], tableau.shape[2]).argmin(axis=1)
     pivot_rows = now[each, leaving] / column[each, leaving][:, None]
     now -= column[:, :, None] * pivot_rows[:, None, :]

@@ -1,6 +1,7 @@
 """Mixtures of strategies, and what they are worth at worst: matrix games and the double oracle."""
 
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -28,9 +29,9 @@ from gamms.text import shown
 from gamms.typing.game import State
 
 _MEMORY = "gamms.solve.mixture"  # the key of the memory of agents
-_MOST_NODES = 1_000_000  # of a best response: what a team can have seen
+MAX_NODES = 200_000  # of all best responses
 _TOLERANCE = 1e-9  # at which gap it ends
-_MOST_TURNS = 300  # which a recursion can go back from
+_MOST_TURNS = 250  # which a recursion can go back from
 
 
 class MatrixGame(NamedTuple):
@@ -81,6 +82,7 @@ class DoubleOracle:
         team: whose values these are; the other one gets the opposite.
         teams: both, this one first.
         value: what it gets where both draw a strategy by their mixture before the game.
+        bounds: between which the value of the game is, by the best responses of all iterations.
         gaps: by iteration what both teams together could gain by answering best to the mixtures: their `nash_conv`.
         payoffs: (strategies of the team, strategies of the other one) what the team gets.
         mixtures: team -> the share of each of its strategies.
@@ -89,8 +91,8 @@ class DoubleOracle:
 
     information = "full"
 
-    def __init__(self, game: "_Game", payoffs: FloatArray, gaps: Sequence[float]) -> None:
-        self._game, self.payoffs, self.gaps = game, payoffs, tuple(gaps)
+    def __init__(self, game: "_Game", payoffs: FloatArray, gaps: Sequence[float], bounds: tuple[float, float]) -> None:
+        self._game, self.payoffs, self.gaps, self.bounds = game, payoffs, tuple(gaps), bounds
         self.teams: tuple[str, ...] = game.table.setup.teams
         self.team = self.teams[0]
         self.value, rows, columns = matrix_game(payoffs)
@@ -102,8 +104,9 @@ class DoubleOracle:
         return self.gaps[-1]
 
     def __repr__(self) -> str:
-        rows, columns = self.payoffs.shape
-        return f"DoubleOracle(value={self.value:.6g}, gap={self.gap:.3g}, {rows} x {columns} strategies)"
+        (low, high), (rows, columns) = self.bounds, self.payoffs.shape
+        within = "" if self.gap <= _TOLERANCE else f"bounds=({low:.6g}, {high:.6g}), "
+        return f"DoubleOracle(value={self.value:.6g}, {within}gap={self.gap:.3g}, {rows} x {columns} strategies)"
 
     def strategy(self, team: str | None = None) -> TableStrategy:
         """Return how a team plays, for `scenario.play(strategies={team: …})`; it draws a strategy at first.
@@ -119,7 +122,7 @@ class DoubleOracle:
         return _MixedStrategy(self._game, side, self.mixtures[one])
 
 
-def double_oracle(
+def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
     scenario: Scenario,
     *,
     team: str | None = None,
@@ -129,6 +132,7 @@ def double_oracle(
     seed: int | None = None,
     iterations: int = 100,
     max_states: int = MAX_STATES,
+    max_nodes: int = MAX_NODES,
 ) -> DoubleOracle:
     """Return mixtures of strategies that no strategy beats, found by best responses to mixtures of fewer strategies.
 
@@ -136,7 +140,8 @@ def double_oracle(
     solved, and each team gets the best response to the other's mixture, if that gains (McMahan, Gordon, Blum: Planning
     in the presence of cost functions controlled by an adversary, ICML 2003). A best response knows the mixture, but
     not which strategy was drawn, and finds that out by what it sees. It ends in equilibrium, since there are finitely
-    many strategies.
+    many strategies. Where that takes more iterations or nodes than it may, it returns the mixtures of the last
+    iteration that was finished: `gap` says how far they are from equilibrium, and `bounds` where the value is.
 
     Args:
         scenario: of two teams, with a last turn; see `solve` for what is refused.
@@ -147,14 +152,15 @@ def double_oracle(
         seed: see `solve`.
         iterations: how many at most; see `DoubleOracle.gaps`.
         max_states: see `solve`.
+        max_nodes: how many nodes all best responses may have: what a team can have seen, before and after a turn.
 
     Raises:
         BadType, BadValue: see `solve`; the game has no last turn.
         UnknownName (KeyError): there is no such team.
-        TooLarge: see `solve`; or a team can see too much.
+        TooLarge: see `solve`; or the first best responses have more nodes than they may.
     """
     teams, share = teams_of(scenario, team), checked_discount(reward, discount)
-    most = as_count(iterations, "iterations")
+    most, nodes = as_count(iterations, "iterations"), as_count(max_nodes, "max_nodes")
     if len(teams) != 2:
         raise BadValue(
             f"double_oracle is for games of two teams, not of {len(teams)} ({', '.join(map(shown, teams))}): let all "
@@ -169,21 +175,19 @@ def double_oracle(
             f"double_oracle needs a game with a last turn, up to {_MOST_TURNS}, not {table.last_turn}: give turns=, or "
             "use solve, which needs none."
         )
-    game = _Game(table, rewards_of(table, reward, share, teams[0]))
-    payoffs, gaps = np.array([[game.played(0, 0)]]), list[float]()
-    for _ in range(most):
-        _, rows, columns = matrix_game(payoffs)
-        upper, lower = _Answer(game, 0, columns), _Answer(game, 1, rows)
-        gaps.append(max(0.0, upper.value - lower.value))
-        if gaps[-1] <= _TOLERANCE:
-            break
-        value = float(rows @ payoffs @ columns)
-        if upper.value - value > _TOLERANCE / 2.0:
-            game.strategies[0].append(upper)
-        if value - lower.value > _TOLERANCE / 2.0:
-            game.strategies[1].append(lower)
-        payoffs = game.grown(payoffs)
-    return DoubleOracle(game, payoffs, gaps)
+    game = _Game(table, rewards_of(table, reward, share, teams[0]), nodes)
+    found: DoubleOracle | None = None
+    try:
+        for _ in range(most):
+            found = game.improved(found)
+            if found.gap <= _TOLERANCE:
+                break
+    except (TooLarge, RecursionError):  # strategies that answer each other ask each other, too
+        if found is None:
+            raise
+    assert found is not None  # noqa: S101 - there is one iteration at least
+    game.max_nodes = None  # against others its strategies get elsewhere
+    return found
 
 
 # -- strategies without chance ------------------------------------------------------------------------------------
@@ -214,14 +218,48 @@ class _Stay:
 class _Game:
     """A table, rewards, and the strategies of both teams."""
 
-    def __init__(self, table: Table, rewards: Rewards) -> None:
+    def __init__(self, table: Table, rewards: Rewards, max_nodes: int) -> None:
         self.table, self._rewards = table, rewards
+        self.max_nodes: int | None = max_nodes
+        self._nodes = 0
         self.strategies: tuple[list[_Pure], list[_Pure]] = [_Stay()], [_Stay()]
         self.turns: int = table.last_turn or 0
         self._is_over = (np.diff(table.offsets) == 0).tolist()
         self.later: list[int] = table.usual.after.tolist()
         last = rewards.usual if rewards.last is None else rewards.last
         self._usual, self._last = rewards.usual.tolist(), last.tolist()
+
+    def improved(self, before: DoubleOracle | None) -> DoubleOracle:
+        """Return mixtures with the best responses to those of an iteration; None: those of the first strategies.
+
+        Raises:
+            TooLarge: the best responses have more nodes than they may.
+        """
+        payoffs = self.grown(np.zeros((0, 0)) if before is None else before.payoffs)
+        _, rows, columns = matrix_game(payoffs)
+        upper, lower = _Answer(self, 0, columns), _Answer(self, 1, rows)
+        low, high = (-inf, inf) if before is None else before.bounds
+        bounds = max(low, lower.value) + 0.0, min(high, upper.value) + 0.0
+        gap, value = max(0.0, upper.value - lower.value), float(rows @ payoffs @ columns)
+        found = DoubleOracle(self, payoffs, (*(before.gaps if before else ()), gap), bounds)
+        if upper.value - value > _TOLERANCE / 2.0:
+            self.strategies[0].append(upper)
+        if value - lower.value > _TOLERANCE / 2.0:
+            self.strategies[1].append(lower)
+        return found
+
+    def count_node(self) -> None:
+        """Count a node of a best response.
+
+        Raises:
+            TooLarge: there are more than there may be.
+        """
+        self._nodes += 1
+        if self.max_nodes is not None and self._nodes > self.max_nodes:
+            raise TooLarge(
+                f"In this game teams can see more than max_nodes={self.max_nodes:,} different things: use fewer "
+                "turns=, a smaller map, more max_nodes=, or solve."
+            )
 
     def reward(self, turn: int, row: int) -> float:
         """Return what the first team gets in a turn, discounted from the start."""
@@ -291,6 +329,7 @@ class _Answer:
         self._beliefs: list[tuple[tuple[int, int], ...]] = []  # seen -> (strategy, what that has seen), …
         self._numbers: dict[tuple[tuple[int, int], ...], int] = {}
         self._best: dict[tuple[int, int, int, int | None], tuple[float, int]] = {}
+        self._after: dict[tuple[int | None, ...], int] = {}
         self._sign = 1.0 if side == 0 else -1.0
         self._number(tuple((k, 0) for k in np.flatnonzero(shares).tolist()))
         self.value = self._sign * self._worth(0, 0, 0)
@@ -301,6 +340,13 @@ class _Answer:
 
     def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
         """Return what it has seen after a turn which has led to another state."""
+        key = turn, state, seen, other, own, later
+        if key not in self._after:
+            self._game.count_node()
+            self._after[key] = self._seen_after(turn, state, seen, other, own, later)
+        return self._after[key]
+
+    def _seen_after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
         found, is_second = [], other is not None
         for k, its in self._beliefs[seen]:
             does = self._does(turn, state, k, its, own)
@@ -336,13 +382,12 @@ class _Answer:
         """Return what the team gets by its best joint action, and that action."""
         key = turn, state, seen, other
         if key not in self._best:
-            if len(self._best) >= _MOST_NODES:
-                raise TooLarge(
-                    f"In this game a team can see more than {_MOST_NODES:,} different things: use fewer turns=, a "
-                    "smaller map, or solve."
-                )
-            own = range(int(self._game.table.sizes[state, self._side]))
-            worths = [self._worth_of(turn, state, seen, other, action) for action in own]
+            self._game.count_node()
+            worths = list[float]()
+            for action in range(
+                int(self._game.table.sizes[state, self._side])
+            ):  # a comprehension has a frame of its own
+                worths.append(self._worth_of(turn, state, seen, other, action))
             best = max(worths)
             self._best[key] = best, worths.index(best)
         return self._best[key]
@@ -377,7 +422,7 @@ class _MixedStrategy(TableStrategy):
         before = state["memory"].get(_MEMORY)
         if before is None:
             chance = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, 0))
-            drawn = min(int(np.searchsorted(np.cumsum(self._shares), chance, side="right")), len(strategies) - 1)
+            drawn = min(int(np.searchsorted(np.cumsum(self._shares), chance, side="right")), len(self._shares) - 1)
             known = 0
         else:
             drawn, known, *last = before
