@@ -212,6 +212,18 @@ def test_flags_are_taken_and_captured_as_in_games_that_are_played_alone(flags, g
     same_as_one_by_one(scene([TAG, rule("capture_flag", flags=flags, **given)], max_turns=50), SEEDS)
 
 
+def test_agents_that_stay_look_where_they_looked_before(same_as_one_by_one):
+    sensors = {"eyes": {"type": "AGENT_ARC", "sensor_range": 30.0, "fov": 1.5}}
+    teams = {
+        "red": {"count": 4, "strategy": "gamms.strategies:chase", "sensors": ["eyes"]},
+        "blue": {"count": 4, "strategy": "gamms.strategies:flee", "sensors": ["eyes"]},
+    }
+    conflicts = {"capacity": 1, "resolve": "nobody"}
+    for order in (None, [["blue"], ["red"]]):
+        game = scene([TAG], side=4, sensors=sensors, conflicts=conflicts, settings={"order": order})
+        same_as_one_by_one(game.replace(teams=teams), range(6))
+
+
 @pytest.mark.parametrize(
     ("unit", "xs", "speeds", "order"),
     [

@@ -143,4 +143,12 @@ def test_a_game_is_recorded_as_the_frozen_one_was(play, sample, tmp_path):
         ctx.record.start(tmp_path / sample, sensed="turns" in sample)
         play(ctx)
         ctx.record.stop()
-    assert json.dumps(told(tmp_path / f"{sample}.ggr")) == json.dumps(told(SAMPLES / f"{sample}.ggr"))
+    new, frozen = told(tmp_path / f"{sample}.ggr"), told(SAMPLES / f"{sample}.ggr")
+    if "turns" in sample:  # since then agents that stay are not moved: they keep their previous nodes
+        for said in (new, frozen):
+            del said["moves"]
+            for state in said["states"].values():
+                del state["previous"]
+            for _, agent in said["replayed"]["agents"]:
+                del agent["previous"], agent["orientation"]
+    assert json.dumps(new) == json.dumps(frozen)

@@ -274,6 +274,7 @@ class TurnEngine:
         turn = turn.between(first, parts)
         for number in range(first + 1, parts):
             if self._state.over is None:
+                self._state.moves = turn  # for those that decide now
                 later = self._play_part(self.order(), number, observers, rules).between(number, parts)
                 turn = turn.on(later.order).then(later, later.order.parts[number].members)
         return turn

@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import compress, count
-from operator import not_
+from operator import eq, ne, not_
 from typing import Any
 
 import numpy as np
@@ -304,34 +304,37 @@ class AgentBlock:
         self._changed.add(row)
 
     def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
-        """Move many agents on the ground, as a list or a view of an array; one that stays has come from where it is."""
-        journal = self.journal
+        """Move many agents on the ground, as a list or a view of an array; one that stays keeps its previous node."""
+        journal, node = self.journal, self.node
         if journal is CLOSED:
             return
-        node: Any = self.node
-        if isinstance(node, list):
-            if 2 * len(rows.rows) > len(node):
-                self.node, self.previous = rows.moved(node, self.previous, nodes)
-                self._have_all_changed = True
-            else:
-                rows.write(self.previous, rows.of(node))
-                rows.write(node, nodes)
-                self._changed |= rows.as_set
+        are_many = 2 * len(rows.rows) > len(node)
+        if are_many:
+            self._have_all_changed = True
         else:
+            self._changed |= rows.as_set
+        if self._buffers:
             self._move_arrays(rows, nodes)
-        if journal.is_silent:
             return
-        if isinstance(nodes, list):
-            ids = journal.ids
-            journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
-        elif len(nodes):
-            do_all = len(rows.rows) == len(self.node) and self.has_arrays
-            copy = self.copied.of(self.node, self.version) if do_all else copied_ids(rows.in_order(nodes))
-            journal.moved(rows.ascending, copy)
+        before = rows.of(node)
+        kept = [(row, self.previous[row]) for row in compress(rows.rows, map(eq, before, nodes))]
+        if are_many:
+            self.node, self.previous = rows.moved(node, self.previous, nodes)
+        else:
+            rows.write(self.previous, before)
+            rows.write(node, nodes)
+        for row, previous in kept:
+            self.previous[row] = previous
+        if not journal.is_silent:
+            goes = compress(zip(rows.rows, nodes, strict=True), map(ne, before, nodes))
+            journal.log += [number for row, end in goes for number in (journal.ids[row], end)]
 
     def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
         self._admit(np.asarray(nodes))
         node, previous = np.asarray(self.node), np.asarray(self.previous)
+        goes = node[rows.array] != nodes
+        stays = rows.array[~goes]
+        kept = previous[stays]
         if len(rows.rows) == len(node):  # NOTE: nothing is copied (benchmarks: teams).
             rows.write_all(previous, nodes)
             self._buffers.update(node=self._buffers["previous"], previous=self._buffers["node"])
@@ -339,10 +342,16 @@ class AgentBlock:
         else:
             previous[rows.array] = node[rows.array]
             node[rows.array] = nodes
-        if 2 * len(rows.rows) > len(node):
-            self._have_all_changed = True
+        np.asarray(self.previous)[stays] = kept
+        if self.journal.is_silent or not goes.any():
+            return
+        if len(stays):
+            which = rows.in_order(goes)
+            self.journal.moved(rows.ascending[which], copied_ids(rows.in_order(nodes)[which]))
         else:
-            self._changed |= rows.as_set
+            do_all = len(rows.rows) == len(node)
+            copy = self.copied.of(self.node, self.version) if do_all else copied_ids(rows.in_order(nodes))
+            self.journal.moved(rows.ascending, copy)
 
     def set(self, row: int, column: str, value: object) -> None:
         """Set the value of an agent in one of the columns that have an event of their own: `COLUMN_EVENTS`."""
@@ -394,13 +403,7 @@ class AgentBlock:
             self._changed.add(row)
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:
-        """Move a flyer; where it was is where it was before.
-
-        Args:
-            row: of the flyer.
-            position: `(x, y, z)`, map units.
-            node: below it; None: the nearest one in the graph.
-        """
+        """Move a flyer to `(x, y, z)`, map units, above a node; None: above the nearest one in the graph."""
         journal = self.journal
         if journal is CLOSED:
             return
@@ -502,18 +505,14 @@ class AgentBlock:
 
     def publish(self) -> None:
         """Write what has changed into the logs of all subscribers."""
-        if self._have_all_changed:
-            self._version += 1
-            for log in self._logs:
+        self._version += bool(self._changed) or self._have_all_changed
+        for log in self._logs:
+            if self._have_all_changed:
                 log.rows = None
-            self._have_all_changed = False
-            self._changed.clear()
-        elif self._changed:
-            self._version += 1
-            for log in self._logs:
-                if log.rows is not None:
-                    log.rows |= self._changed
-            self._changed.clear()
+            elif log.rows is not None:
+                log.rows |= self._changed
+        self._have_all_changed = False
+        self._changed.clear()
 
     def values(self) -> dict[str, Any]:
         """Return copies of all columns and of `placed`, for `restore`."""

@@ -75,8 +75,10 @@ class TableStrategy(ABC):
             agents = ctx.agent.agents
             living = [agents[name] if name in agents and agents[name].alive else None for name in roster.names]
             moved = self._moved_before(ctx)
+            moves = ctx.game.moves if moved else {}
             nodes = [
-                -1 if one is None else one.prev_node_id if one.name in moved else one.current_node_id for one in living
+                -1 if one is None else moves[one.name].start if one.name in moved else one.current_node_id
+                for one in living
             ]
             number = memory[_MEMORY] = self._state_at(nodes, turn, memory.get(_MEMORY))
             seen = self._action_seen(number, {name: agents[name].current_node_id for name in moved})

@@ -35,7 +35,7 @@ class Headings:
         self.previous[games] = np.where(self._before < 0, start, self._before)
 
     def moved(self, games: IntArray, node: IntArray, which: BoolArray) -> None:
-        """Note that some agents, (games, agents), have moved or stayed, from nodes."""
+        """Note that some agents, (games, agents), have moved from nodes."""
         self.previous[games] = np.where(which, node, self.previous[games])
 
     def put(self, games: IntArray, agents: IntArray, node: IntArray) -> None:

@@ -121,7 +121,7 @@ def move(turn: ArrayTurn, moves: Moves, in_conflict: BoolArray | None, part: Tur
     if state.headings is not None:
         members = np.s_[:] if part is None else part.members
         moves_now = np.zeros(turn.node.shape, np.bool_)
-        moves_now[:, members] = turn.alive[:, members]
+        moves_now[:, members] = (turn.alive & (moves.ends != turn.node))[:, members]
         if moves.flights is not None:
             moves_now[:, moves.flights.agents] = moves.flights.goes
         state.headings.moved(games, turn.node, moves_now)

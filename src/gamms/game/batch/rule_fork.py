@@ -285,8 +285,8 @@ class RuleFork:
         block.placed = {row for row, is_placed in enumerate(columns.placed[at]) if is_placed}
         for row, place in columns.in_air[at].items():
             self._put_flyer(row, place)
-        block.move_all(self._all, columns.previous[at])
         block.move_all(self._all, columns.node[at])
+        self._all.write(block.previous, columns.previous[at])
         for row in {*columns.progress[at], *_on_edges(block)}:
             block.set_progress(row, columns.progress[at].get(row))
         values.began = dict(zip(self._first_names, columns.began[at], strict=True)) | columns.began_in_air[at]
