@@ -423,8 +423,9 @@ class RuleSet:
 
     def _warn_of_earlier(self, named: NamedRule) -> None:
         """Warn once about what the rules that are called before a rule make of it."""
-        for earlier in self.rules[: self.rules.index(named)] if hasattr(named.rule, "warn_after") else ():
-            why = named.rule.warn_after(earlier.rule) if earlier.phase == named.phase else None
+        warn_after: Callable[[Rule], str | None] = getattr(named.rule, "warn_after", lambda _: None)
+        for earlier in self.rules[: self.rules.index(named)]:
+            why = warn_after(earlier.rule) if earlier.phase == named.phase else None
             sentence = f"The rules {earlier.name!r} and {named.name!r} {why}"
             if why is not None and sentence not in self.said:
                 self.said.add(sentence)

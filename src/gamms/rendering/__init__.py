@@ -15,7 +15,7 @@ from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
 from gamms.text import shown
 from gamms.typing import PictureOptions
-from gamms.typing.recorder import pages
+from gamms.typing.recorder import IPlayback, pages
 from gamms.visual.backends import FILMS, FORMATS
 from gamms.visual.drawers.graph import longer_side, typical_edge_length
 from gamms.visual.fog import Fog
@@ -228,7 +228,16 @@ class _Renderer:
                 if next(records, None) is None:
                     return
             if last == 0:
-                next(records, None)  # the map and the agents come with the first
+                self._play_start(records)
+
+    def _play_start(self, records: Iterator[Any]) -> None:
+        """Show how a recording begins: the map and the agents come with its first record, which may be a move."""
+        playbacks = list[IPlayback]()
+        self._ctx.visual.show_playback = playbacks.append
+        next(records, None)
+        for playback in playbacks:
+            playback.seek(0)
+            playback.close()
 
     def _begin(self) -> None:
         """Declare what can only be declared once map and agents are there."""
