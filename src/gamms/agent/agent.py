@@ -178,10 +178,7 @@ class BaseAgent(ContextPart, IAgent):
 
     @property
     def prev_node_id(self) -> int:
-        """The node it came from; settable. At first the node it started on.
-
-        In the program's own loop it is the node of the agent after an action that stays; in `ctx.game` it is kept.
-        """
+        """The node it came from, at first its own; settable. In `ctx.game`, unlike in an own loop, stays keep it."""
         return self._block.previous[self._row]
 
     @prev_node_id.setter
