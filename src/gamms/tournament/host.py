@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.machinery import PathFinder
 from typing import Any, NoReturn
 
 import numpy as np
@@ -33,14 +34,16 @@ _HEAD = 4  # bytes, before a question: its length
 _FAILED = 71
 
 
-def host_of(reference: str, map: str, settings: dict[str, Any]) -> Play:
+def host_of(reference: str, packages: list[str], map: str, settings: dict[str, Any]) -> Play:
     """Load the map, and return what plays the entry in a child: `play(file with questions, file for answers)`."""
     import_module("gamms.strategies")  # here once, not by each child
     ctx = create_context(logger_config={"level": "ERROR"}, game=settings)
     ctx.graph.load(map)
     ctx.graph.columns()
+    PathFinder.find_spec(reference, packages)  # Python remembers what is in these folders, which the child may not list
 
     def play(asked: int, answered: int) -> None:
+        sys.path[:0] = packages  # in the child alone: a module there must not take the place of one of the launcher's
         _play(reference, ctx, asked, answered)
 
     return play

@@ -5,7 +5,8 @@ or state in its memory. It has loaded what Python entries need, so that a child 
 sends one line of JSON at a time and gets one back:
 
     {"start": scratch folder}, with three open files   ->   {"id": of the process}
-    {"end": id, "patience": seconds}                   ->   {"status": of waitpid, "ended": by itself, "cpu_s"}
+    {"end": id, "patience": seconds}                   ->   {"status": of waitpid, "ended": by itself, "cpu_s",
+                                                             "memory": whether the kernel ended it for that}
     {"probe": scratch folder}                          ->   {"missing": what cannot be enforced}
 
 When the master ends, so does this process, and with it its children.
@@ -20,16 +21,20 @@ import sys
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, NamedTuple, NoReturn
 
 from gamms.tournament.confinement import Limits, confine, die_with_parent
+from gamms.tournament.control_groups import ControlGroups
 
 _STEP_S = 0.002
 _FREE = 10  # from here on, descriptors are not those that a child is given
 _IN, _OUT = 3, 4  # where a Python entry is asked and answers; its standard output is its log
 _LONGEST = 1 << 16
 _CRASHED = 70
+_OF_LAUNCHER = 2  # processes beside the threads of an entry
+_FIRST_TO_END = "1000"  # of all processes, where the kernel has to end one
 
 
 class Setup(NamedTuple):
@@ -39,7 +44,10 @@ class Setup(NamedTuple):
         command: a program and its arguments; none for Python.
         reference: `file.py:function` or `module:function`; "" for a program.
         readable: the files and folders that it may read.
+        packages: the folders in which Python looks for modules of the entry.
         limits: the fields of `Limits`.
+        threads: how many it may run.
+        landlock: the version of Landlock to rely on.
         map: the file of the map, for Python.
         settings: of the game, for Python.
     """
@@ -47,7 +55,10 @@ class Setup(NamedTuple):
     command: list[str]
     reference: str
     readable: list[str]
+    packages: list[str]
     limits: list[int]
+    threads: int
+    landlock: int
     map: str
     settings: dict[str, Any]
 
@@ -67,9 +78,11 @@ def main(descriptor: int, master: int, setup: Setup) -> None:
     if setup.reference:
         from gamms.tournament.host import host_of
 
-        play = host_of(setup.reference, setup.map, setup.settings)
+        play = host_of(setup.reference, setup.packages, setup.map, setup.settings)
     gc.collect()
     gc.freeze()  # so that collections in children leave the shared pages alone
+    memory = setup.limits[0] + setup.limits[0] // 8  # with what the kernel itself takes for the process
+    groups = ControlGroups(memory, setup.threads + _OF_LAUNCHER)
     children: set[int] = set()
     try:
         while (message := _received(control)) is not None:
@@ -79,7 +92,7 @@ def main(descriptor: int, master: int, setup: Setup) -> None:
                 children.add(id)
                 answer: dict[str, Any] = {"id": id}
             elif "end" in request:
-                answer = _ended(request["end"], request["patience"])
+                answer = _ended(request["end"], request["patience"], groups)
                 children.discard(request["end"])
             else:
                 answer = {"missing": _probed(setup, request["probe"])}
@@ -87,7 +100,7 @@ def main(descriptor: int, master: int, setup: Setup) -> None:
                 control.sendall(json.dumps(answer).encode() + b"\n")
     finally:
         for id in children:
-            _ended(id, 0.0)
+            _ended(id, 0.0, groups)
 
 
 def _received(control: socket.socket) -> tuple[dict[str, Any], list[int]] | None:
@@ -146,7 +159,9 @@ def _become_entry(setup: Setup, scratch: str, files: list[int], launcher: int) -
     os.chdir(scratch)
     os.environ.update(HOME=scratch, TMPDIR=scratch)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    confine(Limits(*setup.limits), setup.readable, scratch)
+    with suppress(OSError):  # not on this system
+        Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_END)
+    confine(Limits(*setup.limits), setup.readable, scratch, setup.landlock)
 
 
 def _end_with_traceback() -> NoReturn:
@@ -155,7 +170,7 @@ def _end_with_traceback() -> NoReturn:
     os._exit(_CRASHED)
 
 
-def _ended(id: int, patience_s: float) -> dict[str, Any]:
+def _ended(id: int, patience_s: float, groups: ControlGroups) -> dict[str, Any]:
     """End a child and its process group, after waiting for it to end by itself, and say how it did."""
     until, ended = monotonic() + patience_s, True
     while os.waitid(os.P_PID, id, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
@@ -167,7 +182,8 @@ def _ended(id: int, patience_s: float) -> dict[str, Any]:
         os.killpg(id, signal.SIGKILL)  # with what it has started, where the system cannot forbid that
     os.kill(id, signal.SIGKILL)
     _, status, used = os.wait4(id, 0)
-    return {"status": status, "ended": ended, "cpu_s": used.ru_utime + used.ru_stime}
+    cpu_s = used.ru_utime + used.ru_stime
+    return {"status": status, "ended": ended, "cpu_s": cpu_s, "memory": groups.has_killed()}
 
 
 def _probed(setup: Setup, scratch: str) -> list[str]:
@@ -175,7 +191,8 @@ def _probed(setup: Setup, scratch: str) -> list[str]:
     read, write = os.pipe()
     id = os.fork()
     if not id:
-        os.write(write, json.dumps(confine(Limits(*setup.limits), setup.readable, scratch)).encode())
+        found = confine(Limits(*setup.limits), setup.readable, scratch, setup.landlock)
+        os.write(write, json.dumps(found).encode())
         os._exit(0)
     os.close(write)
     with os.fdopen(read, "rb") as answer:

@@ -2,15 +2,15 @@
 
 import json
 import os
+import re
 import select
-import shutil
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any, NamedTuple, Self
@@ -18,9 +18,11 @@ from typing import Any, NamedTuple, Self
 import msgspec
 
 from gamms.errors import GammsError
-from gamms.tournament.confinement import Limits
+from gamms.tournament import control_groups
+from gamms.tournament.confinement import Limits, landlock_version
 from gamms.tournament.entries import Entry, python_folders
 from gamms.tournament.launcher import Setup
+from gamms.tournament.scratch import Overfull, check_folder, remove_folder
 
 FAULTS = {
     "start": "it did not get ready to play",
@@ -28,10 +30,10 @@ FAULTS = {
     "memory": "it used more memory than it may",
     "cpu": "it used more processor time than it may",
     "output": "it wrote more than it may",
-    "files": "it filled its folder with more than it may",
+    "files": "it took more of the disk than it may",
     "garbage": "it answered with what is no answer",
     "order": "it answered when it was not asked, or not what it was asked",
-    "process": "it started another process",
+    "process": "it started another process, or more threads than it may",
     "exit": "it ended, or closed its input or output",
     "error": "it raised an error",
     "illegal": "it chose what is not legal",
@@ -41,12 +43,15 @@ FAULTS = {
 MOST_LINE = 1 << 20  # bytes of an answer
 MOST_LOG = 1 << 20  # bytes that it may write besides
 _KEPT_LOG = 1 << 14  # bytes of these that are kept
-_MOST_SCRATCH = 1 << 24  # bytes in its folder
-_LOOK_S = 0.02  # how often memory and files are looked at
+_MOST_THREADS = 256
+_LOOK_S = 0.02  # how often memory, threads and files are looked at
 _PART = 1 << 16
 _PATIENCE_S = 0.2  # for a process that has closed its output, to end
 _START_MOVES = 10  # how many times longer than a move it may take to get ready
 _BY_SIGNAL = {"SIGSYS": "process", "SIGXCPU": "cpu", "SIGXFSZ": "files"}
+_IN_MEMORY = re.compile(rb"^(?:VmRSS|VmPTE|VmSwap):\s*(\d+) kB$", re.MULTILINE)
+_THREADS = re.compile(rb"^Threads:\s*(\d+)$", re.MULTILINE)
+_SIGNALS = {one.value: one.name for one in signal.Signals}
 _ENVIRONMENT = {
     "LANG": "C.UTF-8",
     "OMP_NUM_THREADS": "1",
@@ -58,7 +63,7 @@ _ENVIRONMENT = {
 _MAIN = """
 import json, signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # the master ends it, also while it imports
-sys.path[:0] = sys.argv[4:]
+sys.path[:0] = sys.argv[4:]  # where GAMMS is
 from gamms.tournament.launcher import Setup, main
 main(int(sys.argv[1]), int(sys.argv[2]), Setup(**json.loads(sys.argv[3])))
 """
@@ -138,19 +143,22 @@ class Launcher:
         is_python = not entry.command
         python = python_folders() if is_python else []
         limits = Limits(allowed.memory_bytes, allowed.cpu_s)
+        of_package = is_python and ".py:" not in entry.reference
         setup = Setup(
-            list(entry.command),
-            entry.reference,
-            [*python, *entry.readable, *([str(map)] if is_python else [])],
-            list(limits),
-            str(map),
-            dict(settings),
+            command=list(entry.command),
+            reference=entry.reference,
+            readable=[*python, *entry.readable, *([str(map)] if is_python else [])],
+            packages=[str(Path(one).parent) for one in entry.readable] if of_package else [],
+            limits=list(limits),
+            threads=_MOST_THREADS,
+            landlock=landlock_version(),
+            map=str(map),
+            settings=dict(settings),
         )
         root = str(Path(__file__).resolve().parents[2])
-        packages = [str(Path(one).parent) for one in entry.readable if is_python and ".py:" not in entry.reference]
         with theirs:
             given = [str(theirs.fileno()), str(os.getpid()), json.dumps(setup._asdict())]
-            words = [sys.executable, "-I", "-c", _MAIN, *given, root, *packages]
+            words = [sys.executable, "-I", "-c", _MAIN, *given, root]
             self._process = subprocess.Popen(  # noqa: S603 - our own code
                 words,
                 env=_ENVIRONMENT,
@@ -185,6 +193,7 @@ class Launcher:
         """End the launcher, and what it has started."""
         self._control.close()
         self._process.wait()
+        control_groups.remove_empty()
 
 
 class Player:
@@ -202,6 +211,7 @@ class Player:
     def __init__(self, launcher: Launcher) -> None:
         self.launcher, self._allowed = launcher, launcher.allowed
         self.scratch = tempfile.mkdtemp(dir=launcher.scratch)
+        os.utime(self.scratch, (0, 0))  # so that any other time says that something was written
         self._waiting, self.log, self._logged = b"", b"", 0
         self._pipes: dict[str, int] = {}
         self._is_over = False
@@ -210,12 +220,13 @@ class Player:
             self._pipes["out"], taken = os.pipe()
             self._pipes["log"], log = os.pipe()
             self._id: int = launcher.asked({"start": self.scratch}, (given, taken, log))["id"]
+            self._stop()
             for file in (given, taken, log):
                 os.close(file)
             for file in self._pipes.values():
                 os.set_blocking(file, False)
         except BaseException:
-            _remove(self.scratch)
+            remove_folder(self.scratch)
             raise
 
     def begin(self, message: bytes) -> None:
@@ -224,10 +235,10 @@ class Player:
         Raises:
             Faulty: it does not get ready.
         """
-        answer = self._answer(message, self._allowed.move_s * _START_MOVES)
+        with self._running():
+            answer = self._answer(message, self._allowed.move_s * _START_MOVES)
         if not isinstance(answer, _Ready):
             raise Faulty("start", "it has not said that it is ready")
-        self._pause()
 
     def ask(self, message: bytes, question: int) -> Answer:
         """Return what it answers to a question.
@@ -235,16 +246,24 @@ class Player:
         Raises:
             Faulty: it does not, or what it does is against the rules.
         """
-        os.kill(self._id, signal.SIGCONT)
-        self._read("out", MOST_LINE)  # a line that is there already is a fault: the question is not even sent
-        answer = self._answer(message, self._allowed.move_s)
+        with self._running():
+            self._read("out", MOST_LINE)  # a line that is there already is a fault: the question is not even sent
+            answer = self._answer(message, self._allowed.move_s)
         if not isinstance(answer, Answer) or answer.question != question:
             raise Faulty("order", f"it did not answer question {question}")
-        self._pause()
         return answer
 
-    def _pause(self) -> None:
-        """Stop the process until it is asked again, so that it takes no time from its opponent."""
+    @contextmanager
+    def _running(self) -> Iterator[None]:
+        """Let the process run in the `with` block alone: it takes no time from its opponent, and nothing unseen."""
+        os.kill(self._id, signal.SIGCONT)
+        try:
+            yield
+        finally:
+            if not self._is_over:
+                self._stop()
+
+    def _stop(self) -> None:
         os.kill(self._id, signal.SIGSTOP)
 
     def __enter__(self) -> Self:
@@ -259,7 +278,7 @@ class Player:
         finally:
             for file in self._pipes.values():
                 os.close(file)
-            _remove(self.scratch)
+            remove_folder(self.scratch)
 
     def _answer(self, message: bytes, seconds: float) -> object:
         try:
@@ -315,18 +334,19 @@ class Player:
         return False
 
     def _look(self) -> None:
-        """Check what the system does not bound: memory that is shared with files, and how many files there are."""
-        with suppress(OSError, IndexError, ValueError):
-            pages = int(Path(f"/proc/{self._id}/statm").read_text().split()[1])
-            if pages * os.sysconf("SC_PAGE_SIZE") > self._allowed.memory_bytes:
+        """Check what the system bounds only in part: memory, threads, and what is on the disk."""
+        with suppress(OSError):  # not on this system, or the process has ended
+            status = Path(f"/proc/{self._id}/status").read_bytes()
+            if sum(map(int, _IN_MEMORY.findall(status))) << 10 > self._allowed.memory_bytes:
                 raise Faulty("memory")
-        size = 0
-        for folder, _, names in os.walk(self.scratch):
-            for name in names:
-                with suppress(OSError):
-                    size += Path(folder, name).lstat().st_size
-        if size > _MOST_SCRATCH:
-            raise Faulty("files")
+            threads = _THREADS.search(status)
+            if threads is not None and int(threads[1]) > _MOST_THREADS:
+                raise Faulty("process", f"it started more than {_MOST_THREADS} threads")
+        if Path(self.scratch).stat().st_mtime_ns != 0:
+            try:
+                check_folder(self.scratch, self._id)
+            except Overfull as error:
+                raise Faulty("files", str(error)) from None
 
     def _end_fault(self, what: str) -> Faulty:
         """Return why a process that does not talk any more has ended."""
@@ -336,8 +356,11 @@ class Player:
         if not end["ended"]:
             return Faulty("exit", f"it closed its {what}")
         status = end["status"]
+        if end["memory"]:
+            return Faulty("memory")
         if os.WIFSIGNALED(status):
-            name = signal.Signals(os.WTERMSIG(status)).name
+            number = os.WTERMSIG(status)
+            name = _SIGNALS.get(number, f"signal {number}")
             if end["cpu_s"] >= self._allowed.cpu_s:
                 return Faulty("cpu")
             return Faulty(*((_BY_SIGNAL[name],) if name in _BY_SIGNAL else ("exit", f"it was ended by {name}")))
@@ -358,13 +381,3 @@ def _parsed(line: bytes) -> object:
     if isinstance(answer, _Failed):
         raise Faulty(answer.kind if answer.kind in ("memory", "error") else "garbage", answer.message)
     return answer
-
-
-def _remove(folder: str) -> None:
-    """Remove a folder of an entry, whatever that has made of the rights on its folders."""
-    for parent, names, _ in os.walk(folder):
-        for name in names:
-            inside = Path(parent, name)
-            if not inside.is_symlink():
-                inside.chmod(0o700)
-    shutil.rmtree(folder, ignore_errors=True)
