@@ -1,5 +1,6 @@
 """What an entry is, what it is shown, and what it is not."""
 
+import json
 import re
 import shutil
 import sys
@@ -76,6 +77,110 @@ def test_what_is_no_entry_is_refused(folder, given, message):
 def test_a_function_that_is_not_there_is_an_error_before_any_game(folder):
     with pytest.raises(ScenarioError, match="the entry 'b': there is no function 'sty'"):
         run(grid(), entries={"a": "stay.py:stay", "b": "stay.py:sty"}, seeds=[1], out="out")
+
+
+LOOKS = """
+import os
+from pathlib import Path
+
+HERE = Path(__file__).resolve()
+FOUND = []
+
+def tried(deed, *of):
+    try:
+        FOUND.append((deed.__name__, deed(*of)))
+    except OSError:
+        pass
+
+def look(ctx):
+    out = next(one for one in HERE.parents if one.name == "out")
+    for folder in (HERE.parent.parent, out, out / "entries", out.parent, Path.home().parent):
+        tried(os.listdir, folder)
+    for place in ("entries/00", "entries/01", "scratch/00", "scratch/01", "entries"):
+        tried(os.stat, out / place)
+    tried(os.rename, HERE, HERE.with_name("other"))
+    tried(os.unlink, HERE)
+    tried(open, HERE, "a")
+    assert FOUND == [], FOUND
+
+    def stay(state):
+        state["action"] = state["curr_pos"]
+
+    return stay
+"""
+
+
+def test_copies_of_entries_are_out_of_reach_while_they_play_and_published_afterwards(folder):
+    (folder / "look.py").write_text(LOOKS)
+    for _ in range(2):  # again in the same folder, over what was published
+        table = run(grid(), entries={"look": "look.py:look", "stay": "stay.py:stay"}, seeds=[1], out="out")
+        assert [row["details"] for row in table.rows] == [{}, {}]
+        assert {one.name for one in folder.glob("out/entries/*/*")} == {"look.py", "stay.py"}
+        assert not (folder / "out" / "scratch").exists()
+
+
+def test_what_is_said_of_a_copy_names_where_it_is_published(folder):
+    (folder / "odd.py").write_text("class Odd(Exception): pass\ndef odd(state): raise Odd(__file__, Odd)\n")
+    table = run(grid(), entries={"odd": "odd.py:odd", "stay": "stay.py:stay"}, seeds=[1], out="out")
+    assert table.rows[0]["details"] == {"red": "Odd: ('entries/00/odd.py', <class 'odd.Odd'>)"}
+    assert 'File "entries/00/odd.py", line 2, in odd' in next(folder.glob("out/logs/*")).read_text()
+
+
+def test_a_program_that_is_copied_still_runs(folder):
+    (folder / "program").write_text('#!/bin/sh\necho \'{"type": "ready"}\'\nread start\nread question\n')
+    (folder / "program").chmod(0o755)
+    table = run(grid(), entries={"program": ["./program"], "stay": "stay.py:stay"}, seeds=[1], out="out")
+    assert table.not_ready == {"program": "exit: it ended with the exit code 0"}
+
+
+def test_an_entry_that_cannot_play_is_named_before_the_first_game(folder, caplog):
+    (folder / "closed").mkdir()
+    shutil.copy("/bin/true", folder / "closed" / "python")
+    (folder / "shims").mkdir()
+    shim = folder / "shims" / "shim"
+    shim.write_text(f"#!/bin/sh\nexec {folder / 'closed' / 'python'}\n")
+    shim.chmod(0o755)
+    (folder / "weights").mkdir()
+    (folder / "weights" / "entry.py").write_text(
+        "from gamms.rl import policy\ndef make(ctx):\n    return policy('weights.onnx')\n"
+    )
+    (folder / "late").mkdir()
+    (folder / "late" / "entry.py").write_text("def late(state):\n    open('weights.npz')\n")
+    given = {
+        "late": "late/entry.py:late",
+        "shim": ["shims/shim"],
+        "missing": [
+            sys.executable,
+            "-S",
+            "-c",
+            "import sys; sys.stderr.write('Error: no module\\n  at 1\\n'); sys.exit(2)",
+        ],
+        "stay": "stay.py:stay",
+        "weights": "weights/entry.py:make",
+    }
+    table = run(grid(), entries=given, seeds=[1], out="out")
+    assert set(table.not_ready) == {"late", "missing", "shim", "weights"}
+    assert re.fullmatch(r"exit: it ended with the exit code 126 \(.*Permission denied\)", table.not_ready["shim"])
+    assert table.not_ready["missing"] == "exit: it ended with the exit code 2 (Error: no module)"
+    assert re.fullmatch("error: FileNotFoundError: .*'weights.npz'", table.not_ready["late"])
+    assert "There is no file 'weights.onnx'" in table.not_ready["weights"]
+    assert caplog.messages == [
+        f"The entry {name!r} cannot play: {reason}" for name, reason in sorted(table.not_ready.items())
+    ]
+    assert f"shim cannot play: {table.not_ready['shim']}" in str(table)
+    assert "weights cannot play: " in (folder / "out" / "index.html").read_text()
+    assert json.loads((folder / "out" / "tournament.json").read_text())["not_ready"] == table.not_ready
+    assert table.standings()[0].entry == "stay"
+
+
+def test_modules_beside_a_package_do_not_take_the_place_of_those_of_the_launcher(folder, monkeypatch):
+    (folder / "place" / "bots").mkdir(parents=True)
+    (folder / "place" / "bots" / "__init__.py").write_text(STAY)
+    (folder / "place" / "platform.py").write_text(f"open({str(folder / 'ran')!r}, 'w')\nfrom sys import platform\n")
+    monkeypatch.syspath_prepend(folder / "place")
+    table = run(grid(), entries={"bots": "bots:stay", "stay": "stay.py:stay"}, seeds=[1], out="out")
+    assert table.not_ready == {}
+    assert not (folder / "ran").exists()
 
 
 SHOWN = """

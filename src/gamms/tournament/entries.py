@@ -5,7 +5,9 @@ No code of an entry runs here: a Python file is read as text to see that the fun
 
 import hashlib
 import os
+import secrets
 import shutil
+import stat
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,12 +18,14 @@ from gamms.arguments import as_items, as_mapping, as_name
 from gamms.errors import BadType, BadValue
 from gamms.folders import home_folder, write_whole
 from gamms.scenario.code import chosen
+from gamms.tournament.scratch import remove_folder
 
 Given = str | Sequence[str]
 """`file.py:function`, `module:function`, or a program with its arguments."""
 
 _MOST_FILES, _MOST_BYTES = 2_000, 1 << 28  # of a folder that an entry may have for itself
 _Places = list[tuple[Path, Path] | None]  # of each text the file that it names, and what of it may be read
+SCRATCH = "scratch"  # the folder in that of a tournament for all that is there only while it is played
 _LIBRARIES = ("lib", "lib64", "libexec", "share", "pyvenv.cfg")
 _PASSED_OVER = ("__pycache__", ".git")
 
@@ -35,6 +39,8 @@ class Entry(NamedTuple):
         command: the program and its arguments, by absolute paths; () for Python.
         readable: the files and folders of its own that it may read.
         digest: the SHA-256 of its files and of how it is started, in hexadecimal.
+        copy: the folder in which it plays, where its file was copied; else "".
+        published: where in the folder of the tournament that copy is afterwards.
     """
 
     name: str
@@ -42,13 +48,15 @@ class Entry(NamedTuple):
     command: tuple[str, ...]
     readable: tuple[str, ...]
     digest: str
+    copy: str
+    published: str
 
 
 def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: Iterable[Path]) -> list[Entry]:
     """Return the entries in the order of their names.
 
     An entry may read the folder that its file is in, unless another entry or a file of the game is there, too; then its
-    file alone is copied into `out`.
+    file alone is copied. Until the tournament ends, the copy lies in a folder whose name no entry can guess.
 
     Args:
         given: name -> what it is.
@@ -70,20 +78,28 @@ def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: It
             file = files[name][0]
             reference = text if file is None else f"{file}:{text.rpartition(':')[2]}"
             chosen(reference, f"the entry {name!r}")
-    is_new, entries = not (out / "entries").exists(), []
-    try:
-        for number, name in enumerate(sorted(texts)):
-            others = [file for other, some in files.items() if other != name for file in some if file is not None]
-            closed = [out, *private, *others, home_folder()]
-            copies = out / "entries" / f"{number:02d}"
-            places = [None if file is None else _place(file, closed, copies) for file in files[name]]
-            make = _python_entry if isinstance(given[name], str) else _program
-            entries.append(make(name, texts[name], places))
-    except BaseException:
-        if is_new:
-            shutil.rmtree(out / "entries", ignore_errors=True)
-        raise
+    entries = []
+    for number, name in enumerate(sorted(texts)):
+        others = [file for other, some in files.items() if other != name for file in some if file is not None]
+        closed = [out, *private, *others, home_folder()]
+        copies = out / SCRATCH / secrets.token_hex()
+        places = [None if file is None else _place(file, closed, copies) for file in files[name]]
+        make = _python_entry if isinstance(given[name], str) else _program
+        entry = make(name, texts[name], places)
+        if copies.exists():
+            entry = entry._replace(copy=str(copies.absolute()), published=f"entries/{number:02d}")
+        entries.append(entry)
     return entries
+
+
+def publish(entries: Iterable[Entry], out: Path) -> None:
+    """Put the copies of entries where readers of the folder find them; none of them can be played any more."""
+    for entry in entries:
+        if entry.copy:
+            place = out / entry.published
+            place.parent.mkdir(exist_ok=True)
+            remove_folder(place)
+            Path(entry.copy).rename(place)
 
 
 def _texts(name: str, given: object) -> list[str]:
@@ -119,6 +135,7 @@ def _place(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path
     copies.mkdir(parents=True, exist_ok=True)
     copy = copies / file.name
     write_whole(copy, file.read_bytes())
+    copy.chmod(stat.S_IMODE(file.stat().st_mode) | stat.S_IRUSR)  # it may be a program
     return copy.absolute(), copies.absolute()
 
 
@@ -129,7 +146,7 @@ def _python_entry(name: str, texts: list[str], places: _Places) -> Entry:
     found, _ = chosen(reference, f"the entry {name!r}")
     readable = str(place[1]) if place else _package(found.module)
     digest = _digest([f"{file.rpartition('/')[2]}:{function}"], [readable])
-    return Entry(name, reference, (), (readable,), digest)
+    return Entry(name, reference, (), (readable,), digest, "", "")
 
 
 def _program(name: str, texts: list[str], places: _Places) -> Entry:
@@ -141,7 +158,7 @@ def _program(name: str, texts: list[str], places: _Places) -> Entry:
     own = sorted({str(place[1]) for place in places if place})
     libraries = {str(one) for way in (program, program.resolve()) for one in _beside(way)}
     digest = _digest([place[0].name if place else text for text, place in zip(texts, places, strict=True)], own)
-    return Entry(name, "", (str(program), *words[1:]), (*own, *sorted(libraries)), digest)
+    return Entry(name, "", (str(program), *words[1:]), (*own, *sorted(libraries)), digest, "", "")
 
 
 def _beside(program: Path) -> Iterator[Path]:

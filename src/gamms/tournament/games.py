@@ -1,6 +1,7 @@
 """One game between two entries: what each is asked, and the row that comes of it."""
 
 import hashlib
+import re
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,13 +11,16 @@ from gamms.bridge.lines import line_of
 from gamms.context import Context
 from gamms.plain import as_json, plain_subset, to_plain
 from gamms.scenario import Scenario
-from gamms.text import shown, without_address
+from gamms.scenario.code import private_package
+from gamms.text import printable, printable_line, shown, without_address
 from gamms.tournament.host import framed
 from gamms.tournament.players import Answer, Fault, Faulty, Launcher, Player
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.sensor_engine import SensorType
 
 MOST_TURNS = 1000  # of a game that has no bound of its own
+MOST_SAID = 1000  # letters of what an entry makes a row say
+_TELLING = re.compile("error|denied|not found", re.IGNORECASE)  # in the line of a log that says why a program ended
 _OWN = ("draw", "rng", "memory", "team_memory", "fork", "outbox", "name", "team")  # what an entry makes for itself
 
 
@@ -69,6 +73,12 @@ def own_seed(seed: int, team: str) -> int:
     return int.from_bytes(hashlib.sha256(f"tournament/{seed}/{team}".encode()).digest()[:7], "big")
 
 
+def _stay(states: Mapping[str, dict[str, Any]]) -> None:
+    """Let agents stay where they are: a plan."""
+    for state in states.values():
+        state["action"] = (0.0, 0.0, 0.0) if isinstance(state["curr_pos"], tuple) else state["curr_pos"]
+
+
 class _Side:
     """The team that an entry plays: its plan in the game, and its first fault."""
 
@@ -90,8 +100,7 @@ class _Side:
         except Faulty as error:
             self.fault = error.fault
         if self.fault is not None:
-            for state in states.values():
-                state["action"] = (0.0, 0.0, 0.0) if isinstance(state["curr_pos"], tuple) else state["curr_pos"]
+            _stay(states)
 
     def _answer(self, states: dict[str, dict[str, Any]]) -> Answer:
         self._asked += 1
@@ -187,11 +196,50 @@ def play(
         turns=result.turns,
         scores={team: float(result.scores.get(team, 0)) for team in fixture.entries},
         faults={team: fault.kind for team, fault in faults.items()},
-        details={
-            team: without_address(fault.detail.replace(players[team].scratch, "~")) for team, fault in faults.items()
-        },
+        details={team: _said(players[team], fault.detail)[:MOST_SAID] for team, fault in faults.items()},
     )
-    return row, {team: player.log for team, player in players.items()}
+    return row, {team: _said(player, player.log.decode(errors="replace")).encode() for team, player in players.items()}
+
+
+def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launcher) -> str | None:
+    """Ask an entry once, in a game in which the other side stays, and return why it cannot play; None: it can.
+
+    Args:
+        scenario: of the game.
+        seed: of the game.
+        sides: the team that it plays, and the other one.
+        launcher: of the entry.
+    """
+    team, other = sides
+    with ExitStack() as open_things:
+        ctx = open_things.enter_context(scenario.build(seed))
+        ctx.game.on_illegal, ctx.game.time_budget = "stay", None
+        player = open_things.enter_context(Player(launcher))
+        fixture = Fixture("", {team: launcher.entry.name}, seed, 0)
+        side = _Side(player, ctx, team, _start(ctx, team, fixture, launcher))
+        ctx.game.command(team, side.plan)
+        ctx.game.command(other, _stay)
+        ctx.game.add(_Referee({team: side}))
+        if side.fault is None:
+            ctx.game.run(max_turns=1)
+        fault = side.fault
+    if fault is None:
+        return None
+    reason = f"{fault.kind}: {_said(player, fault.detail)}"
+    if fault.kind == "exit":
+        lines = _said(player, player.log.decode(errors="replace")).splitlines()
+        telling = [line for line in lines if _TELLING.search(line)] or lines
+        reason += f" ({telling[-1].strip()})" if telling else ""
+    return printable_line(reason)[:MOST_SAID]
+
+
+def _said(player: Player, text: str) -> str:
+    """Return a text about an entry, printable, and without folders and addresses that change from run to run."""
+    entry = player.launcher.entry
+    text = text.replace(player.scratch, "~")
+    if entry.copy:
+        text = text.replace(entry.copy, entry.published).replace(f"{private_package(Path(entry.copy))}.", "")
+    return without_address(printable(text))
 
 
 def _start(ctx: Context, team: str, fixture: Fixture, launcher: Launcher) -> dict[str, Any]:

@@ -39,7 +39,8 @@ def write_page(table: Table, folder: Path, title: str) -> None:
     head = f"{_OPENING}<title>{escape(title)}</title><style>{_STYLE}</style>"
     policy = "<meta http-equiv=Content-Security-Policy content=\"default-src 'none'; style-src 'unsafe-inline'\">"
     missing = f"<p>Not enforced on this system: {escape('; '.join(table.not_enforced))}.</p>"
-    body = f"<h1>{escape(title)}</h1>{missing if table.not_enforced else ''}{''.join(sections)}"
+    unready = "".join(f"<p>{escape(f'{name} cannot play: {reason}')}</p>" for name, reason in table.not_ready.items())
+    body = f"<h1>{escape(title)}</h1>{missing if table.not_enforced else ''}{unready}{''.join(sections)}"
     write_whole(folder / PAGE, f"{head}{policy}<body>{body}</body></html>\n".encode())
 
 

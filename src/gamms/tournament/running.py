@@ -1,14 +1,15 @@
 """Runs a tournament: who plays whom, and where, until all games are played; none is played twice."""
 
 import json
+import logging
 import os
 import pickle
-import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
+from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
 from gamms.errors import BadType, BadValue, GammsError, WriteConflict
@@ -19,23 +20,25 @@ from gamms.folders import locked, write_whole
 from gamms.limits import max_memory
 from gamms.progress import progress
 from gamms.scenario import Scenario
-from gamms.text import shown
-from gamms.tournament.entries import Entry, Given, found_entries
+from gamms.text import printable_line, shown
+from gamms.tournament.entries import SCRATCH, Entry, Given, found_entries, publish
 from gamms.tournament.games import MOST_TURNS, Fixture, Row
 from gamms.tournament.page import write_page
 from gamms.tournament.players import Allowed
+from gamms.tournament.scratch import remove_folder
 from gamms.tournament.table import Table
-from gamms.tournament.workers import Settings, Task, close_launchers, not_enforced, play
+from gamms.tournament.workers import Settings, Task, Trial, close_launchers, play, trial
 from gamms.versions import versions
-from gamms.workers import WorkerPool, cores, first_done
+from gamms.workers import WorkerPool, cores, first_done, result_of
 
 MANIFEST = "tournament.json"
 _FORMAT = "gamms tournament 1"
 _LEAST_MB = 64
-_MAP, _SCRATCH = "map.gamms", "scratch"
+_MAP = "map.gamms"
 _GAMES_OF_A_TASK = 10
 _ATTEMPTS = 3  # at a task whose process dies
 _Pair = tuple[Entry, Entry]
+T = TypeVar("T")
 
 
 def run(  # noqa: PLR0913 - each option is independent of the others
@@ -55,7 +58,9 @@ def run(  # noqa: PLR0913 - each option is independent of the others
 ) -> Table:
     """Let entries play each other on both sides with the same seeds, and return the table.
 
-    A tournament that was interrupted, by a crash too, goes on where it was when it is run again with the same `out`.
+    Each entry is tried before the first game; one that cannot play is named by a warning and in `not_ready` of the
+    table, and loses its games. A tournament that was interrupted, by a crash too, goes on where it was when it is run
+    again with the same `out`.
 
     Args:
         scenario: the game.
@@ -94,22 +99,26 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
         manifest = {"scenario": digest_of(scenario), **game}
         _refuse_other(where, manifest)
-        with scenario.build(seed=numbers[0]) as ctx:
-            found = found_entries(entries, base, where, private)
-            ctx.graph.save(where / _MAP)
-        settings = Settings(scenario, where / _MAP, where / _SCRATCH, allowed, games, where / "logs", max_memory())
-        plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
-        runner = _Runner(settings, chosen, workers, Journal(where), manifest)
+        remove_folder(where / SCRATCH)  # of a tournament that was interrupted
+        runner = None
         try:
-            (where / _SCRATCH).mkdir(exist_ok=True)
-            missing = not_enforced(found[0], settings)
-            written = {"format": _FORMAT, **manifest, **plan, "not_enforced": missing}
+            with scenario.build(seed=numbers[0]) as ctx:
+                found = found_entries(entries, base, where, private)
+                ctx.graph.save(where / _MAP)
+            settings = Settings(scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory())
+            plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
+            runner = _Runner(settings, chosen, workers, Journal(where), manifest)
+            (where / SCRATCH).mkdir(exist_ok=True)
+            not_ready, missing = _tried(runner, found, teams, numbers[0])
+            written = {"format": _FORMAT, **manifest, **plan, "not_enforced": missing, "not_ready": not_ready}
             write_whole(where / MANIFEST, (json.dumps(written, indent=1) + "\n").encode())
             table = runner.play(found, teams, numbers, number)
-            table.not_enforced = missing
+            table.not_enforced, table.not_ready = missing, not_ready
+            publish(found, where)
         finally:
-            runner.close(is_own=is_own)
-            shutil.rmtree(where / _SCRATCH, ignore_errors=True)
+            if runner is not None:
+                runner.close(is_own=is_own)
+            remove_folder(where / SCRATCH)
         write_page(table, where, scenario.spec.name or "Tournament")
     return table
 
@@ -139,6 +148,18 @@ def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> Allowed
         raise BadValue(f"memory_mb must be at least {_LEAST_MB}, which programs take to start, not {megabytes}.")
     turns = scenario.spec.max_turns or MOST_TURNS
     return Allowed(seconds, megabytes << 20, int(seconds * (turns + 10)) + 1)
+
+
+def _tried(
+    runner: "_Runner", entries: Sequence[Entry], sides: tuple[str, str], seed: int
+) -> tuple[dict[str, str], list[str]]:
+    """Try all entries; return why some of them cannot play, and what this system cannot enforce."""
+    trials = runner.tried(entries, sides, seed)
+    not_ready = {name: one.reason for name, one in trials.items() if one.reason is not None}
+    for name, reason in not_ready.items():
+        words = printable_line(name), reason
+        logging.getLogger("gamms").warning("The entry %r cannot play: %s", *words)
+    return not_ready, next(iter(trials.values())).not_enforced
 
 
 def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
@@ -171,6 +192,15 @@ class _Runner:
         self._slots = 1 if isinstance(executor, Here) else 2 * (workers or cores())
         self._spare: WorkerPool | None = None
         self._workers = workers or cores()
+
+    def tried(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, Trial]:
+        """Return what a trial of each entry shows, by its name."""
+        keeps = isinstance(self._executor, Here | WorkerPool)
+        futures = {
+            one.name: self._asked(partial(trial, self._settings, one, sides, seed, keeps_launchers=keeps))
+            for one in entries
+        }
+        return {name: result_of(future) for name, future in futures.items()}
 
     def play(self, entries: list[Entry], sides: tuple[str, str], seeds: list[int], rounds: int | None) -> Table:
         """Play all rounds, and return the table."""
@@ -206,7 +236,7 @@ class _Runner:
         done = total - sum(one.id not in self._journal.rows for some in fixtures.values() for one in some)
         while True:
             while len(waiting) < self._slots and (task := next(tasks, None)) is not None:
-                waiting[self._asked(task)] = task, 1
+                waiting[self._asked(partial(play, task))] = task, 1
             if not waiting:
                 return
             for future in first_done(waiting):
@@ -216,7 +246,7 @@ class _Runner:
                 except BrokenExecutor:  # the process was killed: its games follow from their seeds alone
                     if attempts == _ATTEMPTS:
                         raise
-                    waiting[self._asked(task)] = task, attempts + 1
+                    waiting[self._asked(partial(play, task))] = task, attempts + 1
                 else:
                     self._journal.add(dict(row) for row in rows)
                     done += len(rows)
@@ -229,13 +259,13 @@ class _Runner:
                 games = tuple(new[first : first + _GAMES_OF_A_TASK])
                 yield Task(self._settings, pair, games, isinstance(self._executor, Here | WorkerPool))
 
-    def _asked(self, task: Task) -> Future[list[Row]]:
+    def _asked(self, function: Callable[[], T]) -> Future[T]:
         try:
-            return self._executor.submit(play, task)
+            return self._executor.submit(function)
         except BrokenExecutor:  # one of the caller's, whose workers have died
             self._spare = self._spare or WorkerPool(self._workers)
             self._executor = self._spare
-            return self._executor.submit(play, task)
+            return self._executor.submit(function)
 
     def close(self, *, is_own: bool) -> None:
         """End what plays, and close the journal."""

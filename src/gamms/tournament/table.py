@@ -89,10 +89,14 @@ class Table:
         rows: see above.
         entries: see above.
         not_enforced: what of the limits the system could not enforce, in words.
+        not_ready: entry -> why it cannot play when it was tried before the first game.
     """
 
     def __init__(self, rows: Sequence[Row], entries: Sequence[str]) -> None:
-        self.rows, self.entries, self.not_enforced = list(rows), as_items(entries, "entries", "names"), list[str]()
+        self.rows = list(rows)
+        self.entries = as_items(entries, "entries", "names")
+        self.not_enforced = list[str]()
+        self.not_ready = dict[str, str]()
         for name in {entry for row in self.rows for entry in row["entries"].values()}:
             as_known(name, "entry", self.entries)
         self._payoffs: dict[tuple[str, str], Payoff] | None = None
@@ -198,7 +202,10 @@ class Table:
             ).rstrip()
             for line in lines
         )
-        return f"{text}\nNot enforced on this system: {'; '.join(self.not_enforced)}." if self.not_enforced else text
+        notes = [f"{printable_line(name)} cannot play: {reason}" for name, reason in self.not_ready.items()]
+        if self.not_enforced:
+            notes.append(f"Not enforced on this system: {'; '.join(self.not_enforced)}.")
+        return "\n".join([text, *notes])
 
 
 def _payoff(by_seed: dict[int, list[tuple[float, float]]]) -> Payoff:

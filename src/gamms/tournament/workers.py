@@ -1,6 +1,5 @@
 """What a process that plays does: games of two entries, with launchers that it keeps for the next ones."""
 
-import pickle
 from collections import OrderedDict
 from multiprocessing import parent_process
 from pathlib import Path
@@ -56,6 +55,18 @@ class Task(NamedTuple):
     keeps_launchers: bool
 
 
+class Trial(NamedTuple):
+    """What a trial of an entry has shown.
+
+    Attributes:
+        reason: why the entry cannot play; None: it can.
+        not_enforced: what of the limits this system cannot enforce, in words.
+    """
+
+    reason: str | None
+    not_enforced: list[str]
+
+
 _launchers: OrderedDict[tuple[bytes, Entry], Launcher] = OrderedDict()
 
 
@@ -105,6 +116,20 @@ def close_launchers() -> None:
         _launchers.popitem()[1].close()
 
 
-def not_enforced(entry: Entry, settings: Settings) -> list[str]:
-    """Return what of the limits this system cannot enforce, in words."""
-    return _launcher(pickle.dumps(settings), entry).missing()
+def trial(settings: bytes, entry: Entry, sides: tuple[str, str], seed: int, *, keeps_launchers: bool) -> Trial:
+    """Try an entry; see `Trial`.
+
+    Args:
+        settings: pickled.
+        entry: the entry.
+        sides: the team that it plays, and the other one.
+        seed: of the game that it is tried in.
+        keeps_launchers: see `Task`.
+    """
+    known: Settings = loaded(settings)
+    with allowing(known.memory):
+        launcher = _launcher(settings, entry)
+        found = Trial(games.trial(known.scenario, seed, sides, launcher), launcher.missing())
+    if not keeps_launchers:
+        close_launchers()
+    return found
