@@ -11,6 +11,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
 _LONG = 200  # bits
 _PARSING = Lock()  # Python 3.11 raises a SystemError where two threads parse at the same time
@@ -20,6 +21,8 @@ _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks 
     "\ud800-\udfff\U000e0000-\U000e0fff]"
 )
 _NOT_IN_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"  # takes a while to compile
+_FORMULA = re.compile("'*[=+\\-@\t\r]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
@@ -138,6 +141,20 @@ def as_xml(text: str, *, quote: bool = True) -> str:
     from html import escape  # which few programs need
 
     return escape(re.sub(_NOT_IN_XML, "\ufffd", text), quote=quote)
+
+
+def as_cell(value: T) -> T | str:
+    """Return a value as a cell of a CSV file, in which a text that spreadsheets take for a formula begins with `'`.
+
+    A cell of a formula begins with =, +, -, @, a tab or a carriage return. Numbers stay as they are.
+    """
+    is_formula = isinstance(value, str) and _FORMULA.match(value) and not _NUMBER.fullmatch(value)
+    return f"'{value}" if is_formula else value
+
+
+def from_cell(text: str) -> str:
+    """Return the text that `as_cell` has written."""
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
 def printable_line(text: str) -> str:

@@ -25,7 +25,7 @@ from gamms.graph.finding import read_gpx, seconds_of
 from gamms.ir.geometry import NearLines, nearest_on
 from gamms.ir.graph import FloatArray, IntArray, shortest_edges
 from gamms.limits import refuse_above
-from gamms.text import shown
+from gamms.text import from_cell, shown
 from gamms.typing import IGraph
 from gamms.typing.game import State
 
@@ -219,7 +219,7 @@ def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
             keys = ("x", "y") if "x" in at and "y" in at else ("lat", "lon")
             for row in filter(None, islice(reader, _MOST_POINTS)):
                 at_line = f"line {reader.line_num}: "
-                name = row[at["agent"]] if "agent" in at else file.stem
+                name = from_cell(row[at["agent"]]) if "agent" in at else file.stem
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
                 rows.setdefault(name, []).append((_time_of(row[at["time"]]), *place))
             is_too_long = next(reader, None) is not None
