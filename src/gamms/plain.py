@@ -23,7 +23,7 @@ MOST_DEPTH = 24
 MOST_DIMENSIONS = 8
 _ATOMS = frozenset({str, bytes, int, float, bool, complex, type(None)})
 _CONTAINERS = frozenset({dict, list, tuple, set, np.ndarray})
-_MOST_BITS = 14_000  # of an integer that Python writes out
+_MOST_BITS = 996  # of an integer in JSON, which other programs read as a float
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
 _SCALARS = frozenset(_BUILT_IN)
@@ -46,7 +46,7 @@ def to_plain(value: Plain) -> Plain:
 
 
 def as_json(value: Plain) -> Plain:
-    """Return what JSON can hold of a plain value; integers of more than 4,300 digits become hexadecimal texts."""
+    """Return what JSON can hold of a plain value; integers of more than 300 digits become hexadecimal texts."""
     if isinstance(value, dict):
         return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):

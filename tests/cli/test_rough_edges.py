@@ -171,7 +171,7 @@ def test_a_device_or_a_pipe_is_written_to_and_no_file_takes_its_place():
     reading, writing = os.pipe()
     with os.fdopen(reading, "rb") as end:
         with os.fdopen(writing, "wb"):
-            write_whole(Path(f"/dev/fd/{writing}"), b"a page")
+            write_whole(Path(f"/dev/fd/{writing}"), b"a page", through_links=True)
         assert end.read() == b"a page"
 
 

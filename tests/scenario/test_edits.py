@@ -107,6 +107,15 @@ def test_what_would_be_wrong_is_not_written(file):
         found.write()
 
 
+def test_nothing_is_written_through_a_link(file):
+    link = file.with_name("link.yaml")
+    link.symlink_to(file)
+    found = edited(link, [Change(("teams", "red", "within"), 40)], scenario.load(link))
+    with pytest.raises(WriteConflict, match=r"link.yaml is a link, .* Edit .*hunt.yaml"):
+        found.write()
+    assert file.read_text() == TEXT
+
+
 def test_a_value_that_others_share_is_left_to_people(tmp_path):
     file = tmp_path / "shared.yaml"
     teams = "  a: {near: &home [0, 0], within: 30, count: 1}\n  b: {near: *home, within: 30, count: 1}\n"

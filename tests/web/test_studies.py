@@ -299,7 +299,7 @@ def test_neither_of_a_pair_may_choose_for_the_other(tmp_path):
 def test_a_damaged_line_of_the_folder_is_named(tmp_path, name, line):
     begun(tmp_path).close()
     (tmp_path / name).write_text(line + "\n")
-    with pytest.raises(ValueError, match=r"Line 1 of .* is damaged|holds another study"):
+    with pytest.raises(ValueError, match=r"line 1, is not a .* study: .* Delete the line|holds another study"):
         begun(tmp_path)
 
 

@@ -10,7 +10,7 @@ import typer
 
 from gamms.cli.output import console, echo, recorded, rich_table
 from gamms.errors import MissingExtra
-from gamms.folders import made_folder, write_whole
+from gamms.folders import made_folder, without_link, write_whole
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -143,7 +143,7 @@ def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "
 
     with game.build(seed) as ctx, recorded(ctx, folder, sensed=True) as recording:
         result = ctx.game.run(progress=True)
-    result.save(folder / "result.json")
+    result.save(without_link(folder / "result.json"))
     with recorder.open(recording) as whole:
         whole.save(html)
     return result
@@ -172,7 +172,7 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
 def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str) -> str:
     """Play a game, write its replay and its still, and return what the page says of it."""
     with TemporaryDirectory() as scratch:
-        result = _recorded(game, seed, Path(scratch), folder / f"{name}.html")
+        result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"))
         turn = result.turns // 3
         still = _still(Path(scratch) / "game.ggr", folder / name, turn)
     texts: dict[str, Any] = {
@@ -197,7 +197,7 @@ def _still(recording: Path, file: Path, turn: int) -> Path:
         found = file.with_suffix(suffix)
         try:
             options = RenderOptions(last=turn, width=_STILL, height=_STILL * 3 // 4, captions=False, labels=False)
-            render(recording, found, options)
+            render(recording, without_link(found), options)
         except MissingExtra:
             continue
         return found

@@ -1,6 +1,5 @@
 """`gamms run --seeds`: the same scenario with many seeds, in several processes, and what came of all of them."""
 
-import csv
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -12,7 +11,7 @@ import typer
 
 from gamms.cli.output import console, echo, explained, in_words, rich_table
 from gamms.errors import BadValue, nearest
-from gamms.folders import made_folder, whole_file
+from gamms.folders import made_folder, whole_file, without_link, write_csv
 from gamms.limits import allowing, max_memory
 from gamms.progress import progress
 from gamms.text import printable_line, shown
@@ -81,12 +80,10 @@ def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Pa
     teams, played = list(game.spec.teams), []
     with made_folder(out):
         for seed, result in _results(game, seeds, strategies, jobs or cores()):
-            result.save(out / f"result_{seed}.json")
+            result.save(without_link(out / f"result_{seed}.json"))
             played.append(_row(result, teams))
-        with whole_file(out / "results.csv") as whole, whole.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(played[0]))
-            writer.writeheader()
-            writer.writerows(played)
+        with whole_file(out / "results.csv") as whole:
+            write_csv(whole, played[0], (row.values() for row in played))
     header = ("seed", "turns", "winner", *teams, "reason")
     rows = [_cells(row, teams) for row in played]
     console().print(rich_table(tuple(map(printable_line, header)), rows))

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gamms.errors import BadValue, GammsError, MissingExtra, install_command, nearest
-from gamms.folders import made_folder, write_whole
+from gamms.folders import made_folder, without_link, write_whole
 from gamms.limits import allowing, parse_memory
 from gamms.text import printable, printable_line, reason
 
@@ -185,7 +185,7 @@ def write_page(file: Path, page: bytes) -> None:
     """
     if file.suffix.lower() not in (".html", ".htm"):
         raise BadValue(f"A page is a file .html: give such a name instead of {str(file)!r}.")
-    write_whole(file, page)
+    write_whole(file, page, through_links=True)
     echo(f"Wrote {file}.")
 
 
@@ -207,7 +207,7 @@ def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> It
     """Film a game into a folder; yield the file, or None where the libraries for films are missing."""
     for name, options in _FILMS.items():
         try:
-            film = ctx.visual.film(folder / name, **options, **page)
+            film = ctx.visual.film(without_link(folder / name), **options, **page)
         except MissingExtra:
             continue
         with film:
@@ -226,7 +226,7 @@ def save_pictures(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]
         return files
     for name in ("final.png", "final.svg"):
         try:
-            ctx.visual.save(folder / name, dpi=_FINE, **page)
+            ctx.visual.save(without_link(folder / name), dpi=_FINE, **page)
         except MissingExtra:
             continue
         files.append(folder / name)

@@ -21,7 +21,7 @@ from gamms.cli.output import (
     save_pictures,
     warn,
 )
-from gamms.folders import made_folder
+from gamms.folders import made_folder, without_link
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -70,9 +70,9 @@ def demo(
             recording = making.enter_context(recorded(ctx, out, sensed=True))
             film_file = making.enter_context(filmed(ctx, out, **page) if film else nullcontext())
             played = ctx.game.run(progress=True)
-        played.save(out / "result.json")
+        played.save(without_link(out / "result.json"))
         with recorder.open(recording) as whole:
-            whole.save(out / "game.html", title=page["title"])
+            whole.save(without_link(out / "game.html"), title=page["title"])
         pictures = save_pictures(ctx, out, **page)
         _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
@@ -189,7 +189,7 @@ def _play_one(
                 making.enter_context(ctx.visual.film(film, title=name))
             recording = making.enter_context(recorded(ctx, out))
             result = ctx.game.run(progress=True)
-        result.save(out / "result.json")
+        result.save(without_link(out / "result.json"))
         pictures = save_pictures(ctx, out, title=name, captions=True)
         echo(f"\n{name}: {result}")
         made = [f"{out / 'result.json'} (what came of it)", f"{recording} (every move; gamms replay)"]
@@ -208,7 +208,7 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
     from gamms import web
 
     recording = out / RECORDING
-    options["record"] = recording
+    options["record"] = without_link(recording)
     with made_folder(out), web.serve(game, **options) as live, suppress(KeyboardInterrupt):
         live.when_failed.append(lambda error: echo(explained(error), err=True))
         echo("The game is served until Ctrl-C. Open a link in a browser:")
@@ -218,7 +218,7 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
             echo(f"  {printable_line(name):<12} {link} (plays)")
         result = live.wait()
         if result is not None:
-            result.save(out / "result.json")
+            result.save(without_link(out / "result.json"))
             echo(f"\n{result}\n\nWrote {out / 'result.json'}. The last turn is served until Ctrl-C.")
         live.stay_open()
     echo(f"\nWrote {recording} (every move; gamms replay).")

@@ -5,28 +5,84 @@ out when the journal is read. `experiment.json` is the plan. `rows.jsonl`, `rows
 when all games are played, in the order of the plan.
 """
 
-import csv
-import io
 import json
 import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal, TypedDict
 
 from gamms.arguments import as_items, as_path
 from gamms.errors import BadFile, BadValue
 from gamms.experiment.games import Row
-from gamms.folders import locked, naming, whole_file, write_whole
+from gamms.folders import (
+    Scalar,
+    as_lines,
+    cut_torn_line,
+    json_in,
+    lines_in,
+    locked,
+    naming,
+    opened,
+    refuse_link,
+    whole_file,
+    write_csv,
+    write_whole,
+)
 from gamms.ir.tables import table_of
-from gamms.text import reason, shown
+from gamms.text import shown
 
 FORMAT = "gamms experiment 1"
 PLAN, JOURNAL = "experiment.json", "journal.jsonl"
 _SYNC_S = 0.5  # how often the disk is waited for
+_INT64 = 1 << 63
 _FIRST = ("id", "scenario", "gamms", "python", "numpy")
 _MIDDLE = ("seed", "reason", "winner", "truncated", "turns")
+
+
+class Identified(TypedDict):
+    """The column by which a journal finds rows."""
+
+    id: str
+
+
+class _Named(Identified):
+    """The columns that every row of an experiment has."""
+
+    scenario: str
+    gamms: str
+    python: str
+    numpy: str
+    seed: int
+    error: str | None
+
+
+class _Played(_Named, total=False):
+    """The columns of a game that was played to its end."""
+
+    turns: int
+    truncated: bool
+    reason: str
+
+
+ROW = (_Played, dict[str, Scalar])
+"""The types of a row of an experiment: columns that are known, and scalars in all of them."""
+
+
+class Plan(TypedDict):
+    """The plan of an experiment as its file has it."""
+
+    format: Literal["gamms experiment 1"]
+    scenario: dict[str, Any]
+    keys: list[str]
+    variants: list[dict[str, Scalar]]
+    digests: list[str]
+    seeds: list[int]
+    collect: list[str]
+    sample: tuple[list[str], int] | None
+    versions: dict[str, str]
+    rows: list[str]
 
 
 # -- the journal --------------------------------------------------------------------------------------------------
@@ -37,14 +93,15 @@ class Journal:
 
     Args:
         folder: of the run; it is locked.
+        kinds: the types that each row must have, for `gamms.folders.lines_in`.
 
     Raises:
         BadFile: a line of it is no row.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *kinds: type[object]) -> None:
         self._path = folder / JOURNAL
-        self.rows = rows_in(self._path)
+        self.rows = rows_in(self._path, *kinds)
         self._file: BinaryIO | None = None  # until there is something to write
         self._synced = 0.0
 
@@ -52,10 +109,10 @@ class Journal:
         """Append rows; the system has them when this returns, and the disk within half a second of games."""
         rows = list(rows)
         if self._file is None:
-            self._file = self._path.open("ab")
-            self._file.truncate(_whole(self._path))
+            cut_torn_line(self._path)
+            self._file = opened(self._path, "ab")
         with naming(self._path, self._path):
-            self._file.write("".join(f"{_line(row)}\n" for row in rows).encode())
+            self._file.write(as_lines(rows))
             self._file.flush()
         if time.monotonic() - self._synced > _SYNC_S:
             os.fsync(self._file.fileno())
@@ -70,34 +127,27 @@ class Journal:
                 self._file.close()
 
 
-def _whole(file: Path) -> int:
-    """Return how many bytes of a journal are whole lines."""
-    return file.read_bytes().rfind(b"\n") + 1
-
-
-def rows_in(file: Path) -> dict[str, Row]:
+def rows_in(file: Path, *kinds: type[object]) -> dict[str, Row]:
     """Return the rows of a journal by id; a torn last line counts as not there.
 
     Raises:
         BadFile: a line is no row.
     """
-    rows: dict[str, Row] = {}
-    if not file.exists():
-        return rows
-    data = file.read_bytes()
-    for number, line in enumerate(data[: data.rfind(b"\n") + 1].splitlines(), 1):
-        try:
-            row = json.loads(line)
-            rows[row["id"]] = row
-        except (ValueError, KeyError, TypeError) as error:
+    return {row["id"]: row for row in lines_in(file, "a row", Identified, *kinds)}
+
+
+def refuse_incomplete(folder: Path, rows: Mapping[str, Row], ids: Iterable[str], keys: Sequence[str]) -> None:
+    """Check that the rows with these ids have all varied keys.
+
+    Raises:
+        BadFile: one of them lacks a key.
+    """
+    for row in (rows[id] for id in ids if id in rows):
+        missing = [key for key in keys if key not in row]
+        if missing:
             raise BadFile(
-                f"{str(file)!r}, line {number}, is no row of an experiment: {reason(error)}. Delete the line."
-            ) from None
-    return rows
-
-
-def _line(row: Mapping[str, Any]) -> str:
-    return json.dumps(row, ensure_ascii=False, separators=(", ", ": "))
+                f"{str(folder / JOURNAL)!r} has a row {shown(row['id'])} without {shown(missing[0])}. Delete its line."
+            )
 
 
 # -- the plan -----------------------------------------------------------------------------------------------------
@@ -105,25 +155,19 @@ def _line(row: Mapping[str, Any]) -> str:
 
 def write_plan(folder: Path, plan: Mapping[str, Any]) -> None:
     """Write the plan of a run."""
-    write_whole(folder / PLAN, (json.dumps({"format": FORMAT, **plan}, indent=1) + "\n").encode())
+    write_whole(folder / PLAN, (json.dumps({**plan, "format": FORMAT}, indent=1) + "\n").encode())
 
 
-def read_plan(folder: Path) -> dict[str, Any]:
+def read_plan(folder: Path) -> Plan:
     """Read the plan of a run.
 
     Raises:
         BadFile: there is none, or it is none.
     """
-    file = folder / PLAN
     try:
-        plan: Any = json.loads(file.read_bytes())
+        return json_in(folder / PLAN, "the plan of an experiment", Plan)
     except FileNotFoundError:
         raise BadFile(f"{str(folder)!r} is not the folder of an experiment: it has no {PLAN}.") from None
-    except ValueError as error:
-        raise BadFile(f"{str(file)!r} is not JSON: {reason(error)}.") from None
-    if not isinstance(plan, dict) or plan.pop("format", None) != FORMAT:
-        raise BadFile(f"{str(file)!r} is no plan of an experiment: its 'format' is not {FORMAT!r}.")
-    return plan
 
 
 # -- the files at the end -----------------------------------------------------------------------------------------
@@ -142,12 +186,9 @@ def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list
     columns = columns_of(rows, varied)
     full = [{name: row.get(name) for name in columns} for row in rows]
     files = [folder / "rows.jsonl", folder / "rows.csv"]
-    write_whole(files[0], "".join(f"{_line(row)}\n" for row in full).encode())
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(row.values() for row in full)
-    write_whole(files[1], text.getvalue().encode())
+    write_whole(files[0], as_lines(full))
+    with whole_file(files[1]) as beside:
+        write_csv(beside, columns, (row.values() for row in full), end="\n")
     if find_spec("pyarrow") is not None:
         files.append(folder / "rows.parquet")
         _write_parquet(files[-1], {name: [row[name] for row in full] for name in columns})
@@ -162,10 +203,19 @@ def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
     arrays = {}
     for name, values in columns.items():
         kinds = {type(value) for value in values if value is not None}
-        is_mixed = len(kinds) > 1 and kinds != {int, float}
-        arrays[name] = pa.array([None if one is None else str(one) for one in values] if is_mixed else values)
+        is_bool_or_int64 = kinds == {bool} or (kinds == {int} and all(-_INT64 <= one < _INT64 for one in values if one))
+        convert = _same if is_bool_or_int64 else float if kinds and kinds <= {int, float} else _as_text
+        arrays[name] = pa.array([None if one is None else convert(one) for one in values])
     with whole_file(file) as beside, beside.open("wb") as stream:  # whose name pyarrow reads as UTF-8
         pq.write_table(pa.table(arrays), stream)
+
+
+def _same(value: Scalar) -> Scalar:
+    return value
+
+
+def _as_text(value: Scalar) -> str:
+    return str(value).encode(errors="backslashreplace").decode()
 
 
 # -- shards -------------------------------------------------------------------------------------------------------
@@ -190,8 +240,16 @@ def shard_of(given: object) -> tuple[int, int] | None:
 
 
 def shard_folder(out: Path, shard: tuple[int, int] | None) -> Path:
-    """Return the folder in which a shard keeps its rows."""
-    return out if shard is None else out / f"shard-{shard[0]}-of-{shard[1]}"
+    """Return the folder in which a shard keeps its rows.
+
+    Raises:
+        BadFile: there is a link of its name.
+    """
+    if shard is None:
+        return out
+    folder = out / f"shard-{shard[0]}-of-{shard[1]}"
+    refuse_link(folder)
+    return folder
 
 
 def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]] | None = None) -> list[Path]:
@@ -215,21 +273,26 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
     plans = [read_plan(folder) for folder in found]
     for folder, plan in zip(found, plans, strict=True):
         if plan != plans[0]:
-            key = next(key for key in {**plan, **plans[0]} if plan.get(key) != plans[0].get(key))
+            key = next(key for key, value in plan.items() if value != plans[0].get(key))
             raise BadValue(f"{str(folder)!r} and {str(found[0])!r} are of different experiments: their {key} differ.")
-    rows = {id: row for folder in found for id, row in rows_in(folder / JOURNAL).items()}
-    ids = plans[0]["rows"]
+    ids, keys = plans[0]["rows"], plans[0]["keys"]
+    rows: dict[str, Row] = {}
+    for folder in found:
+        of_shard = rows_in(folder / JOURNAL, *ROW)
+        refuse_incomplete(folder, of_shard, ids, keys)
+        rows |= of_shard
     missing = [id for id in ids if id not in rows]
     if missing:
         raise BadValue(
-            f"{len(missing):,} of {len(ids):,} games are missing, such as {missing[0]}: run all shards to their ends."
+            f"{len(missing):,} of {len(ids):,} games are missing, such as {shown(missing[0])}: run all shards to their "
+            "ends."
         )
     with locked(into):
-        journal = Journal(into)
+        journal = Journal(into, *ROW)
         journal.add(row for id, row in rows.items() if id not in journal.rows)
         journal.close()
         write_plan(into, plans[0])
-        return write_rows(into, [rows[id] for id in ids], plans[0]["keys"])
+        return write_rows(into, [rows[id] for id in ids], keys)
 
 
 def as_columns(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, Any]:

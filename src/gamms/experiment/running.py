@@ -22,7 +22,7 @@ from gamms.progress import Show
 from gamms.progress import progress as progress_line
 from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
-from gamms.text import shown, without_address
+from gamms.text import printable_line, shown, without_address
 from gamms.versions import versions
 from gamms.workers import WorkerPool, cores, first_done, refuse_in_worker
 
@@ -120,7 +120,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         if out is not None:
             folder = folders.shard_folder(as_path(out, "out"), part)
             ending.enter_context(locked(folder))
-            journal = folders.Journal(folder)
+            journal = folders.Journal(folder, *folders.ROW)
+            folders.refuse_incomplete(folder, journal.rows, ids, plan.keys())
             ending.callback(journal.close)
         runner = _Runner(plan, ids, chosen[0], workers, journal)
         if folder is not None:
@@ -149,7 +150,9 @@ def load(
         BadFile: it is not the folder of an experiment.
     """
     folder = as_path(out, "out")
-    plan, rows = folders.read_plan(folder), folders.rows_in(folder / folders.JOURNAL)
+    plan = folders.read_plan(folder)
+    rows = folders.rows_in(folder / folders.JOURNAL, *folders.ROW)
+    folders.refuse_incomplete(folder, rows, plan["rows"], plan["keys"])
     own = None if scenario is None else _as_scenario(scenario)
     variants = [] if own is None else variants_of(own, vary)
     return Rows([rows[id] for id in plan["rows"] if id in rows], plan["keys"], own, variants, plan["sample"])
@@ -212,7 +215,7 @@ class _Runner:
         for id in self._ids:
             row = self.rows.get(id)
             if row is not None and {name: row[name] for name in present} != present:
-                old = ", ".join(f"{name} {row[name]}" for name in present if row[name] != present[name])
+                old = printable_line(", ".join(f"{name} {row[name]}" for name in present if row[name] != present[name]))
                 raise WriteConflict(f"Games in this folder were played by {old}: choose another folder.")
 
     def _packed(self) -> tuple[bytes, list[bytes]]:

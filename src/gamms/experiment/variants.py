@@ -80,7 +80,7 @@ def _of_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]]:
 def _named(key: str, values: object) -> list[tuple[Plain, Any]]:
     """Return the values of a key with what rows say of them: a dict gives their names."""
     if isinstance(values, Mapping):
-        return [(name, value) for name, value in values.items()]
+        return [(_name_of(name), value) for name, value in values.items()]
     names = _Names(key)
     found = [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
     if len({(type(name), name) for name, _ in found}) < len(found):

@@ -88,7 +88,7 @@ class Result:
         file = as_target(path)
         plain = {"format": _FORMAT, **self.to_dict()}
         del plain["timings"]
-        write_whole(file, (json.dumps(plain, indent=1) + "\n").encode())
+        write_whole(file, (json.dumps(plain, indent=1) + "\n").encode(), through_links=True)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Result":

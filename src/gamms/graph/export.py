@@ -3,7 +3,6 @@
 What is no number, text or bool becomes JSON. A file is written whole or not at all.
 """
 
-import csv
 import json
 import os
 import re
@@ -19,7 +18,7 @@ import numpy as np
 from gamms.arguments import as_target
 from gamms.errors import BadType, BadValue, UnknownType, nearest
 from gamms.extras import needing
-from gamms.folders import whole_file, write_whole
+from gamms.folders import whole_file, write_csv, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.tables import frame_of, table_of
@@ -154,11 +153,8 @@ def _write_csv(target: Path, layers: Layers) -> list[Path]:
     shapes: list[Scalar] = [wkt_of(line) for line in layers.lines]
     with ExitStack() as all_or_none:
         for file, table in zip(files, (layers.nodes, {**layers.edges, "geometry": shapes}), strict=True):
-            beside = all_or_none.enter_context(whole_file(file))
-            with beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
-                writer = csv.writer(stream)
-                writer.writerow(table)
-                writer.writerows(zip(*table.values(), strict=True))
+            beside = all_or_none.enter_context(whole_file(file, through_links=True))
+            write_csv(beside, table, zip(*table.values(), strict=True))
     return files
 
 
@@ -173,7 +169,10 @@ def _write_geojson(target: Path, layers: Layers) -> list[Path]:
         )
     nodes = (("Point", point, row) for point, row in zip(layers.points.tolist(), _rows(layers.nodes), strict=True))
     edges = (("LineString", line.tolist(), row) for line, row in zip(layers.lines, _rows(layers.edges), strict=True))
-    with whole_file(target) as beside, beside.open("w", encoding="utf-8", errors=_ESCAPED) as stream:
+    with (
+        whole_file(target, through_links=True) as beside,
+        beside.open("w", encoding="utf-8", errors=_ESCAPED) as stream,
+    ):
         stream.write('{"type": "FeatureCollection"')
         if layers.attribution is not None:
             stream.write(f', "attribution": {json.dumps(layers.attribution)}')
@@ -198,7 +197,7 @@ def _features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iter
 def _write_graphml(target: Path, layers: Layers) -> list[Path]:
     shapes: list[Scalar] = [wkt_of(line) for line in layers.drawn]
     tables: dict[str, Table] = {"node": layers.nodes, "edge": {**layers.edges, "geometry": shapes}}
-    with whole_file(target) as beside, beside.open("w", encoding="utf-8") as stream:
+    with whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
         stream.write(
             '<?xml version="1.0" encoding="UTF-8"?>\n<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
         )
@@ -305,7 +304,7 @@ def _write_geopackage(target: Path, layers: Layers) -> list[Path]:
             rows = ((geometry, *row) for geometry, row in zip(geometries, cells, strict=True))
             database.executemany(f"INSERT INTO {name} ({names}) VALUES ({marks})", rows)  # noqa: S608 - quoted
         database.commit()
-        write_whole(target, database.serialize())
+        write_whole(target, database.serialize(), through_links=True)
     return [target]
 
 

@@ -170,7 +170,7 @@ def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
         MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
     data = encode(contents)
-    write_whole(as_target(path), data)
+    write_whole(as_target(path), data, through_links=True)
 
 
 def save_beside(path: str, contents: SavedMap) -> str:

@@ -379,7 +379,7 @@ class Recording(Opened):
             ctx.visual.save(path, width, height, dpi=dpi, **options)
 
     def _save_page(self, path: str | os.PathLike[str], options: dict[str, Any]) -> None:
-        write_whole(as_target(path), pages["gamms"](self, **options))
+        write_whole(as_target(path), pages["gamms"](self, **options), through_links=True)
 
     def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:
         """Write what a team knew as a recording of its own, in which nothing else is; docs/recording.md says what.

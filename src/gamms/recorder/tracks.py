@@ -1,6 +1,5 @@
 """Where the agents of a recording were after each turn, as GPX, GeoJSON and CSV files."""
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
@@ -13,7 +12,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_range, as_target
 from gamms.errors import BadValue, UnknownType, nearest
-from gamms.folders import whole_file
+from gamms.folders import whole_file, write_csv
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.limits import refuse_above
@@ -83,7 +82,7 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
             f"{target.suffix} counts in degrees, and the map of this recording has no CRS. Write .csv, or record a map "
             "whose ctx.graph.graph.crs is set."
         )
-    with whole_file(target) as beside:
+    with whole_file(target, through_links=True) as beside:
         write(beside, found)
     return target
 
@@ -171,10 +170,7 @@ def _write_csv(file: Path, tracks: Tracks) -> None:
     }
     if tracks.latlon is not None:
         columns |= {"lat": tracks.latlon[:, 0].tolist(), "lon": tracks.latlon[:, 1].tolist()}
-    with file.open("w", newline="", encoding="utf-8", errors="backslashreplace") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
+    write_csv(file, columns, zip(*columns.values(), strict=True))
 
 
 def _write_gpx(file: Path, tracks: Tracks) -> None:

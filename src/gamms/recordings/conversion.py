@@ -1,6 +1,5 @@
 """Makes contexts for recordings, and converts these: to version 3, to lines of JSON and to tables in CSV files."""
 
-import csv
 import json
 import os
 import re
@@ -14,7 +13,7 @@ from typing import Any
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadValue
-from gamms.folders import whole_file
+from gamms.folders import whole_file, write_csv
 from gamms.ir import events as kinds
 from gamms.plain import Plain, as_json, to_plain
 from gamms.recorder import Reader, Recording, RecordingError, Writer
@@ -258,7 +257,7 @@ def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> 
     target = as_path(out, "out")
     if target.exists():
         raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
-    with opened(path) as recording, whole_file(target) as beside:
+    with opened(path) as recording, whole_file(target, through_links=True) as beside:
         with beside.open("w", encoding="utf-8", errors=_ESCAPED) as file:
             lines = (json.dumps(as_json(line), ensure_ascii=False, allow_nan=False) for line in _lines(recording))
             file.writelines(f"{line}\n" for line in lines)
@@ -322,12 +321,9 @@ def to_csv(
                 raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
         with ExitStack() as all_or_none:
             for name, table in tables.items():
-                beside = all_or_none.enter_context(whole_file(files[name]))
-                with beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
-                    writer = csv.writer(stream)
-                    writer.writerow(table)
-                    columns = [column.tolist() for column in table.values()]
-                    writer.writerows([_cell(value) for value in row] for row in zip(*columns, strict=True))
+                beside = all_or_none.enter_context(whole_file(files[name], through_links=True))
+                columns = [[_cell(value) for value in column.tolist()] for column in table.values()]
+                write_csv(beside, table, zip(*columns, strict=True))
             for name in with_tracks:
                 recording.export(files[name], turn_seconds=seconds)
         return list(files.values()), recording.warning

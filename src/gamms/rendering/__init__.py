@@ -151,7 +151,7 @@ def _save_page(
             follow=options.follow,
             audience=options.fog,
         )
-        write_whole(out, content)
+        write_whole(out, content, through_links=True)
         return recording.turns
 
 

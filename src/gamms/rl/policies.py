@@ -142,7 +142,7 @@ def save_policy(
     network.check(_entries(found.spaces), found.spaces.numbers)
     described = msgspec.structs.replace(found, network=network.architecture)
     weights = {name: np.ascontiguousarray(one) for name, one in network.weights.items()}
-    write_whole(file, save(weights, {_KEY: msgspec.json.encode(described).decode()}))
+    write_whole(file, save(weights, {_KEY: msgspec.json.encode(described).decode()}), through_links=True)
 
 
 def policy(
@@ -446,7 +446,7 @@ def _save_onnx(model: object, file: Path, found: Description) -> None:
     made = logits(given).shape
     if made != (1, actions):
         raise BadValue(f"{source} gives numbers of the shape {made} for one agent, and (1, {actions}) are needed.")
-    write_whole(file, with_metadata(data, _KEY, msgspec.json.encode(found).decode()))
+    write_whole(file, with_metadata(data, _KEY, msgspec.json.encode(found).decode()), through_links=True)
 
 
 # -- what was trained -----------------------------------------------------------------------------------------------

@@ -126,7 +126,7 @@ def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
     """Return the path of a file in the folder of a scenario or below, whether it exists or not.
 
     Raises:
-        ScenarioError: it would be elsewhere, directly or through a symbolic link.
+        ScenarioError: it would be elsewhere, directly or through a symbolic link, or is a pipe, socket or device.
     """
     if folder is None:
         raise ScenarioError(path, f"{text!r} is a {what}, and a scenario without a file needs folder= to find it in.")
@@ -136,6 +136,8 @@ def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
     file = folder.joinpath(*given.parts)
     if not file.resolve().is_relative_to(folder.resolve()):
         raise ScenarioError(path, f"{text!r} leads out of the folder of the scenario, to {file.resolve()}.")
+    if file.exists() and not (file.is_file() or file.is_dir()):
+        raise ScenarioError(path, f"{text!r} is a pipe, socket or device. Put a {what} in its place.")
     return file
 
 

@@ -66,9 +66,11 @@ class Edit(NamedTuple):
         """Replace the file in one step.
 
         Raises:
-            WriteConflict: it has been changed since it was read.
+            WriteConflict: it has been changed since it was read, or is a link.
             OSError: it cannot be written; nothing has changed then.
         """
+        if self.file.is_symlink():
+            raise WriteConflict(f"{self.file} is a link, which is not written through. Edit {self.file.resolve()}.")
         if documents.text_of(self.file) != self.before:
             raise WriteConflict(f"{self.file} was changed by another program since it was read. Load it again.")
         write_whole(self.file, self.after.encode())

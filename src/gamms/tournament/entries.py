@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from gamms.arguments import as_items, as_mapping, as_name
 from gamms.errors import BadType, BadValue
-from gamms.folders import home_folder, write_whole
+from gamms.folders import bytes_of, home_folder, write_whole
 from gamms.scenario.code import chosen
 from gamms.tournament.scratch import remove_folder
 
@@ -134,7 +134,7 @@ def _place(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path
         return file, folder
     copies.mkdir(parents=True, exist_ok=True)
     copy = copies / file.name
-    write_whole(copy, file.read_bytes())
+    write_whole(copy, bytes_of(file.resolve(), _MOST_BYTES))
     copy.chmod(stat.S_IMODE(file.stat().st_mode) | stat.S_IRUSR)  # it may be a program
     return copy.absolute(), copies.absolute()
 
@@ -195,14 +195,15 @@ def _digest(texts: Iterable[str], readable: Iterable[str]) -> str:
     for text in texts:
         whole.update(f"{text}\n".encode())
     for place in map(Path, readable):
-        for file in _files_of(place) if place.is_dir() else [place]:
-            left -= file.stat().st_size
+        for file in _files_of(place) if place.is_dir() else [place.resolve()]:
+            content = os.fsencode(file.readlink()) if file.is_symlink() else bytes_of(file, _MOST_BYTES)
+            left -= len(content)
             if left < 0:
                 raise BadValue(
                     f"The files in {str(place)!r} take more than {_MOST_BYTES >> 20} MiB, too many to digest."
                 )
-            name = file.relative_to(place) if place.is_dir() else file.name
-            whole.update(f"{name}\n{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
+            name = os.fsencode(file.relative_to(place) if place.is_dir() else place.name)
+            whole.update(b"%s\n%s\n" % (name, hashlib.sha256(content).hexdigest().encode()))
     return whole.hexdigest()
 
 

@@ -16,7 +16,7 @@ from gamms.errors import BadType, BadValue, GammsError, WriteConflict
 from gamms.experiment.executors import Here, executor_for
 from gamms.experiment.folders import Journal
 from gamms.experiment.variants import digest_of, row_id
-from gamms.folders import locked, write_whole
+from gamms.folders import json_in, locked, refuse_link, without_link, write_whole
 from gamms.limits import max_memory
 from gamms.progress import progress
 from gamms.scenario import Scenario
@@ -35,6 +35,7 @@ MANIFEST = "tournament.json"
 _FORMAT = "gamms tournament 1"
 _LEAST_MB = 64
 _MAP = "map.gamms"
+_FOLDERS = (SCRATCH, "entries", "games", "logs")
 _GAMES_OF_A_TASK = 10
 _ATTEMPTS = 3  # at a task whose process dies
 _Pair = tuple[Entry, Entry]
@@ -95,6 +96,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     games = where / "games" if as_bool(record, "record") else None
     chosen, is_own = executor_for(executor, workers)
     with locked(where):
+        for name in _FOLDERS:
+            refuse_link(where / name)
         private = [one for one in (scenario.file, scenario.folder) if one is not None]
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
         manifest = {"scenario": digest_of(scenario), **game}
@@ -104,10 +107,10 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         try:
             with scenario.build(seed=numbers[0]) as ctx:
                 found = found_entries(entries, base, where, private)
-                ctx.graph.save(where / _MAP)
+                ctx.graph.save(without_link(where / _MAP))
             settings = Settings(scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory())
             plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
-            runner = _Runner(settings, chosen, workers, Journal(where), manifest)
+            runner = _Runner(settings, chosen, workers, Journal(where, Row), manifest)
             (where / SCRATCH).mkdir(exist_ok=True)
             not_ready, missing = _tried(runner, found, teams, numbers[0])
             written = {"format": _FORMAT, **manifest, **plan, "not_enforced": missing, "not_ready": not_ready}
@@ -164,12 +167,13 @@ def _tried(
 
 def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
     """Check that a folder has no tournament, or this one."""
-    file = where / MANIFEST
-    if file.exists():
-        before = json.loads(file.read_bytes())
-        changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
-        if changed:
-            raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
+    try:
+        before = json_in(where / MANIFEST, "the file of a tournament", dict[str, Any])
+    except FileNotFoundError:
+        return
+    changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
+    if changed:
+        raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
 
 
 class _Runner:

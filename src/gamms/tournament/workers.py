@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gamms.experiment.games import loaded
+from gamms.folders import without_link, write_whole
 from gamms.limits import allowing
 from gamms.scenario import Scenario
 from gamms.scenario.spec import to_plain
@@ -89,12 +90,12 @@ def _played(settings: Settings, fixture: Fixture, launchers: dict[str, Launcher]
     record = None
     if settings.games is not None:
         settings.games.mkdir(exist_ok=True)
-        record = settings.games / f"{fixture.id}.ggr"
+        record = without_link(settings.games / f"{fixture.id}.ggr")
     row, logs = games.play(settings.scenario, fixture, launchers, record)
     for team in row["faults"]:
         if logs[team]:
             settings.logs.mkdir(exist_ok=True)
-            (settings.logs / f"{fixture.id}.{list(fixture.entries).index(team)}.txt").write_bytes(logs[team])
+            write_whole(settings.logs / f"{fixture.id}.{list(fixture.entries).index(team)}.txt", logs[team])
     return row
 
 

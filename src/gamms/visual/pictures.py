@@ -87,7 +87,7 @@ class Pictures(Guarded):
 
         file = as_target(path)
         content = self.picture(file, width, height, dpi=dpi, **options)
-        write_whole(file, content)
+        write_whole(file, content, through_links=True)
 
     @outside_of_deciding
     @with_options()

@@ -1,21 +1,19 @@
 """Who takes part in a study: codes and the secrets of their browsers, groups and conditions, kept in a file.
 
-The file has a line of JSON for each thing that happens; `read_lines` and `add_lines` are for any such file.
+The file has a line of JSON for each thing that happens.
 """
 
 import hmac
-import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, TypedDict
 
 from gamms import kernels
 from gamms.errors import BadFile
-from gamms.plain import Plain
-from gamms.text import reason, shown
+from gamms.folders import add_lines, as_kind, damaged, lines_in
 from gamms.web.links import Refused, digest_of
 from gamms.web.live import Live
 from gamms.web.server import Json
@@ -23,7 +21,33 @@ from gamms.web.server import Json
 _MOST_PARTICIPANTS = 10_000
 _SECRET = re.compile(r"[A-Za-z0-9_-]{22,100}")
 _PRESENT_S = 10.0  # a page that waits asks more often than that
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_OF_STUDY = "a line of this study"
 Line = dict[str, Any]
+
+
+class _Agreed(TypedDict):
+    """The line of a participant who has agreed, or whose code was released."""
+
+    participant: str
+    number: int
+    secret: str | None
+
+
+class _Formed(TypedDict):
+    """The line of a group that has come together."""
+
+    group: int
+    condition: str
+    members: list[str]
+
+
+class _Played(TypedDict):
+    """The line of a round that begins."""
+
+    group: int
+    played: int
+    attempt: int
 
 
 @dataclass
@@ -97,25 +121,49 @@ class Participants:
         self._seed, self._partner_within = seed, partner_within
         self.by_code: dict[str, Participant] = {}
         self.groups: list[Group] = []
-        for place, line in enumerate(read_lines(file), 1):
+        for place, line in enumerate(lines_in(file, _OF_STUDY), 1):
             try:
                 self._apply(line)
-            except (KeyError, IndexError, TypeError):
-                raise _damaged(file, place, shown(line)) from None
+            except BadFile as error:
+                raise damaged(file, place, _OF_STUDY, str(error)) from None
 
     def _apply(self, line: Line) -> None:
-        """Take what a line of the file says."""
+        """Take what a line of the file says.
+
+        Raises:
+            BadFile: it does not fit the lines before it.
+        """
         if "participant" in line:
-            one = Participant(line["participant"], line["number"], None)
-            self.by_code.setdefault(one.code, one).secret = line["secret"]
+            self._apply_agreed(as_kind(line, _Agreed))
         elif "members" in line:
-            group = Group(line["group"], line["condition"], tuple(line["members"]))
-            self.groups.append(group)
-            for code in group.members:
-                self.by_code[code].group = group
+            self._apply_formed(as_kind(line, _Formed))
         else:
-            group = self.groups[line["group"]]
-            group.played, group.attempts = line["played"], line["attempt"]
+            self._apply_played(as_kind(line, _Played))
+
+    def _apply_agreed(self, line: _Agreed) -> None:
+        secret = line["secret"]
+        if secret is not None and not _DIGEST.fullmatch(secret):
+            raise BadFile("its secret is no digest")
+        one = Participant(line["participant"], line["number"], None)
+        self.by_code.setdefault(one.code, one).secret = secret
+
+    def _apply_formed(self, line: _Formed) -> None:
+        members = [self.by_code.get(code) for code in line["members"]]
+        is_known = line["condition"] in self._conditions and None not in members
+        if not is_known or len(members) != self._size or line["group"] != len(self.groups):
+            raise BadFile("no such group can come together")
+        group = Group(line["group"], line["condition"], tuple(line["members"]))
+        self.groups.append(group)
+        for member in members:
+            if member is not None:
+                member.group = group
+
+    def _apply_played(self, line: _Played) -> None:
+        if not 0 <= line["group"] < len(self.groups):
+            raise BadFile("there is no such group")
+        group = self.groups[line["group"]]
+        group.played = line["played"]
+        group.attempts = line["attempt"]
 
     def note_round(self, group: Group) -> None:
         """Keep how many rounds of a group are over, and how often the next one was begun."""
@@ -180,42 +228,3 @@ class Participants:
         names = self._conditions
         block, place = divmod(number, len(names))
         return names[int(kernels.stream(self._seed, "study", block).permutation(len(names))[place])]
-
-
-def read_lines(file: Path, *keys: str) -> list[Line]:
-    """Return the lines of a file; one that has no end, where the program was killed, is cut off.
-
-    Args:
-        file: of JSON lines.
-        keys: that each of them has.
-
-    Raises:
-        BadFile: one of them is no JSON object, or has not all of these keys.
-    """
-    if not file.exists():
-        return []
-    data = file.read_bytes()
-    whole = data.rfind(b"\n") + 1
-    if whole < len(data):
-        with file.open("r+b") as torn:
-            torn.truncate(whole)
-    lines: list[Line] = []
-    for number, text in enumerate(data[:whole].splitlines(), 1):
-        try:
-            line = json.loads(text)
-        except ValueError as error:
-            raise _damaged(file, number, reason(error)) from None
-        if not isinstance(line, dict) or not line.keys() >= set(keys):
-            raise _damaged(file, number, shown(line))
-        lines.append(line)
-    return lines
-
-
-def _damaged(file: Path, number: int, why: str) -> BadFile:
-    return BadFile(f"Line {number} of {str(file)!r} is damaged: {why}. Give another folder as out.")
-
-
-def add_lines(file: Path, lines: Iterable[Mapping[str, Plain]]) -> None:
-    """Add lines to a file, all at once."""
-    with file.open("a", encoding="utf-8") as stream:
-        stream.write("".join(json.dumps(line) + "\n" for line in lines))

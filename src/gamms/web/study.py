@@ -8,7 +8,6 @@ The page of a participant asks by `/participant` what comes next: consent, waiti
 the round, or the end. A code belongs to the browser that has agreed with it, by a secret that the browser has made.
 """
 
-import csv
 import os
 import re
 import threading
@@ -23,7 +22,16 @@ from typing import Any, TypedDict, Unpack
 
 from gamms.arguments import as_count, as_int, as_items, as_mapping, as_path, as_positive, as_text
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
-from gamms.folders import locked, whole_file
+from gamms.folders import (
+    add_lines,
+    cut_torn_line,
+    lines_in,
+    locked,
+    refuse_link,
+    whole_file,
+    without_link,
+    write_csv,
+)
 from gamms.game.result import Result
 from gamms.plain import Plain, as_json
 from gamms.scenario import Scenario
@@ -34,14 +42,22 @@ from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.links import Grant, Handle, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
-from gamms.web.participants import Group, Line, Participant, Participants, add_lines, read_lines
+from gamms.web.participants import Group, Line, Participant, Participants
 from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
 from gamms.workers import SIGNALS_S
 
 _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _MOST_AT_ONCE = 50  # games
+_LINE = "a line of a study"
+_FILES = ("study.jsonl", "participants.jsonl", "rows.jsonl")
 Row = Line
+
+
+class _Row(TypedDict):
+    """The column that every row of a study has."""
+
+    participant: str
 
 
 class StudyOptions(TypedDict, total=False):
@@ -162,10 +178,11 @@ class Study(Handle):
         keywords: Any = {name: options[name] for name in ("port", "host", "allow_network") if name in options}
         with ExitStack() as ending:
             ending.enter_context(locked(self.folder))
+            refuse_link(self.folder / "games")
             self._known = self._resume(about)
             self._server = Server(site, **keywords)
             ending.callback(self._server.close)
-            if not read_lines(self.folder / "study.jsonl"):  # written when nothing is left that could be refused
+            if not lines_in(self.folder / "study.jsonl", _LINE):  # written when nothing is left that could be refused
                 add_lines(self.folder / "study.jsonl", [about])
             self._ending = ending.pop_all()
         self._token = self._links.add(Grant("participants"))
@@ -329,7 +346,7 @@ class Study(Handle):
             self._forget(group)
         group.attempts += 1
         self._known.note_round(group)
-        file = self.folder / "games" / f"{group.number}-{group.played}.ggr"
+        file = without_link(self.folder / "games" / f"{group.number}-{group.played}.ggr")
         file.parent.mkdir(parents=True, exist_ok=True)
         keywords: ServeOptions = {
             "seed": self._seed + group.played,
@@ -406,13 +423,13 @@ class Study(Handle):
             BadFile: a line of its files is damaged.
             BadValue: it is of another study.
         """
-        before = read_lines(self.folder / "study.jsonl")
+        before = lines_in(self.folder / "study.jsonl", _LINE)
         if before and before[0] != about:
             raise BadValue(
-                f"{str(self.folder)!r} holds another study: {before[0]}; this one is {about}. "
-                "Give another folder as out."
+                f"{str(self.folder)!r} holds another study: {shown(before[0])}; this one is "
+                f"{about}. Give another folder as out."
             )
-        self._rows = read_lines(self.folder / "rows.jsonl", "participant")
+        self._rows = lines_in(self.folder / "rows.jsonl", "a row of a study", _Row)
         counts = Counter(row["participant"] for row in self._rows)
         known = Participants(
             self.folder / "participants.jsonl",
@@ -421,6 +438,8 @@ class Study(Handle):
             self._seed,
             self._partner_within,
         )
+        for name in _FILES:
+            cut_torn_line(self.folder / name)
         for group in known.groups:
             played = min(counts[code] for code in group.members)
             group.played, group.attempts = played, group.attempts if group.played == played else 0
@@ -428,10 +447,8 @@ class Study(Handle):
 
     def _write_csv(self) -> None:
         columns = list(dict.fromkeys(name for row in self._rows for name in row))
-        with whole_file(self.folder / "rows.csv") as whole, whole.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, columns)
-            writer.writeheader()
-            writer.writerows(self._rows)
+        with whole_file(self.folder / "rows.csv") as whole:
+            write_csv(whole, columns, ([row.get(name) for name in columns] for row in self._rows))
 
     # -- connections, each of which belongs to the game of its participant -------------------------------------------
 
