@@ -109,6 +109,14 @@ def as_text(value: object) -> str:
         return shown(value)
 
 
+def as_digits(number: float) -> str:
+    """Return a number with at most six digits, or what `shown` says of an integer that fits into no float."""
+    try:
+        return f"{number:g}"
+    except OverflowError:
+        return shown(number)
+
+
 def written(value: object) -> str:
     """Return the whole `repr` of a plain value, or a shortened one where Python refuses to write an integer in it."""
     try:

@@ -214,6 +214,15 @@ def test_a_file_of_absurd_size_is_not_even_opened(write):
         graph_from_geojson(write(line(A, B)))
 
 
+def test_properties_that_are_nested_too_deep_are_named(write):
+    nested = []
+    for _ in range(900):
+        nested = [nested]
+    path = write(collection(line((24.0, 60.0), (24.1, 60.0), name="A"), line((24.0, 60.0), (24.1, 60.1), odd=nested)))
+    with pytest.raises(BadFile, match=r"the property 'odd' of feature 2.* is nested more than 24 levels deep"):
+        load(path)
+
+
 def test_a_line_that_would_be_cut_into_millions_of_pieces_is_refused(write):
     with pytest.raises(TooLarge, match="m of road in pieces"):
         graph_from_geojson(write(line([24.0, 60.0], [25.0, 60.0])), resolution=0.1)

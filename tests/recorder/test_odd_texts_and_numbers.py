@@ -20,6 +20,12 @@ HUGE = 1 << 20_000
 SEEN = {"agents": np.array([0]), "counts": np.array([0])}
 
 
+def look(keywords):
+    """What a header says of the look of an agent."""
+    spec = {"name": "anna", "kind": "agent", "keywords": keywords, "layer": 30, "visible": True}
+    return {"visuals": {"artists": [spec], "is_declared": False}}
+
+
 FIELDS = {
     "the name of an agent": lambda v: hostile.recording([[]], {"names": [v]}),
     "a team": lambda v: hostile.recording([[]], {"teams": [v]}),
@@ -83,6 +89,10 @@ FIELDS = {
         [[]],
         header={"visuals": {"artists": [{"name": v, "kind": v, "keywords": {v: v}, "layer": v, "visible": v}]}},
     ),
+    "the name of an agent that looks otherwise": lambda v: hostile.recording([[]], header=look({"name": v})),
+    "how an agent looks": lambda v: hostile.recording(
+        [[]], header=look({"name": "anna", "color": v, "size": v, "image_path": v})
+    ),
     "what was sensed": lambda v: hostile.recording([[(kinds.SENSED, SEEN | {"sensors": [(v, v)], "which": v})]]),
 }
 
@@ -92,7 +102,9 @@ def commands(path, folder):
     other.write_bytes(hostile.recording([[]], {"teams": ["other"]}))
     yield from (["info", path], ["info", "--json", path], ["verify", path], ["replay", path], ["diff", path, other])
     yield ["convert", path, folder / "out.jsonl"]
-    yield ["render", path, folder / "out.svg", "--width", "80", "--height", "60"]
+    yield ["render", path, folder / "out.html"]
+    for name in ("out.svg", "out.png"):
+        yield ["render", path, folder / name, "--width", "80", "--height", "60"]
 
 
 @pytest.mark.parametrize("made", FIELDS.values(), ids=FIELDS.keys())
@@ -103,6 +115,7 @@ def test_commands_print_what_can_be_read_and_no_tracebacks(made, value, tmp_path
     for command in commands(path, tmp_path):
         result = CliRunner().invoke(cli.app, list(map(str, command)), catch_exceptions=False)
         assert result.output
+        assert "Traceback" not in result.output, command
         assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]", result.output), (
             command
         )
@@ -125,6 +138,15 @@ def test_programs_get_errors_of_our_own(made):
         *(lambda found, name=name: found.table(name) for name in ("events", "moves", "positions", "scores", "sensed")),
     ):
         opened(ask)
+
+
+@pytest.mark.parametrize("value", [np.arange(3), [1], {"a": 1}], ids=["array", "list", "dict"])
+def test_a_keyword_of_an_artist_that_is_no_scalar_ends_in_a_sentence(value, tmp_path):
+    path = tmp_path / "game.ggr"
+    for keywords in ({"name": value}, {"name": "anna", "size": value, "color": value, "image_path": value}):
+        path.write_bytes(hostile.recording([[]], header=look(keywords)))
+        result = CliRunner().invoke(cli.app, ["render", str(path), str(tmp_path / "out.svg")])
+        assert "Traceback" not in result.output
 
 
 def test_log_lines_have_no_control_characters(caplog):

@@ -19,7 +19,9 @@ from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
 from gamms.osm.network import Rule, Ways, components, is_against, is_one_way, offsets_of
 from gamms.osm.osmium_reader import as_file
+from gamms.plain import why_not_plain
 from gamms.progress import Show
+from gamms.text import shown
 
 _MEMORY_PER_BYTE = 10  # that Python needs for what it reads
 _MOST_LEVELS = 32  # of geometry collections inside geometry collections
@@ -127,6 +129,9 @@ def _tags(feature: _Object, number: int) -> dict[str, Any]:
     """Return the properties of a feature, and as `osmid` the first of its ids with a number in it, such as way/123."""
     given = feature.properties or {}
     kept = {name: value for name, value in given.items() if name not in _NO_TAGS and value is not None}
+    for name, value in kept.items():
+        if flaw := why_not_plain(value):
+            raise ValueError(f"the property {shown(name)} of feature {number}{flaw}")
     ids = (str(id) for id in (given.get("osmid"), given.get("@id"), feature.id))
     found = next((match for id in ids if (match := _ID.fullmatch(id))), None)
     oneway = is_one_way(given.get("oneway"), given.get("junction"))

@@ -26,6 +26,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
 from gamms.recorder.sensed import Look, Nearest, Sighting
+from gamms.text import as_text
 
 _Event = tuple[int, Any]
 _SECRET = ("seed", "scenario", "drawings")  # of a header: they tell what others will draw, or where they are
@@ -512,7 +513,7 @@ def sides_of(
         if team is None and not is_own(name, team):
             sides[len(sides)] = None
         else:
-            side = name if team is None else str(team)
+            side = name if team is None else as_text(team)
             sides[side] = side
     scenario = header.get("scenario")
     teams = scenario.get("teams") if isinstance(scenario, Mapping) else None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.arguments import as_float
+from gamms.arguments import as_float, as_name
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -238,7 +238,14 @@ class AgentData:
 
     @classmethod
     def declared(cls, **given: Any) -> "AgentData":
-        """Return a look of which only these values were declared, so that `fill` may change the others."""
+        """Return a look of which only these values were declared, so that `fill` may change the others.
+
+        Raises:
+            BadType, BadValue: the name is not a string or is empty, or the size is no finite number.
+        """
+        as_name(given["name"], "an agent")
+        if "size" in given:
+            as_float(given["size"], "size")
         look = cls(**given)
         names = ("color",) * ("color" not in given) + ("size", "least_px") * ("size" not in given)
         look.defaults = {name: getattr(look, name) for name in names}

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
-from gamms.arguments import as_declared, as_float, as_int, as_key, as_name, misspelt
+from gamms.arguments import as_declared, as_int, as_key, as_name, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
-from gamms.text import shown
+from gamms.text import as_text, shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import (
     AgentVisual,
@@ -287,8 +287,6 @@ class Artists(Guarded):
     @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
         """Declare how an agent looks; the contract explains the keywords."""
-        if "size" in kwargs:
-            as_float(kwargs["size"], "size")
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
@@ -520,7 +518,7 @@ def _checked_colors(colors: object) -> dict[str, Rgb]:
     checked: dict[str, Rgb] = {}
     for team, color in colors.items():
         try:
-            checked[str(team)] = rgba(color)[:3]
+            checked[as_text(team)] = rgba(color)[:3]
         except (BadType, BadValue) as error:
             raise type(error)(f"The colour of team {shown(team)}: {error}") from None
     return checked

@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS
+from gamms.text import as_digits, as_text
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, color_group
 from gamms.visual.drawing import Drawing, drawing_of
@@ -49,14 +50,15 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     of_turn = list(events)
     arrived = [event.get("agent") for event in of_turn if event.get("kind") == "arrive"]
     for event in of_turn:
-        kind, agent = str(event.get("kind", "")), event.get("agent")
+        kind, agent = as_text(event.get("kind", "")), event.get("agent")
         if kind in DECISIONS or (kind == "eliminated" and agent in arrived):  # an arrival says enough
             continue
         about, predicate = _SENTENCES.get(kind, ("", ""))
         if about and {about, *_FIELD.findall(predicate)} <= event.keys():
-            found.setdefault((str(event[about]), ""), []).append(predicate.format_map(event))
+            words = {name: as_text(event[name]) for name in _FIELD.findall(predicate)}
+            found.setdefault((as_text(event[about]), ""), []).append(predicate.format_map(words))
         else:
-            found[None if agent is None else str(agent), kind] = []
+            found[None if agent is None else as_text(agent), kind] = []
     return [Caption(_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in found.items()]
 
 
@@ -70,22 +72,22 @@ def _sentence(agent: str | None, kind: str, predicates: list[str]) -> str:
 
 def score_line(scores: Mapping[Any, float]) -> str:
     """Return scores by name, on one line."""
-    return " · ".join(f"{name} {value:g}" for name, value in scores.items())
+    return " · ".join(f"{name} {as_digits(value)}" for name, value in scores.items())
 
 
 def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
     """Return the scores by text, of all teams where one has any; `later` are those that will have some."""
     game = ctx.current_game
-    known = {} if game is None else {str(of): score for of, score in game.scores.items()}
-    teams = dict.fromkeys(str(team) for team in dict.fromkeys(ctx.agent.positions.teams) if team is not None)
+    known = {} if game is None else {as_text(of): score for of, score in game.scores.items()}
+    teams = dict.fromkeys(as_text(team) for team in dict.fromkeys(ctx.agent.positions.teams) if team is not None)
     counted = {*later, *known}
     return dict.fromkeys([*(teams if counted & teams.keys() else ()), *sorted(counted - teams.keys())], 0) | known
 
 
 def ending(over: Mapping[str, Any]) -> tuple[str, str]:
     """Return who has won, and why the game is over, in words."""
-    winner, reason = over.get("winner"), str(over.get("reason", ""))
-    return "No winner" if winner is None else f"{winner} won", _REASONS.get(reason, reason)
+    winner, reason = over.get("winner"), as_text(over.get("reason", ""))
+    return "No winner" if winner is None else f"{as_text(winner)} won", _REASONS.get(reason, reason)
 
 
 class Card(NamedTuple):
@@ -105,9 +107,10 @@ def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = 
     if over is None and not reason:
         return None
     title, reason = ("The end", reason) if over is None else ending(over)
-    color = None if over is None else drawing_of(ctx).group_colors().get(str(over["winner"]))
+    color = None if over is None else drawing_of(ctx).group_colors().get(as_text(over["winner"]))
     scores = dict(sorted(scores_of(ctx, later).items(), key=lambda item: -item[1]))
-    return Card(title, color, (reason, *([score_line(scores)] if scores else []), f"{turn} turn{'s' * (turn != 1)}"))
+    turns = f"{as_text(turn)} turn{'s' * (turn != 1)}"
+    return Card(title, color, (reason, *([score_line(scores)] if scores else []), turns))
 
 
 class Line(NamedTuple):
@@ -166,7 +169,7 @@ class Captions:
 
 def _is_open(event: Mapping[str, Any], hidden: Collection[str]) -> bool:
     """Return whether an event names an agent that is not hidden; where none is hidden, all do."""
-    return not hidden or any(key in event and str(event[key]) not in hidden for key in ("agent", "other"))
+    return not hidden or any(key in event and as_text(event[key]) not in hidden for key in ("agent", "other"))
 
 
 def draw_caption_bar(
@@ -183,7 +186,7 @@ def draw_caption_bar(
         scores: whether nothing else shows them.
     """
     left, top, width = at
-    words = f"turn {bar.turn}" + (f" · {bar.scores}" if scores and bar.scores else "")
+    words = f"turn {as_text(bar.turn)}" + (f" · {bar.scores}" if scores and bar.scores else "")
     pen.text(shortened(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
     begin = left + max(words_width(words, _FONT_PX), words_width("turn 0000", _FONT_PX)) + _ASIDE_PX
     room = left + width - begin - 4 * _SPOT_PX

@@ -14,6 +14,7 @@ import numpy as np
 
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
+from gamms.text import as_digits, as_text
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, AgentLooks, GraphData, Rgb
@@ -177,7 +178,7 @@ class DefaultScene:
         if are_together:
             least_px = max(_TINY_PX, least_px * min(1.0, (_DENSE / len(names)) ** 0.5))
         self._agents_key, self._agents = key, {}
-        self._colors = {name: by_side[str(name if team is None else team)] for name, team in sides}
+        self._colors = {name: by_side[as_text(name if team is None else team)] for name, team in sides}
         if are_together:
             self._agents[TOGETHER] = self._together(least_px)
         above = set(positions.flyers.tolist()) if are_together else None
@@ -286,12 +287,14 @@ def team_rows(ctx: IContext) -> Rows | None:
     if len(named) < 2:
         return None
     heading = "" if ctx.current_game is None else "score"
-    rows = tuple(Row(colors[str(team)], str(team), _score(scores.get(team, 0)) if heading else "") for team in named)
+    rows = tuple(
+        Row(colors[as_text(team)], as_text(team), _score(scores.get(team, 0)) if heading else "") for team in named
+    )
     return Rows("", rows, heading)
 
 
 def _score(score: object) -> str:
-    return f"{score:g}" if isinstance(score, int | float) else ""
+    return as_digits(score) if isinstance(score, int | float) else ""
 
 
 def legend_of_teams(ctx: IContext) -> Artist:

@@ -14,7 +14,7 @@ from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
-from gamms.text import shown
+from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
 from gamms.visual.camera import Viewpoint, shifted_points
@@ -535,7 +535,7 @@ class Drawing:
         groups = dict.fromkeys(teams)
         if None in groups:
             groups = dict.fromkeys(name if team is None else team for name, team in zip(names, teams, strict=True))
-        known = [*dict.fromkeys(map(str, (*groups, *more)))]
+        known = [*dict.fromkeys(map(as_text, (*groups, *more)))]
         colors = team_colors(in_order(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 

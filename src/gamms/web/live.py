@@ -25,7 +25,7 @@ from gamms.ir.events import Log
 from gamms.ir.graph import GraphColumns
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
-from gamms.text import reason, shown
+from gamms.text import as_text, reason, shown
 from gamms.web.links import Audience, Grant, Handle, Links, Refused
 from gamms.web.pages import live_page
 from gamms.web.playing import Players
@@ -255,7 +255,7 @@ class Live(Handle):
         if self.scenario is not None:
             return list(self.scenario.spec.teams)
         block = self._context.agent.block
-        return list(dict.fromkeys(str(team) for team in block.teams if team is not None))
+        return list(dict.fromkeys(as_text(team) for team in block.teams if team is not None))
 
     # -- the handle -----------------------------------------------------------------------------------------------
 

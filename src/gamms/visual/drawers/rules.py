@@ -12,6 +12,7 @@ import numpy as np
 
 from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.text import as_text as text_of
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, rgba
@@ -68,7 +69,7 @@ def goals_in(ctx: IContext) -> dict[Any, str]:
 def teams_of_rules(ctx: IContext) -> set[str]:
     """Return the teams of flags, territories and goals, by their text."""
     owned = [flags["bases"] for flags in flags_in(ctx).values()] + [*territories_in(ctx).values(), goals_in(ctx)]
-    return {str(team) for teams in owned for team in teams}
+    return {text_of(team) for teams in owned for team in teams}
 
 
 def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
@@ -220,7 +221,7 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Groun
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
     """Return a colour for each team: the given one, or what its agents have where nothing is declared."""
     colors = drawing_of(ctx).group_colors(sorted(teams, key=str))
-    return {team: (given or {}).get(team, colors[str(team)]) for team in sorted(teams, key=str)}
+    return {team: (given or {}).get(team, colors[text_of(team)]) for team in sorted(teams, key=text_of)}
 
 
 def render_goals(ctx: IContext, data: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.ir.graph import FloatArray
+from gamms.text import as_text
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, color_group, rgba
@@ -221,7 +222,7 @@ class Overlay(Guarded):
         teams, living = positions.teams, positions.living.tolist()
         if len(living) == len(teams):
             return []
-        left = dict.fromkeys((str(team) for team in teams if team is not None), 0)
+        left = dict.fromkeys((as_text(team) for team in teams if team is not None), 0)
         for row in living:
             if teams[row] is not None:
                 left[str(teams[row])] += 1

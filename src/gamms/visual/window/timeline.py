@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from gamms.text import as_text
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load
 from gamms.visual.camera import Point
@@ -65,7 +66,7 @@ class Timeline:
             over = highlight["over"]
             winner = over.get("winner") if over else None
             if over:
-                self._marks.append(Mark(turn, None if winner is None else str(winner), ending(over)[0], True))
+                self._marks.append(Mark(turn, None if winner is None else as_text(winner), ending(over)[0], True))
         elif highlight.get("kind") not in _UNMARKED:
             for words, agent in captions_of([highlight]):
                 self._marks.append(Mark(turn, None if agent is None else self._team_of(agent), words, False))
