@@ -96,19 +96,25 @@ class Allowance:
     Args:
         file_size: bytes.
         what: the file, for the message.
-        is_streamed: whether values are let go before all are read: then the size of the file alone bounds their sum.
+        is_streamed: whether values are let go before all are read: then the size of the file alone bounds their sum,
+            and `max_memory` that of each, where `begin` says that it begins.
 
     Attributes:
         total: how many bytes all values may take.
         left: how many may still come.
     """
 
-    __slots__ = ("_what", "left", "total")
+    __slots__ = ("_left_at_once", "_what", "left", "total")
 
     def __init__(self, file_size: int, what: str, *, is_streamed: bool = False) -> None:
         total = _FLOOR + PER_BYTE * file_size
         self.total = self.left = total if is_streamed else min(total, max_memory())
+        self._left_at_once = self.left
         self._what = what
+
+    def begin(self) -> None:
+        """Begin a value, which may take `max_memory` at most."""
+        self._left_at_once = max_memory()
 
     def charge(self, size: int) -> None:
         """Take `size` bytes of the allowance.
@@ -117,10 +123,16 @@ class Allowance:
             TooLarge (ValueError): they are not left.
         """
         self.left -= size
+        self._left_at_once -= size
         if self.left < 0:
             raise TooLarge(
                 f"{self._what} unpacks to more than {_shown(self.total)} of values, which honest files of its size "
                 "do not; it is not read further."
+            )
+        if self._left_at_once < 0:
+            raise TooLarge(
+                f"{self._what} holds a value that would take more than the {_shown(max_memory())} of memory that are "
+                f"allowed. {_WAY}"
             )
 
 

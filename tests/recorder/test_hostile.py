@@ -2,7 +2,7 @@
 
 import io
 import tracemalloc
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from time import process_time
 
 import hostile
@@ -75,6 +75,15 @@ def test_whatever_is_written_can_be_read_however_regular_it_is(logs, monkeypatch
     data = written(logs, {"a": LISTS}, turns=1 << 16)
     assert str(logs_of(opened(data))) == str(logs)
     read_all(data)  # several times, all of which is charged once
+
+
+@pytest.mark.parametrize("name", ["empty lists", "empty dicts", "texts", "zeros", "moves to one node"])
+def test_no_value_of_a_recording_takes_more_memory_than_is_allowed(name, monkeypatch):
+    monkeypatch.setattr(hostile, "unpadded", nullcontext)
+    data = hostile.MEMORY[name](100_000)
+    everything(data)
+    with limits.allowing("200K"), pytest.raises(RecordingError, match="more than the 0 MiB .* --max-memory 8G"):
+        everything(data)
 
 
 @pytest.mark.usefixtures("low_floor")

@@ -371,6 +371,7 @@ class Decoder:
         Raises:
             BadFile: no writer makes this, or the file has too much of it.
         """
+        self.allowance.begin()
         charge = self.allowance.charge if is_new else lambda _: None
         charge(_OF_BYTE * len(data))
         if data[:1] != _ONE:

@@ -62,6 +62,7 @@ class Reader(Opened):
         self._charged: dict[int, bytearray] = {}  # place of a block -> which of its values were
         for block in self._chunks:
             with at_byte(block.at):
+                self._decoder.allowance.begin()
                 self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
 
     def content(self) -> bytes:
