@@ -82,7 +82,7 @@ def test_no_value_of_a_recording_takes_more_memory_than_is_allowed(name, monkeyp
     monkeypatch.setattr(hostile, "unpadded", nullcontext)
     data = hostile.MEMORY[name](100_000)
     everything(data)
-    with limits.allowing("200K"), pytest.raises(RecordingError, match="more than the 0 MiB .* --max-memory 8G"):
+    with limits.allowing("200K"), pytest.raises(RecordingError, match=r"more than the 0 MiB .* --max-memory 8G"):
         everything(data)
 
 

@@ -46,11 +46,12 @@ def check(
     file: play.ScenarioFile,
     build: Annotated[bool, typer.Option("--build", help="Also import the code it names, and build the game.")] = False,
     allow: play.Allow = None,
+    key_variable: play.KeyVariable = None,
 ) -> None:
     """Check a scenario file, without running its code."""
     from gamms import scenario
 
-    game = scenario.load(file, allow or ())
+    game = scenario.load(file, allow or (), key_variable=key_variable)
     done = game.check()
     warn(game)
     for one in game.code() if build else []:

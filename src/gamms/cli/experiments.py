@@ -8,7 +8,7 @@ import typer
 
 from gamms.cli.many import checked_keys
 from gamms.cli.output import INTERRUPTED, echo, in_words, warn
-from gamms.cli.play import Allow, foreign_code
+from gamms.cli.play import Allow, KeyVariable, foreign_code
 from gamms.errors import MissingExtra, install_command
 from gamms.folders import made_folder, write_whole
 from gamms.text import printable_line
@@ -48,6 +48,7 @@ def run(
         typer.Option(help="Play only a part, 3/20 for the third of 20; merge puts them together.", metavar="PART"),
     ] = None,
     allow: Allow = None,
+    key_variable: KeyVariable = None,
 ) -> None:
     """Play each variant with each seed, or go on with it."""
     from gamms import experiment
@@ -55,7 +56,7 @@ def run(
     from gamms.experiment.folders import JOURNAL, rows_in, shard_folder, shard_of
     from gamms.workers import cores
 
-    planned = read_experiment(file, allow or ())
+    planned = read_experiment(file, allow or (), key_variable)
     folder = out or planned.out or Path(f"{file.stem}-results")
     folder = folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder
     part = shard_folder(folder, shard_of(shard))

@@ -46,6 +46,17 @@ Allow = Annotated[
 ]
 
 
+KeyVariable = Annotated[
+    str | None,
+    typer.Option(
+        "--key-variable",
+        help="With --allow gamms.llm: the environment variable that holds the key of the language model.",
+        metavar="NAME",
+        show_default=False,
+    ),
+]
+
+
 def demo(
     max_turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
@@ -107,6 +118,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         ),
     ] = None,
     allow: Allow = None,
+    key_variable: KeyVariable = None,
     film: Annotated[
         Path | None, typer.Option(help="Film the game: a file .mp4 or .gif.", metavar="FILE", show_default=False)
     ] = None,
@@ -147,7 +159,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
 
     def load() -> "Scenario":
-        return scenario.load(file, allow or ()).replace(**given)
+        return scenario.load(file, allow or (), key_variable=key_variable).replace(**given)
 
     game = load()
     found = _found_strategies(strategies or [])

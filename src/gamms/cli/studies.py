@@ -8,7 +8,7 @@ import typer
 
 from gamms.cli.many import checked_keys, imported
 from gamms.cli.output import echo, in_words, warn
-from gamms.cli.play import HERE, Allow, foreign_code
+from gamms.cli.play import HERE, Allow, KeyVariable, foreign_code
 from gamms.errors import BadType, BadValue
 from gamms.text import printable_line, shown
 
@@ -56,6 +56,7 @@ def study(
         bool, typer.Option("--allow-network", help="Let other machines in, at an address of this one.")
     ] = False,
     allow: Allow = None,
+    key_variable: KeyVariable = None,
 ) -> None:
     """Let people take part in a study, in browsers."""
     from gamms import scenario, web
@@ -65,7 +66,7 @@ def study(
     with documents.named(file):
         values: Any = checked_keys(file, documents.read(file), "study", _REQUIRED, _KEYS)
     paths = {key: file.parent / _text(file, key, values.pop(key)) for key in ("scenario", "consent")}
-    game = scenario.load(paths["scenario"], allow or ())
+    game = scenario.load(paths["scenario"], allow or (), key_variable=key_variable)
     if otherwise is not None:
         values |= imported({"otherwise": chosen(otherwise, "--otherwise")})
     for line in foreign_code(game, {}):

@@ -31,12 +31,15 @@ class Planned(NamedTuple):
     workers: int | None
 
 
-def read_experiment(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Planned:
+def read_experiment(
+    path: str | os.PathLike[str], allow: Iterable[str] = (), key_variable: str | None = None
+) -> Planned:
     """Read the file of an experiment; the scenario and the results are in its folder.
 
     Args:
         path: the file.
         allow: see `scenario.load`.
+        key_variable: see `scenario.load`.
 
     Raises:
         ScenarioError: it is none; the message names the place and the nearest valid key.
@@ -63,7 +66,7 @@ def read_experiment(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> 
         workers = raw.get("workers")
         if workers is not None and (type(workers) is not int or workers < 1):
             raise ScenarioError("workers", f"is how many processes play, at least 1, not {shown(workers)}.")
-        return Planned(load(game, allow), seeds, vary, out, workers)
+        return Planned(load(game, allow, key_variable=key_variable), seeds, vary, out, workers)
 
 
 def seeds_of(given: Plain) -> list[int]:

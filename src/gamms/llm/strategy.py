@@ -66,6 +66,9 @@ class Strategy:
         MissingExtra (ImportError): the library `openai` is not installed.
     """
 
+    new_files = ("calls",)  # which scenarios look for in their folders
+    variables = ("key_variable",)  # which the user of a scenario names, and its file never does
+
     def __init__(
         self,
         client: "AsyncOpenAI | str | None",

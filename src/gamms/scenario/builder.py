@@ -299,7 +299,7 @@ class Builder:
         """Return the function of a sensor, or what it makes if it is made with parameters."""
         sensor, path = self.spec.sensors[name], f"sensors.{name}"
         function = self.library.get(sensor.function or "", path)
-        given = self._parameters(sensor.with_ or {}, f"{path}.with")
+        given = self._given(function, sensor.with_ or {}, path)
         if given or first_of(function) == "ctx":
             first = (self.ctx,) if first_of(function) == "ctx" else ()
             function = self._noted(function, path, partial(called, function, given, first, path))
@@ -337,8 +337,7 @@ class Builder:
     def _made(self, code: Code, path: str, what: str) -> Function:
         """Return the strategy, plan or rule that a function is, or makes."""
         function = self.library.get(code.function, path, RULES if what == "rule" else None)
-        given = located(function, code.with_, self.library.folder, path)
-        parameters = self._parameters(given, f"{path}.with")
+        parameters = self._given(function, code.with_, path)
         found: Function = self._noted(function, path, partial(made, function, parameters, self.ctx, path, what))
         return found
 
@@ -361,7 +360,7 @@ class Builder:
             return dict.fromkeys([one.name for one in listed], self._made(code, path, "strategy"))
         config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
         function = self.library.get(code.function, path)
-        parameters = self._parameters(code.with_, f"{path}.with")
+        parameters = self._given(function, code.with_, path)
         answer = self._noted(function, path, partial(called, function, parameters, (config,), path))
         if not isinstance(answer, Mapping):
             raise ScenarioError(path, f"map_strategy gives {shown(answer)}, not a dict of agents and strategies.")
@@ -408,6 +407,10 @@ class Builder:
         )
         return conflicts
 
+    def _given(self, function: Function, given: Values, path: str) -> Values:
+        """Return the parameters of a function, whose files are in the folder of the scenario."""
+        return self._parameters(located(function, given, self.library.sources, path), joined(path, "with"))
+
     def _parameters(self, given: Values, path: str) -> Values:
         """Return parameters or facts by name, each as `_value` makes it."""
         return {name: self._value(one, joined(path, name)) for name, one in given.items()}
@@ -430,7 +433,7 @@ class Builder:
     def _call(self, call: Code, path: str) -> Any:
         """Return what a function among the parameters gives, or itself if it is one that is called later."""
         function = self.library.get(call.function, path)
-        given = self._parameters(call.with_, joined(path, "with"))
+        given = self._given(function, call.with_, path)
         first = (self.ctx,) if first_of(function) == "ctx" else ()
         if first_of(function) == "state":
             return self._noted(function, path, partial(made, function, given, self.ctx, path, "strategy"))

@@ -57,10 +57,12 @@ class Sources(NamedTuple):
     Attributes:
         folder: of the scenario; None: only GAMMS and installed packages.
         allow: installed packages that may be named without an entry point.
+        key_variable: the environment variable with the key of a language model; None: there is none.
     """
 
     folder: Path | None = None
     allow: tuple[str, ...] = ()
+    key_variable: str | None = None
 
 
 class Found(NamedTuple):
@@ -192,20 +194,33 @@ def offered_function(text: str, short: str | None = None) -> Function | None:
     return offered(module).get(name)
 
 
-def located(function: Function, given: Parameters, folder: Path | None, path: str) -> dict[str, Plain]:
-    """Return parameters in which those that the `files` of a function name are files in the folder of the scenario.
+def located(function: Function, given: Parameters, sources: Sources, path: str) -> dict[str, Plain]:
+    """Return parameters with files in the folder of the scenario, and with what only the user may name.
+
+    A function says by its attributes which parameters they are: `files` must be there, `new_files` may be made, and
+    `variables` are environment variables.
 
     Raises:
-        ScenarioError: one is not there, or elsewhere.
+        ScenarioError: a file is not there, or elsewhere; an environment variable is named.
     """
     found = dict(given)
-    for key in getattr(function, "files", ()):
+    new = getattr(function, "new_files", ())
+    for key in (*getattr(function, "files", ()), *new):
         text, where = found.get(key), joined(path, f"with.{key}")
         if isinstance(text, str):
-            file = inside(text, folder, where, "file")
-            if not file.is_file():
-                raise ScenarioError(where, f"there is no file {text!r} in {folder}.")
+            file = inside(text, sources.folder, where, "file")
+            if key not in new and not file.is_file():
+                raise ScenarioError(where, f"there is no file {text!r} in {sources.folder}.")
             found[key] = str(file)
+    for key in getattr(function, "variables", ()):
+        if key in found:
+            raise ScenarioError(
+                joined(path, f"with.{key}"),
+                "a file names no environment variable, which may hold any secret. Take it out, and name the variable "
+                f"yourself: --key-variable NAME on the command line, load(…, {key}=…) in Python.",
+            )
+        if sources.key_variable is not None:
+            found[key] = sources.key_variable
     return found
 
 
@@ -378,7 +393,7 @@ class Library:
     """
 
     def __init__(self, sources: Sources) -> None:
-        self._sources, self.folder = sources, sources.folder
+        self.sources, self.folder = sources, sources.folder
         self._known: dict[str, Function] = {}
 
     def get(self, text: str, path: str, short: str | None = None) -> Function:
@@ -389,7 +404,7 @@ class Library:
         """
         found = self.known(text, short)
         if found is None:
-            found = function_of(find(text, self._sources, path, short=short), self._sources.folder)
+            found = function_of(find(text, self.sources, path, short=short), self.folder)
             self._known[_in_full(text, short)] = found
         return found
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path
+from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path, as_text
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.columns import as_seeds
@@ -42,14 +42,16 @@ class Scenario(Fixed):
         folder: the folder of code and maps; None: none.
         file: named by errors.
         allow: installed packages whose functions may be named, though they have no entry point that says so.
+        key_variable: the name of the environment variable with the key of language models; see docs/llm.md.
         given: the keys of a scenario file, as plain values. Values from elsewhere go through `load` or
-            `from_recording`: among keywords, `folder` and `allow` would be taken as yours.
+            `from_recording`: among keywords, `folder`, `allow` and `key_variable` would be taken as yours.
 
     Attributes:
         spec: its contents, typed; see `Spec`.
         folder: see above.
         file: see above.
         allow: see above.
+        key_variable: see above.
 
     Raises:
         ScenarioError: it makes no sense; the message names the place and the nearest valid key.
@@ -58,6 +60,7 @@ class Scenario(Fixed):
     folder: Path | None
     file: Path | None
     allow: tuple[str, ...]
+    key_variable: str | None
     spec: Spec
     _way_out = "scenario.replace(…) returns a scenario with other values."
 
@@ -67,11 +70,13 @@ class Scenario(Fixed):
         folder: str | os.PathLike[str] | None = None,
         file: str | os.PathLike[str] | None = None,
         allow: Iterable[str] = (),
+        key_variable: str | None = None,
         **given: object,
     ) -> None:
         within = None if folder is None else as_path(folder, "folder").absolute()
         self._put_public(folder=within, file=None if file is None else as_path(file, "file"), allow=allowed(allow))
-        self._library = Library(Sources(self.folder, self.allow))
+        self._put_public(key_variable=None if key_variable is None else as_text(key_variable, "key_variable"))
+        self._library = Library(Sources(self.folder, self.allow, self.key_variable))
         with named(self.file, given):
             self._raw: dict[str, Any] = documents.copied(given)
             self._put_public(spec=checked(self._raw, Spec))
@@ -96,7 +101,7 @@ class Scenario(Fixed):
         with named(self.file, self._raw):
             raw = documents.changed(self._raw, changes)
         with named(self.file, raw):
-            new = _from_plain(raw, self.folder, self.file, self.allow)
+            new = _from_plain(raw, self.folder, self.file, self.allow, self.key_variable)
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
         new._library = self._library
@@ -150,7 +155,7 @@ class Scenario(Fixed):
             ScenarioError: some of it is not there.
         """
         with named(self.file, self._raw):
-            return check_code(self.spec, Sources(self.folder, self.allow))
+            return check_code(self.spec, self._library.sources)
 
     def warnings(self) -> list[str]:
         """Return what may be a mistake: keys of `data` that no code of the game names. No code is run.
@@ -359,15 +364,16 @@ class Scenario(Fixed):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Without the map: each worker of a pool loads it once.
-        return _from_plain, (self._raw, self.folder, self.file, self.allow)
+        return _from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable)
 
 
-def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:
+def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variable: str | None = None) -> Scenario:
     """Read a scenario from a YAML or JSON file. Its shape is checked; nothing it names is imported or opened.
 
     Args:
         path: the file; code and maps are in its folder.
         allow: installed packages whose functions it may name, though they have no entry point that says so.
+        key_variable: the name of the environment variable with the key of language models that it names.
 
     Raises:
         ScenarioError: it is not a scenario; the message names the place in the file and the nearest valid key.
@@ -375,7 +381,7 @@ def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:
     """
     file = as_path(path, "path")
     with named(file):
-        return _from_plain(documents.read(file), file.absolute().parent, file, allow)
+        return _from_plain(documents.read(file), file.absolute().parent, file, allow, key_variable)
 
 
 def gallery() -> dict[str, Path]:
@@ -395,7 +401,11 @@ def from_gallery(name: str) -> Scenario:
 
 
 def from_recording(
-    recording: Recording, *, folder: str | os.PathLike[str] | None = None, allow: Iterable[str] = ()
+    recording: Recording,
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    allow: Iterable[str] = (),
+    key_variable: str | None = None,
 ) -> Scenario:
     """Read the scenario that the game of a recording was built from.
 
@@ -405,6 +415,7 @@ def from_recording(
         recording: as `gamms.recorder.open` gives it.
         folder: the folder of its code and maps; None: none.
         allow: installed packages whose functions it may name, though they have no entry point that says so.
+        key_variable: the name of the environment variable with the key of language models that it names.
 
     Raises:
         ScenarioError: it was built by a program, or what is in it is not a scenario.
@@ -416,7 +427,7 @@ def from_recording(
         raise ScenarioError(
             "", "this recording holds no scenario, for a program built its game: give branch(…) that as build=."
         )
-    return _from_plain(raw, folder, None, allow)
+    return _from_plain(raw, folder, None, allow, key_variable)
 
 
 @builders.register("gamms")
@@ -426,13 +437,17 @@ def _builder_of(recording: Recording) -> Callable[[], Context]:
 
 
 def _from_plain(
-    raw: object, folder: str | os.PathLike[str] | None, file: str | os.PathLike[str] | None, allow: Iterable[str]
+    raw: object,
+    folder: str | os.PathLike[str] | None,
+    file: str | os.PathLike[str] | None,
+    allow: Iterable[str],
+    key_variable: str | None,
 ) -> Scenario:
     """Make a scenario of plain values that are data: they cannot say where code comes from."""
     if not isinstance(raw, Mapping):
         given = "empty" if raw is None else shown(raw)
         raise ScenarioError("", f"a scenario is a mapping with the keys map and teams; this is {given}.")
     for key in raw:
-        if key in ("folder", "file", "allow") or not isinstance(key, str):
+        if key in ("folder", "file", "allow", "key_variable") or not isinstance(key, str):
             raise ScenarioError(str(key), "unknown key.")
-    return Scenario(folder=folder, file=file, allow=allow, **raw)
+    return Scenario(folder=folder, file=file, allow=allow, key_variable=key_variable, **raw)

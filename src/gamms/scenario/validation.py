@@ -6,7 +6,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
-from gamms.arguments import as_member
+from gamms.arguments import annotations_of, as_member
 from gamms.errors import nearest
 from gamms.game.channels import as_channel
 from gamms.game.deeds import as_deeds
@@ -18,6 +18,7 @@ from gamms.scenario.code import (
     GIVEN_LATER,
     RULES,
     Found,
+    Function,
     Sources,
     check_parameters,
     find,
@@ -27,6 +28,7 @@ from gamms.scenario.code import (
     plain_defaults,
 )
 from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, joined
+from gamms.scenario.kinds import check_kind, check_parameter, kind_of
 from gamms.scenario.placement import members
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
@@ -278,18 +280,35 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
         ScenarioError: some is not there, or takes no such parameters.
     """
     found = []
+    known: dict[tuple[str | int, ...], Function] = {}  # those of GAMMS, by where they are named
     for one in code_in(spec):
         if one.what == "resolver" and ":" not in one.reference:
             hint = nearest(one.reference, _RESOLVERS)
             raise ScenarioError(one.path, f"there is no resolver {one.reference!r}.{hint}")
         found.append(find(one.reference, sources, one.path, short=one.short))
         function = offered_function(one.reference, one.short)
+        if function is not None:
+            known[one.keys] = function
+            _check_kind(one, function, known)
         if function is not None and (one.given or one.what in ("strategy", "plan", "rule")):
             check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
-            located(function, one.given, sources.folder, one.path)
+            located(function, one.given, sources, one.path)
     maps.map_file(spec.map, sources.folder)
     maps.mode_of(spec.map, sources.folder)
     return found
+
+
+def _check_kind(one: NamedCode, function: Function, known: Mapping[tuple[str | int, ...], Function]) -> None:
+    """Check that a function of GAMMS may stand where it is named; `known` has those in whose parameters it may be."""
+    kind, name = kind_of(function, first_of(function)), one.reference.rpartition(":")[2]
+    if one.what != "value":
+        check_kind(kind, one.what, name, one.path)
+    elif "with" in one.keys:
+        at = len(one.keys) - 1 - one.keys[::-1].index("with")
+        outer = known.get(one.keys[:at])
+        taken = {} if outer is None else annotations_of(outer.__init__ if isinstance(outer, type) else outer)  # type: ignore[misc] # of the class itself
+        if one.keys[at + 1] in taken:
+            check_parameter(kind, taken[str(one.keys[at + 1])], name, one.path)
 
 
 def unread_data(spec: Spec, found: Iterable[Found]) -> list[str | int]:

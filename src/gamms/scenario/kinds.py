@@ -1,0 +1,101 @@
+"""The kinds of functions that GAMMS offers to scenario files, by their annotations: a file may name each in its place.
+
+Nothing is said of other code, whose functions are imported and asked only when a game is built.
+"""
+
+from collections.abc import Awaitable, Callable
+from collections.abc import Callable as AnyCallable
+from types import NoneType
+from typing import Annotated, Any, get_args, get_origin
+
+from gamms.arguments import annotations_of
+from gamms.scenario.documents import ScenarioError
+from gamms.typing.game import AerialState, State
+
+_ARTICLES = {
+    "strategy": "a strategy",
+    "plan": "a plan",
+    "rule": "a rule",
+    "resolver": "a resolver of conflicts",
+    "sensor": "the function of a sensor",
+}
+_FIRST = {"state": "strategy", "states": "plan", "arrays": "plan"}
+_NAMES = ("by_priority", "at_random", "nobody")
+
+
+def kind_of(function: Callable[..., Any], first: str) -> str | None:
+    """Return what a function of GAMMS is or makes: "strategy", "team strategy", "plan", "rule" or "resolver".
+
+    Args:
+        function: the function.
+        first: the name of its first parameter.
+
+    Returns:
+        The kind; None for anything else. A "team strategy" is also a plan.
+    """
+    if first in _FIRST:
+        return _FIRST[first]
+    given = function if isinstance(function, type) else annotations_of(function).get("return")
+    if isinstance(given, type):
+        call = annotations_of(vars(given).get("__call__"))
+        return "strategy" if "state" in call else None
+    if get_origin(given) is not AnyCallable:
+        return None
+    arguments, result = get_args(given)
+    if getattr(arguments[0], "__name__", "") == "Contest":  # of gamms.rules, which this package does not import
+        return "resolver"
+    if result is object:
+        return "rule"
+    return "strategy" if arguments[0] in (State, AerialState) else "team strategy"
+
+
+def check_kind(kind: str | None, wanted: str, name: str, path: str) -> None:
+    """Check that a function of GAMMS is of the kind that its place in a scenario needs.
+
+    Raises:
+        ScenarioError: it is of another kind.
+    """
+    fits = {"strategy": ("strategy", "team strategy"), "plan": ("plan", "team strategy"), "rule": ("rule",)}
+    if kind in fits.get(wanted, ()):
+        return
+    found = "no such function" if kind is None else _ARTICLES[kind.removeprefix("team ")]
+    hint = " It belongs into conflicts.resolve." if kind == "resolver" else ""
+    if wanted == "resolver":
+        hint = f" Write {', '.join(_NAMES)}, without a module, or name a function of your own."
+    if kind == wanted:
+        raise ScenarioError(path, f"{name} makes {found}, and is none itself.{hint}")
+    raise ScenarioError(path, f"{name} is {found}, and {_ARTICLES[wanted]} belongs here.{hint}")
+
+
+def check_parameter(kind: str | None, annotation: object, name: str, path: str) -> None:
+    """Check a function of GAMMS that is the parameter of another one.
+
+    Args:
+        kind: of the function.
+        annotation: of the parameter.
+        name: of the function.
+        path: where it is named.
+
+    Raises:
+        ScenarioError: it is a strategy, rule or resolver, and the parameter takes none.
+    """
+    takes_strategy = annotation is Any or any(map(_is_strategy, _callables_in(annotation)))
+    if kind is None or (takes_strategy and kind in ("strategy", "team strategy")):
+        return
+    article = _ARTICLES[kind.removeprefix("team ")]
+    raise ScenarioError(path, f"{name} is {article}, and the parameter takes none.")
+
+
+def _callables_in(annotation: object) -> list[Any]:
+    """Return the types of functions in an annotation."""
+    if get_origin(annotation) is AnyCallable:
+        return [annotation]
+    parts = get_args(annotation)[:1] if get_origin(annotation) is Annotated else get_args(annotation)
+    return [one for part in parts for one in _callables_in(part)]
+
+
+def _is_strategy(function: object) -> bool:
+    """Return whether a type of functions is that of strategies: they take one argument, and return nothing."""
+    arguments, result = get_args(function)
+    results = get_args(result) or (result,)
+    return len(arguments) == 1 and {NoneType, None, Awaitable[None]}.issuperset(results)
