@@ -24,6 +24,7 @@ GammsError
 │  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
 ├─ Outdated (RuntimeError)         an answer that was computed before something changed
 ├─ WriteConflict (RuntimeError)    a file that another program has written since it was read
+├─ ReservedName (AttributeError)   a keyword of `create_agent` that is the name of a method or property of agents
 ├─ IllegalMutation (RuntimeError)  a strategy tries to change something otherwise than by its action
 └─ ContextTerminated (AttributeError) the context has ended
 
@@ -249,6 +250,17 @@ class Outdated(GammsError, RuntimeError):
 
 class WriteConflict(GammsError, RuntimeError):
     """A file that another program has written since it was read."""
+
+
+class ReservedName(GammsError, AttributeError):
+    """A keyword of `create_agent` is the name of a method or property of agents."""
+
+    def __init__(self, name: str, settable: Iterable[str]) -> None:
+        known = ", ".join(sorted({"strategy", *settable}))
+        super().__init__(
+            f"{shown(name)} cannot be a keyword of create_agent: agents have a method or property of this name. A "
+            f"keyword may be {known}, or another name of your own, which becomes an attribute."
+        )
 
 
 class IllegalMutation(GammsError, RuntimeError):

@@ -139,6 +139,16 @@ def printable(text: str) -> str:
     return _CONTROLS.sub(lambda found: _escaped(found.group()), text)
 
 
+def module_of(value: object) -> str:
+    """Return the name of the module in which a function or class was defined, the same in every process."""
+    return main_module(str(getattr(value, "__module__", "?")))
+
+
+def main_module(name: str) -> str:
+    """Return the name of a module, `__main__` for the program in processes that were spawned, too."""
+    return "__main__" if name == "__mp_main__" else name
+
+
 def without_address(text: str) -> str:
     """Return a text without where objects lie in memory, the same in every process."""
     return _ADDRESS.sub("", text)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gamms.errors import GammsError
+from gamms.errors import GammsError, ReservedName
 from gamms.sensor import SensorType
 
 
@@ -199,6 +199,13 @@ def test_a_removed_node_under_an_agent_is_a_key_error_until_it_moves(ctx, anna):
     anna.state["action"] = 4
     with pytest.raises(KeyError):
         anna.set_state()
+
+
+@pytest.mark.parametrize("name", ["set_state", "get_state", "state", "step"])
+def test_a_keyword_that_agents_have_as_a_method_says_what_a_keyword_may_be(ctx, name):
+    with pytest.raises(ReservedName, match=f"'{name}' cannot be a keyword of create_agent: .* may be alive, .*own"):
+        ctx.agent.create_agent("anna", start_node_id=0, **{name: 1})
+    assert "anna" not in ctx.agent.agents
 
 
 @pytest.mark.parametrize("name", ["name", "type", "state", "sensors"])

@@ -10,7 +10,7 @@ from gamms.agent.attributes import Attribute, guarded_kind
 from gamms.agent.carried import carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
-from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
+from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, ReservedName, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.graph import FloatArray
@@ -307,7 +307,7 @@ class BaseAgent(ContextPart, IAgent):
         """Begin as a view of a row that a subclass adds to a block; check the names of attributes; return the graph."""
         for key in attributes:
             if key not in self._SETTABLE and not isinstance(getattr(type(self), key, None), (_Derived, type(None))):
-                raise AttributeError(f"{key!r} cannot be set when an agent is created.")
+                raise ReservedName(key, self._SETTABLE)
         values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, (), (), [{}], None)
         for name, value in zip(_AT_FIRST, values, strict=True):
             object.__setattr__(self, name, value)  # NOTE: a third of the time of `__setattr__` (benchmarks)

@@ -15,7 +15,7 @@ from gamms.arguments import as_float, as_int, as_mapping, as_text
 from gamms.errors import BadFile, BadType, BadValue, GammsError, UnknownName, nearest
 from gamms.ir import packing
 from gamms.plain import Plain
-from gamms.text import shown
+from gamms.text import module_of, shown
 
 MAX_FIELDS = 1000  # a SQLite table holds no more than 2000 columns
 
@@ -45,7 +45,7 @@ class Field:
         self.name, self.python_type = name, python_type
         self.place = f"Field {name!r} of map {map_name!r}"
         self._simple = _SIMPLE.get(python_type)
-        module, type_name = python_type.__module__, python_type.__qualname__
+        module, type_name = module_of(python_type), python_type.__qualname__
         # For messages and files; it is never turned back into a type.
         self.type_name = type_name if module == "builtins" else f"{module}.{type_name}"
 

@@ -14,7 +14,7 @@ from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
 from gamms.recorder.errors import RecordingError, refusing
 from gamms.recorder.struct_types import FieldType
-from gamms.text import shown
+from gamms.text import main_module, module_of, shown
 from gamms.typing import IContext
 from gamms.typing.recorder import C
 
@@ -35,7 +35,7 @@ class Kind:
     @property
     def key(self) -> Key:
         """The key of the class in the registry."""
-        return self.cls.__module__, self.cls.__qualname__
+        return module_of(self.cls), self.cls.__qualname__
 
     def begin(self, component: object, name: object) -> None:
         """Give a component its name and fields of None."""
@@ -353,7 +353,7 @@ _APPLIED: dict[str, Callable[[Components, dict[str, Any], bool], None]] = {
 def _as_class_key(key: object) -> Key:
     if not isinstance(key, (tuple, list)) or [type(part) for part in key] != [str, str]:
         raise BadType(f"A component class is named by (cls.__module__, cls.__qualname__), not {shown(key)}.")
-    return key[0], key[1]
+    return main_module(key[0]), key[1]
 
 
 def _registration(key: Key, texts: dict[str, str]) -> dict[str, Any]:
@@ -396,7 +396,7 @@ def _key_in(data: dict[str, Any], part: str) -> Key:
     module, qualname = key
     if not (module + qualname).isprintable() or not qualname or len(module + qualname) > 1000:
         raise RecordingError("A record names a component class that cannot be.")
-    return module, qualname
+    return main_module(module), qualname
 
 
 # -- classes ------------------------------------------------------------------------------------------------------

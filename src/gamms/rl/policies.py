@@ -23,7 +23,7 @@ from gamms.rl.heads import AXES, refuse_mixed
 from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation, within_reach
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.scenario import Scenario
-from gamms.text import shown
+from gamms.text import module_of, shown
 from gamms.typing import AgentType, IContext
 from gamms.typing.context import HostContext
 
@@ -456,7 +456,7 @@ def _described(learners: Learners) -> Description:
     """Return what a file says of a policy that was trained by these learners."""
     refuse_mixed(learners, range(len(learners.names)), "a policy")
     shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
-    name = f"{getattr(function, '__module__', '?')}:{getattr(function, '__qualname__', type(function).__name__)}"
+    name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = _DEFAULT if function is default_observation else name[:500]
     flies = bool(learners.flies.all())
     actions, deeds = AXES if flies else learners.num_actions, 0 if learners.deeds is None else len(learners.deeds)

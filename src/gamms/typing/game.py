@@ -9,6 +9,7 @@ import numpy as np
 from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain
+from gamms.text import module_of
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -256,7 +257,7 @@ def strategy_name(strategy: object) -> str | None:
     """Return the module of a strategy and its name there, the same in every folder; None if there is none."""
     if strategy is None:
         return None
-    module = _PRIVATE.sub("", str(getattr(strategy, "__module__", "?")))
+    module = _PRIVATE.sub("", module_of(strategy))
     return f"{module}:{getattr(strategy, '__qualname__', type(strategy).__qualname__)}"
 
 
