@@ -337,10 +337,11 @@ def lines_in(file: Path, what: str, *kinds: type[object]) -> list[dict[str, Any]
     except FileNotFoundError:
         return []
     found: list[dict[str, Any]] = []
+    shapes: list[type[object]] = [dict[str, Any], *kinds]
     for number, line in enumerate(data[: data.rfind(b"\n") + 1].splitlines(), 1):
         try:
             value = _value(line)
-            for kind in (dict[str, Any], *kinds):
+            for kind in shapes:
                 as_kind(value, kind)
         except BadFile as error:
             raise damaged(file, number, what, str(error)) from None

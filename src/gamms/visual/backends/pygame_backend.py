@@ -344,7 +344,8 @@ def _letter(letter: str, font_px: int, ink: Rgb, step: int) -> "Surface":
     pygame, finer = load(), _FINER if font_px <= _FINE_PX else 1
     font = _font(max(round(EM * font_px * finer), 1))
     if not font.size(letter)[0]:  # of a mark of direction, for example, pygame makes no surface
-        return pygame.Surface((1, 1), pygame.SRCALPHA, 32)
+        empty: Surface = pygame.Surface((1, 1), pygame.SRCALPHA, 32)
+        return empty
     large = font.render(letter, True, ink)
     lead = font.get_ascent() - round(ASCENT * EM * font_px) * finer  # above what is the top of a line here
     width, height = (-(-length // finer) + 1 for length in (large.get_width(), large.get_height() - min(lead, 0)))
