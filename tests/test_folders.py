@@ -4,14 +4,15 @@ import json
 import os
 import shutil
 import socket
+import tracemalloc
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms import experiment, folders, tournament, web
-from gamms.errors import BadFile, GammsError
+from gamms import experiment, folders, limits, tournament, web
+from gamms.errors import BadFile, GammsError, TooLarge
 from gamms.scenario import Scenario
 from gamms.tournament.entries import found_entries
 
@@ -229,6 +230,22 @@ def test_a_folder_within_the_results_is_no_link(made, tmp_path, kind, name):
     with pytest.raises(BadFile, match=f"{name}' must be a folder, and it is a link"):
         make_experiment(tmp_path / kind) if kind == "experiment" else KINDS[kind][1](tmp_path / kind)
     assert list((tmp_path / "mine").iterdir()) == []
+
+
+@pytest.mark.parametrize("line", ['{"id":"1"}', '{"id":"1","a":[' + "[]," * 99 + "[]]}", '{"id":"' + "x" * 900 + '"}'])
+def test_a_file_of_lines_takes_no_more_memory_than_is_allowed(tmp_path, line):
+    file = tmp_path / "journal.jsonl"
+    file.write_text(f"{line}\n" * (1_000_000 // len(line)))
+    with limits.allowing("2M"), pytest.raises(TooLarge, match="--max-memory 8G"):
+        folders.lines_in(file, "a row")
+    tracemalloc.start()
+    try:
+        folders.lines_in(file, "a row")
+        taken = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    with limits.allowing(taken // 2), pytest.raises(TooLarge):
+        folders.lines_in(file, "a row")
 
 
 # -- one value in the place of another -------------------------------------------------------------------------------

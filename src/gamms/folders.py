@@ -29,8 +29,8 @@ Scalar = bool | int | float | str | None
 _LOCK = "lock"
 _DEEPEST = 64  # levels of JSON; a scenario, which may have 40, is in a plan
 _MOST_DIGITS = 300  # of an integer, which then fits into a float
-_BYTES_PER_LETTER = 5  # of memory for each byte of JSON, where a text has four bytes for each letter
-_BYTES_PER_VALUE = {b",": 120, b"{": 250, b"[": 100, b"\n": 100}  # and for each sign that begins a value
+_BYTES_PER_LETTER = 4  # of memory for each byte of JSON: a text with an emoji has four bytes for each letter
+_BYTES_PER_VALUE = {b",": 80, b"{": 250, b"[": 100, b"\n": 100}  # and for each sign that begins a value
 _ESCAPED = "backslashreplace"  # halves of surrogate pairs
 _held: set[Path] = set()  # folders of this process, whose locks do not exclude each other
 

@@ -11,6 +11,7 @@ from gamms.arguments import as_known, as_path
 from gamms.experiment import Rows, Table
 from gamms.experiment import run as run_experiment
 from gamms.experiment.executors import executor_for
+from gamms.folders import without_link
 from gamms.plain import Plain
 from gamms.suite.protocol import VERSION, Task, scenario_of, task_file, tasks
 
@@ -107,7 +108,7 @@ def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
     row = {"task": task.name, **{column: overall[column][0] for column in ("games", "errors", "mean", "low", "high")}}
     row |= {"worst": against["mean"][worst], "worst_opponent": name, "replay": first["id"]}
     if out is not None and first["error"] is None:
-        file = out / f"{task.name}.ggr"
+        file = without_link(out / f"{task.name}.ggr")
         rows.play(first["id"], record=file)
         row["replay"] = str(file)
     return {column: value.item() if hasattr(value, "item") else value for column, value in row.items()}
