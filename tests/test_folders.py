@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms import experiment, folders, limits, tournament, web
+from gamms import experiment, folders, limits, recorder, scenario, tournament, web
 from gamms.errors import BadFile, GammsError, TooLarge
+from gamms.game import Result
 from gamms.scenario import Scenario
 from gamms.tournament.entries import found_entries
 
@@ -197,6 +198,14 @@ def test_what_is_no_file_is_refused_at_once_and_never_written_through(made, tmp_
     assert is_good == (kind == "entries" and put in (link_to_zeros, link_to_a_file, link_to_nothing, folder))
     assert elsewhere.read_text() == "mine"
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("read", [Result.load, scenario.load, recorder.open], ids=["result", "scenario", "recording"])
+def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(tmp_path, read):
+    file = tmp_path / "game.yaml"
+    os.mkfifo(file)
+    with pytest.raises(GammsError, match="pipe"):
+        read(file)
 
 
 RESULTS = {

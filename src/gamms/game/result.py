@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
-from gamms.folders import write_whole
+from gamms.folders import bytes_of, write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of, with_latlon
@@ -104,7 +104,7 @@ class Result:
         file: Path = as_path(path, "path")
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(file)!r}")
         try:
-            plain = json.loads(file.read_bytes())
+            plain = json.loads(bytes_of(file.resolve()))
         except (ValueError, RecursionError) as error:
             raise BadFile(f"{str(file)!r} is not a result: {reason(error)}.") from None
         if not isinstance(plain, dict) or plain.get("format") != _FORMAT:

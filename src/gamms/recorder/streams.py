@@ -164,11 +164,13 @@ def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
 
 
 def refuse_other(file: Path) -> None:
-    """Raise RecordingError for a folder, and for a scenario file."""
+    """Raise RecordingError for a folder, a pipe or device, and a scenario file."""
     if file.is_dir():
         held = sorted(file.glob(f"*{_SUFFIX}"))
         hint = f": give the file in it, {str(held[0])!r}." if held else ", and none is in it."
         raise RecordingError(f"{str(file)!r} is a folder, not a recording{hint}")
+    if file.exists() and not file.is_file():
+        raise RecordingError(f"{str(file)!r} is a pipe, socket or device, not a recording.")
     if file.suffix.lower() in _SCENARIOS and file.exists():
         raise RecordingError(f"{str(file)!r} is no recording: `gamms run` plays scenarios.")
 

@@ -231,6 +231,8 @@ def text_of(file: Path) -> str:
     if file.suffix.lower() not in _SUFFIXES:
         hint = " `gamms replay` shows recordings." if file.suffix == ".ggr" else ""
         raise ScenarioError("", f"a scenario file ends in {', '.join(_SUFFIXES)}, not {file.suffix!r}.{hint}")
+    if file.exists() and not file.is_file():
+        raise ScenarioError("", "this is a pipe, socket or device, not a scenario file.")
     with file.open("rb") as stream:
         data = stream.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:
