@@ -35,7 +35,6 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
@@ -152,19 +151,6 @@ class MissingExtra(GammsError, ImportError):
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an optional library (extra {extra!r}): {install_command(extra)}")
-
-
-@contextmanager
-def needing(feature: str, extra: str) -> Iterator[None]:
-    """Import a library that a feature needs in the `with` block.
-
-    Raises:
-        MissingExtra (ImportError): it is not installed.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise MissingExtra(feature, extra) from error
 
 
 def install_command(*extras: str) -> str:

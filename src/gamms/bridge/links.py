@@ -20,7 +20,8 @@ from typing import IO, TYPE_CHECKING, Any, Self
 from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, Roads, line_of, parse
-from gamms.errors import BadType, BadValue, NetworkError, needing
+from gamms.errors import BadType, BadValue, NetworkError
+from gamms.extras import needing
 from gamms.text import shown
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_items, as_known
-from gamms.errors import needing
 from gamms.experiment.statistics import Interval, mean_interval
+from gamms.extras import needing
 from gamms.text import printable_line
 from gamms.tournament.games import Row
 
