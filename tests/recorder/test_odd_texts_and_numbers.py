@@ -48,7 +48,9 @@ FIELDS = {
     "chance": lambda v: hostile.recording([[]], {"chance": v}),
     "a fact": lambda v: hostile.recording([[(kinds.GAME_FACTS, {"set": {v: v}, "removed": [v]})]]),
     "the kind of an event": lambda v: hostile.recording([[(kinds.USER_EVENT, {"kind": v})]]),
-    "an event": lambda v: hostile.recording([[(kinds.GAME_EVENT, {"kind": "a", "b": {v: (v, {v})}})]]),
+    "an event": lambda v: hostile.recording([[(kinds.GAME_EVENT, {"kind": "a", "turn": 1, "b": {v: (v, {v})}})]]),
+    "an event without a turn": lambda v: hostile.recording([[(kinds.GAME_EVENT, {"kind": "a", "b": v})]]),
+    "the turn of an event": lambda v: hostile.recording([[(kinds.GAME_EVENT, {"kind": "a", "turn": v})]]),
     "a new agent": lambda v: hostile.recording([[(kinds.AGENT_CREATE, {"name": v, "kwargs": {"start_node_id": 0}})]]),
     "where an agent starts": lambda v: hostile.recording([[hostile.created("b", v)]]),
     "what an agent has": lambda v: hostile.recording(
@@ -178,7 +180,7 @@ def test_a_replay_refuses_a_number_for_the_next_agent_that_is_none(number):
 @pytest.mark.parametrize("kind", [np.arange(3), None, 5, ["a"]], ids=str)
 def test_a_replay_refuses_events_whose_kind_is_no_text(kind):
     for data in (
-        hostile.recording([[(kinds.GAME_EVENT, {"kind": kind})]]),
+        hostile.recording([[(kinds.GAME_EVENT, {"kind": kind, "turn": 1})]]),
         hostile.recording([[]], {"events": [{"kind": kind}]}),
     ):
         with gamms.create_context() as ctx, pytest.raises(recorder.RecordingError, match="it has no kind"):

@@ -403,6 +403,8 @@ def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
     missing = next((key for key in _TEXTS[log] if not isinstance(found.get(key), str)), None)
     if missing is not None:
         raise BadType(f"{shown(found)} is not one of the {log}: it has no {missing}.")
+    if type(found.get("turn")) is not int:
+        raise BadType(f"{shown(found)} is not one of the {log}: its turn is no integer.")
     return deepcopy(as_message(found) if log == "messages" else found)
 
 
