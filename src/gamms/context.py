@@ -199,7 +199,9 @@ class Context(Guarded, typing.IContext):
 
     @property
     def seed(self) -> int:
-        """The seed of all random streams of this context."""
+        """The seed of all random streams of this context; not for strategies, which could foretell what others draw."""
+        if self._phase.agent is not None:
+            self._phase.refuse("read ctx.seed, from which all draws of others follow")
         self._seed_uses += 1
         return self._seed
 
@@ -235,10 +237,12 @@ class Context(Guarded, typing.IContext):
         if rng_state is not None:
             self.rng.bit_generator.state = rng_state
 
+    @refused_while_deciding
     def rng_state(self) -> Any:
         """Return the state of `rng`; None before its first use."""
         return None if self._rng is None else self._rng.bit_generator.state
 
+    @refused_while_deciding
     def stream(self, *names: str | int) -> "Generator":
         """Return the random stream of one purpose: same seed and names, same draws, whatever else is drawn.
 
@@ -326,12 +330,11 @@ class Context(Guarded, typing.IContext):
             return None
 
     def __repr__(self) -> str:
+        seed = "" if self._phase.agent is not None else f"seed={self._seed}, "
         if self.is_terminated():
-            return f"Context(seed={self._seed}, terminated)"
+            return f"Context({seed}terminated)"
         turn = 0 if self._game is None else self._game.turn
-        return (
-            f"Context(seed={self._seed}, nodes={len(self.graph.graph)}, agents={len(self.agent.agents)}, turn={turn})"
-        )
+        return f"Context({seed}nodes={len(self.graph.graph)}, agents={len(self.agent.agents)}, turn={turn})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Context":
         """Return a fork that draws what this context and its game draw, without recorder and window.

@@ -76,7 +76,7 @@ class ReadOnlyMapping(Mapping[Any, Any]):
         return ReadOnlyMapping(deepcopy(self._values, memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ReadOnlyMapping, (self._values,)
+        return ReadOnlyMapping, (dict(self._values),)  # a copy, for whoever copies may write to what this returns
 
     def get(self, key: object, default: object = None) -> Any:
         """Return the value of a key, or the default."""

@@ -231,6 +231,11 @@ VERBS = {
     "reseed": lambda ctx, s: ctx.reseed(5),
     "copy": lambda ctx, s: copy.deepcopy(ctx),
     "rng": lambda ctx, s: ctx.rng.random(),
+    "rng_state": lambda ctx, s: ctx.rng_state(),
+    "stream": lambda ctx, s: ctx.stream("agent", "other").random(),
+    "seed": lambda ctx, s: ctx.seed,
+    "result": lambda ctx, s: ctx.game.result(),
+    "random_actions": lambda ctx, s: ctx.agent.teams["red"].random_actions(),
     "ictx": lambda ctx, s: ctx.ictx.terminate(),
     "user's attribute": lambda ctx, s: setitem(other(ctx).meta, "hp", 0),
     "inside a user's attribute": lambda ctx, s: other(ctx).meta["hp"].append(0),
@@ -252,7 +257,6 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "distances": lambda ctx, s: vandalise(ctx.graph.distances(source=0)),
     "shortest_path": lambda ctx, s: vandalise(ctx.graph.shortest_path(0, 8)),
     "visibility": lambda ctx, s: vandalise(ctx.graph.visibility(30.0).from_node(0)),
-    "result": lambda ctx, s: vandalise(vars(ctx.game.result())),
     "settings": lambda ctx, s: vandalise(ctx.game.plain_settings()),
     "start_node": lambda ctx, s: ctx.game.start_node("other"),
     "sense_many": lambda ctx, s: vandalise(sensor(ctx, "tower").sense_many([0, 4, 8])),
@@ -265,9 +269,10 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "no legal": lambda ctx, s: s.pop("legal"),
     "moves of the last turn": lambda ctx, s: vandalise(ctx.game.moves),
     "tracks": lambda ctx, s: vandalise(ctx.game.tracks(ctx.game.agents)),
+    "copy of the map": lambda ctx, s: copy.copy(ctx.graph.graph).clear(),
+    "copy of facts": lambda ctx, s: vandalise(s["facts"].__reduce__()[1]),
     "picture": lambda ctx, s: ctx.visual.picture(".svg"),
     "draw_commands": lambda ctx, s: ctx.visual.draw_commands(),
-    "stream": lambda ctx, s: ctx.stream("x").random(),
 }
 
 
@@ -502,8 +507,8 @@ def test_rules_and_other_contexts_are_free(grid):
 # -- that nothing is forgotten -----------------------------------------------------------------------------------------
 
 READERS = {
-    "Context": "is_terminated rng_state stream",
-    "Game": "fork_for_deciders plain_settings result settings start_node tracks",
+    "Context": "is_terminated",
+    "Game": "fork_for_deciders plain_settings settings start_node tracks",
     "AgentEngine": "create_iter get_agent",
     "Agent": "",
     "AerialAgent": "",

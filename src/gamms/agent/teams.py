@@ -331,8 +331,10 @@ class Team:
     def random_actions(self) -> IntArray:
         """Return a legal node for each member, its own included, each as likely: (agents,) ids.
 
-        They follow from the seed of the context, the names, and how often this was called.
+        They follow from the seed of the context, the names, and how often this was called; strategies draw from
+        `state["draw"]` instead.
         """
+        phase_of(self._ctx).refuse(f"draw the random_actions of team {self.name!r}")
         _, first, counts, ids_at = self._legal()
         purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:

@@ -306,8 +306,9 @@ class Game(RuleVerbs):
             ):
                 self.ctx.logger.warning(sentence)
 
+    @refused_while_deciding
     def result(self) -> Result:
-        """Return the result of the game so far."""
+        """Return the result of the game so far; not for strategies, as it has the seed."""
         state = self._state
         self._turns.update_counts()
         over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}

@@ -66,6 +66,10 @@ class DrawTable:
         self._names.append(name)
         return len(self._names) - 1
 
+    def first_key(self, name: str) -> int:
+        """Return what the draws of an agent follow from, see `kernels.first_key`."""
+        return kernels.first_key(kernels.purpose_key(self.seed, "agent"), kernels.name_key(name))
+
     def rekey(self, seed: int) -> None:
         """Let all draws follow from another seed from now on."""
         self.seed, self.turn, self.row, self._of_names = seed, -1, [], 0
@@ -90,6 +94,25 @@ class DrawTable:
         self.turn = turn
         if count:
             self.row = self._rows[at].tolist()
+
+
+class _CopiedTable(DrawTable):
+    """The table of a copy of one agent's draws, which goes on in one turn, and does not have the seed of the game.
+
+    Args:
+        first: the `first_key` of the agent.
+        turn: in which it was copied.
+    """
+
+    __slots__ = ("_first",)
+
+    def __init__(self, first: int, turn: int) -> None:
+        super().__init__(0, _Moment(turn))
+        self._first = first
+
+    def first_key(self, name: str) -> int:  # noqa: ARG002 - there is one agent
+        """Return the key that was given."""
+        return self._first
 
 
 class Draws:
@@ -126,7 +149,7 @@ class Draws:
 
     @property
     def _point(self) -> tuple[int, str, int, int]:
-        return self._table.seed, self._name, self._clock.turn, self.mark() or 0
+        return self._table.first_key(self._name), self._name, self._clock.turn, self.mark() or 0
 
     def mark(self) -> int | None:
         """Return how much was drawn in this turn, for `go_to`; None: nothing."""
@@ -157,8 +180,7 @@ class Draws:
     def _key_now(self) -> int:
         table = self._table
         if self._keyed != table.begun:
-            first = kernels.first_key(kernels.purpose_key(table.seed, "agent"), kernels.name_key(self._name))
-            self._keyed, self._key = table.begun, kernels.later_key(first, table.turn)
+            self._keyed, self._key = table.begun, kernels.later_key(table.first_key(self._name), table.turn)
         return self._key
 
     def random(self) -> float:
@@ -284,8 +306,8 @@ class ViewDraws(ArrayDraws):
         return self._bits_at(self._keys, count)
 
 
-def _draws_at(seed: int, name: str, turn: int, count: int) -> Draws:
-    draws = Draws(DrawTable(seed, _Moment(turn)), name)
+def _draws_at(first: int, name: str, turn: int, count: int) -> Draws:
+    draws = Draws(_CopiedTable(first, turn), name)
     draws.go_to(count or None)
     return draws
 

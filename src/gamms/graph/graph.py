@@ -109,8 +109,8 @@ class Graph(Guarded, IGraph):
         return True
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by what the graph holds."""
-        return type(self), (self._store,)
+        """Pickle by what the graph holds: while a strategy runs, by a copy of it."""
+        return type(self), (self._store if self._phase.agent is None else deepcopy(self._store),)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Copy, for a look ahead into a game that goes on elsewhere."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from gamms.arguments import as_function_of, as_name, as_text
 from gamms.context import Context
+from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.snapshots import own
 from gamms.llm import server
@@ -132,8 +133,7 @@ class Strategy:
             raise BadType("A gamms.llm.Strategy decides for one agent: make it the strategy of each, not a plan.")
         question = question_of(state, self._ctx, self._template)
         request = self._request(question)
-        seed = None if self._ctx is None else self._ctx.seed
-        key = digest([seed, state.get("turn", 0), state.get("name", ""), request])
+        key = digest([self._seed(), state.get("turn", 0), state.get("name", ""), request])
         known, client = self._file.get(key), self._client
         if client is not None and (known is None or known.outcome != ANSWERED):
             choice, decision = await self._asked(client, question, request, state, key)
@@ -156,6 +156,13 @@ class Strategy:
         state["action"] = choice.action
         if choice.messages:
             state["outbox"].extend(choice.messages)  # type: ignore[arg-type] # plain values of their kinds
+
+    def _seed(self) -> int | None:
+        """Return the seed of the game, which is kept from strategies that ask for it."""
+        if self._ctx is None:
+            return None
+        with phase_of(self._ctx).suspended(changes_world=False):
+            return self._ctx.seed
 
     # -- what is asked ------------------------------------------------------------------------------------------
 

@@ -421,8 +421,8 @@ class _MixedStrategy(TableStrategy):
         strategies, turn = self._game.strategies[self._side], state["turn"]
         before = state["memory"].get(_MEMORY)
         if before is None:
-            chance = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, 0))
-            drawn = min(int(np.searchsorted(np.cumsum(self._shares), chance, side="right")), len(self._shares) - 1)
+            sums = np.cumsum(self._shares)
+            drawn = min(int(np.searchsorted(sums, self._drawn(ctx, _MEMORY, 0), side="right")), len(self._shares) - 1)
             known = 0
         else:
             drawn, known, *last = before

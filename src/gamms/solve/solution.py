@@ -10,6 +10,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping
 from gamms.context import Context
+from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
@@ -98,6 +99,12 @@ class TableStrategy(ABC):
             seen: the joint action of the other team, if that has moved already in this turn.
         """
 
+    def _drawn(self, ctx: Context, purpose: str, turn: int) -> float:
+        """Return a number in [0, 1) that all agents of the team draw in a turn, from the seed of the game."""
+        with phase_of(ctx).suspended(changes_world=False):  # the seed is kept from strategies that ask for it
+            key = kernels.purpose_key(ctx.seed, purpose)
+        return kernels.fraction(kernels.draw_bits(key, self._side, turn))
+
     def _action_seen(self, number: int, moved: Mapping[str, int]) -> int | None:
         """Return the joint action of the other team by where its agents have moved in this turn."""
         table, other = self._table, 1 - self._side
@@ -144,7 +151,7 @@ class SolvedStrategy(TableStrategy):
         turn = state["turn"]
         shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
         choice = shares[:, 0 if seen is None else seen]
-        drawn = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, turn))
+        drawn = self._drawn(ctx, _MEMORY, turn)
         action = int(np.searchsorted(np.cumsum(choice), drawn * choice.sum(), side="right"))
         return min(action, int(np.flatnonzero(choice)[-1]))
 

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_context, as_function_of, as_numbers_of
+from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.begun import IS_WHOLE, Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
@@ -242,7 +243,7 @@ class _ViewOfOne(ArrayView):
                 f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
                 "no speed, and leave ctx.game.legal as it is."
             )
-        game = GameArrays(roster, movement, [ctx.seed], np.full((1, len(roster.names)), node))
+        game = GameArrays(roster, movement, [_seed_of(host)], np.full((1, len(roster.names)), node))
         game.turn[0], game.facts, game.shared = state["turn"], state["facts"], shared
         game.blocked[0, number] = "in conflict" in (state.get("blocked") or "")
         game.kept = state["memory"].setdefault(_KEPT, {})
@@ -490,10 +491,17 @@ class _TurnOfOne(ArrayTurn):
         return super().keep(key, make)
 
 
+def _seed_of(ctx: HostContext) -> int:
+    """Return the seed of a context, also while a strategy runs, whose view does not show it."""
+    with phase_of(ctx).suspended(changes_world=False):
+        return ctx.seed
+
+
 def _game_of(ctx: HostContext, roster: Roster, movement: Movement, shared: dict[Any, Any]) -> GameArrays:
     """Return the game of a context as arrays of one game: where its agents are, who is alive, and what is published."""
     agents = roster.agents
-    state = GameArrays(roster, movement, [ctx.seed], movement.streets.rows([[one.current_node_id for one in agents]]))
+    nodes = movement.streets.rows([[one.current_node_id for one in agents]])
+    state = GameArrays(roster, movement, [_seed_of(ctx)], nodes)
     state.alive[0], state.turn[0] = [one.alive for one in agents], ctx.game.turn
     state.facts, state.shared = ctx.game.facts, shared
     return state
