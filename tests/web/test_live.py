@@ -14,7 +14,7 @@ import httpx
 import pytest
 
 import gamms
-from gamms import recorder, scenario, web
+from gamms import recorder, scenario, strategies, web
 from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
 from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.blocks import HEAD_SIZE, head_of
@@ -546,6 +546,41 @@ def test_nothing_of_others_is_on_the_wire_of_a_team(join):
     assert "blue_0" in texts[0]
     assert "secret" not in texts[1]
     assert "blue_0" not in texts[1].replace("'tagged': 'blue_0'", "")
+
+
+def test_no_name_or_look_of_an_agent_out_of_sight_is_on_the_wire_of_a_team(join):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(7, 7))
+        ctx.sensor.create_sensor("eyes", gamms.sensor.SensorType.AGENT_RANGE, sensor_range=12.0)
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["eyes"], strategy=strategies.stay)
+        ctx.agent.create_agent("zqspy", start_node_id=48, team="blue", strategy=strategies.stay)
+        ctx.visual.set_graph_visual()
+        ctx.visual.set_agent_visual("zqspy", color="hotpink")
+        with web.serve(ctx) as live:
+            spectator, red = join(live.url), join(live.links["red"])
+            ctx.game.run(3)
+            ctx.visual.set_agent_visual("zqspy", color="hotpink", size=9)
+            ctx.game.run(2)
+            found = [client.read_turns(4) for client in (spectator, red)]
+            said = [str(one.header) + str(list(one.logs())) for one in found]
+    assert [word in text for text in said for word in ("zqspy", "hotpink")] == [True, True, False, False]
+
+
+def test_a_team_is_told_that_the_game_has_failed_and_the_host_why(join):
+    def fails(state):
+        raise ValueError(f"{state['name']} is lost")
+
+    with web.serve(HUNT, speed=None, is_paused=True, strategies={"blue": fails}) as live:
+        host, red = join(live.url), join(live.links["red"])
+        for client in (host, red):
+            client.read(lambda client: client.bytes)
+        live.pace.pause(is_paused=False)
+        with suppress(ValueError):
+            live.wait(60)
+        for client in (host, red):
+            client.read(lambda client: client.told and client.told[-1].get("error"))
+    assert red.told[-1]["error"] == "the game has failed"
+    assert "blue_0 is lost" in host.told[-1]["error"]
 
 
 @pytest.fixture

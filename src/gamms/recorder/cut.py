@@ -8,29 +8,24 @@ is sensed in front of a turn belongs to the state before it, so that a state sho
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
 from itertools import chain
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
-from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Audience, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
 from gamms.plain import Plain
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import DAMAGES, refusing
-from gamms.recorder.formats.reader import Reader
-from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
 from gamms.recorder.sensed import Look, Nearest, Sighting
 from gamms.text import as_text
 
 _Event = tuple[int, Any]
-_SECRET = ("seed", "scenario", "drawings")  # of a header: they tell what others will draw, or where they are
-_KEYFRAME_TURNS = 64
+_PUBLIC = ("format", "package", "created", "world", "world_sha256")  # of a header; the rest may name agents of others
+_OF_ALL = ("graph", "obstacles", "flags", "territory", "tags", "goals", "held", "discovered", "resources", "cooldowns")
 _OF_STATE = ("pace", "components", "events", "settings", "facts")  # of a keyframe that all may know
 
 
@@ -46,13 +41,22 @@ class Cut:
         keyframe: how the game begins; not changed.
         is_own: says of the name and the team of an agent whether it is one of those that know.
         nearest: gives the node below a place, (x, y).
+        visuals: what the header of the whole recording says of artists and colours; None: nothing.
 
     Attributes:
         is_shown: whether the turn before the one that is added was given out.
     """
 
-    def __init__(self, keyframe: Keyframe, is_own: Callable[[str, Any], bool], nearest: Nearest) -> None:
+    def __init__(
+        self,
+        keyframe: Keyframe,
+        is_own: Callable[[str, Any], bool],
+        nearest: Nearest,
+        visuals: Mapping[str, Any] | None = None,
+    ) -> None:
         self._is_own, self._nearest = is_own, nearest
+        self._visuals = visuals
+        self._met: set[str] = set()  # the names of others that were shown so far
         self._ids: dict[str, int] = {}  # name -> number while a turn waits
         self._seen: dict[str, Sighting] = {}  # others that the team sees, in the turn that waits
         self._in_view: Collection[str] = ()  # those that it sees in the turn that is added
@@ -69,6 +73,7 @@ class Cut:
         self._known = DetachedState(deepcopy(self._first))  # where those that were given out have led to
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
         self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}  # that are known
+        self._looks = self.visuals()  # that are known
 
     def add(self, log: Log, *, is_end: bool = True) -> Iterator[Log]:
         """Add what has happened in the next turn; yields the one before it once its own agents have sensed.
@@ -130,6 +135,26 @@ class Cut:
         """Return the state after so many turns, all that were given out; the first one when one turn was added."""
         return ({} if turns else self._first) | self._known.keyframe(turns)
 
+    def visuals(self) -> dict[str, Any] | None:
+        """Return the artists and colours that the team knows now; None: nothing was declared.
+
+        Artists with drawers or shapes of the program's own are left out: they see everything.
+        """
+        if self._visuals is None:
+            return None
+        agents, sensors = self._own.keys() | self._met, {sensor["id"] for sensor in self._sensors_of(self._own)}
+        names = {"agent": agents, "sensor": sensors}
+        artists = [
+            one
+            for one in self._visuals["artists"]
+            if one["kind"] in _OF_ALL or one["keywords"].get("name") in names.get(one["kind"], ())
+        ]
+        known = {**self._visuals, "artists": artists}
+        if "team_colors" in known:
+            hidden = self._ids.keys() - agents - set(map(str, self._all.agents.columns["teams"]))
+            known["team_colors"] = {side: one for side, one in known["team_colors"].items() if side not in hidden}
+        return known
+
     # -- who is known -------------------------------------------------------------------------------------------
 
     def _look_around(self) -> None:
@@ -167,6 +192,9 @@ class Cut:
         history["events"] = [
             event for event in history.get("events", ()) for _ in self._emitted(kinds.GAME_EVENT, event)
         ]
+        for channel in history.get("settings", {}).get("channels", {}).values():
+            if "jammers" in channel:
+                channel["jammers"] = [one for one in channel["jammers"] if one.get("agent", "") in {"", *self._own}]
         if "deeds" in of:
             history["deeds"] = [deed for deed in of["deeds"] if deed["agent"] in self._own]
         if "messages" in of:
@@ -301,6 +329,10 @@ class Cut:
         if not named or any(map(self._is_in_view, named)):
             yield kind, data
 
+    def _declared(self, _kind: int, data: Plain) -> Iterator[_Event]:
+        self._visuals = data
+        yield from self._new_visuals()
+
     def _message(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield a message of its own agents now; those of others in the turns in which they are heard."""
         own = {**data, "lost": [], "jammed": []}
@@ -331,6 +363,7 @@ class Cut:
             for name in [name for name in self._own if name not in before]:
                 is_new = kind == kinds.AGENT_CREATE and data["name"] == name
                 yield kinds.AGENT_CREATE, {**data, "strategy": None} if is_new else self._creation(name)
+            yield from self._new_visuals()
         if kind in _OF_SENSORS:
             yield from self._new_sensors(data.get("removed", ()))
 
@@ -341,6 +374,7 @@ class Cut:
         self._carried.update((sensor["id"], sensor) for sensor in new)
         if new or gone:
             yield kinds.SENSORS, {"sensor_kinds": keyframes.grouped(new), **({"removed": gone} if gone else {})}
+            yield from self._new_visuals()
 
     def _creation(self, name: str) -> dict[str, Any]:
         """Return what says that an agent comes which has come to the team."""
@@ -398,6 +432,16 @@ class Cut:
             elif before != sighting:
                 yield MOVES, [self._ids[name], sighting.node]
             self._seen[name] = sighting
+        if not self._met.issuperset(there):
+            self._met.update(there)
+            yield from self._new_visuals()
+
+    def _new_visuals(self) -> Iterator[_Event]:
+        """Yield the artists and colours that the team knows, if these are others than before."""
+        now = self.visuals()
+        if now != self._looks:
+            self._looks = now
+            yield kinds.VISUALS, now
 
     def _hide(self, names: Iterable[str]) -> Iterator[_Event]:
         for name in names:
@@ -491,6 +535,7 @@ _SPECIAL: dict[int, Callable[[Cut, int, Any], Iterator[_Event]]] = {
     kinds.GAME_MESSAGE: Cut._message,
     **dict.fromkeys((kinds.AGENT_CREATE, kinds.AGENT_DELETE), _nothing),  # see `_after`
     kinds.UNFINISHED: Cut._by_audience,
+    kinds.VISUALS: Cut._declared,
     kinds.VISUAL_COMMANDS: _nothing,  # the program's own drawers see everything
 }
 _OF_SENSORS = (kinds.SENSORS, kinds.AGENT_CREATE, kinds.AGENT_SENSOR_REGISTER, kinds.AGENT_TEAM)
@@ -521,47 +566,8 @@ def sides_of(
     return list(sides.values())
 
 
-def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object) -> None:
-    """Write what a team knew into a stream; see `Recording.cut`.
-
-    Args:
-        reader: of the whole recording.
-        columns: of its map.
-        out: the stream.
-        team: see there.
-    """
-    first = reader.keyframe(0)
-    if first is None or not any(True for _ in reader.events(kinds={kinds.SENSED})):
-        raise BadValue("This recording does not say what agents sensed: record with ctx.record.start(…, sensed=True).")
-
-    def is_own(name: str, team: Any) -> bool:
-        return bool((name if team is None else team) == own)
-
-    own = _team_of(reader, first[1], team)
-    with refusing("It cannot be cut", DAMAGES):
-        cut = Cut(first[1], is_own, sensed.nearest_on(lambda: columns))
-    header = {key: value for key, value in reader.header.items() if key not in _SECRET}
-    header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
-    writer = Writer(out, header, seconds=None)
-    for turn in range(reader.turns):
-        with refusing(f"Turn {turn + 1} cannot be cut", DAMAGES):
-            complete = list(cut.add(reader.log(turn)))
-        for given in complete:
-            writer.add_turn(given)
-        if turn % _KEYFRAME_TURNS == 0:
-            writer.keyframe(cut.keyframe(turn))
-    for given in cut.rest():
-        writer.add_turn(given)
-    writer.close()
-
-
-def _team_of(reader: Reader, first: Keyframe, team: object) -> Any:
-    """Return the team that a caller means, as agents have it; the name of an agent that has none."""
-    come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
-    come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
-    there = zip(first["names"], first["teams"], strict=True)
-    teams = [name if own is None else own for name, own in (*there, *come)]
-    for known in teams:
-        if known == team or str(known) == team:
-            return known
-    raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
+def cut_header(header: Mapping[str, Any], cut: Cut) -> dict[str, Any]:
+    """Return what a team knows of the header of a game in the beginning."""
+    visuals = cut.visuals()
+    public = {key: header[key] for key in _PUBLIC if key in header}
+    return {**public, **({} if visuals is None else {"visuals": visuals})}

@@ -460,8 +460,10 @@ class Live(Handle):
             "control": connection.grant.may_control,
             "watching": len(self.connections),
             "dropped": connection.counts["dropped"],
-            "error": self._trouble if self._error is None else f"the game has failed: {reason(self._error)}",
+            "error": self._trouble if self._error is None else "the game has failed",
         }
+        if self._error is not None and (connection.grant.audience.is_everything or connection.grant.may_control):
+            status["error"] = f"the game has failed: {reason(self._error)}"  # which may name any agent
         if connection.grant.may_control and self.scenario is not None:
             status |= {"restart": True, "numbers": list(numbers_of(self.scenario)), "seed": self._seed}
         connection.tell(status)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from gamms.ir.events import Log
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Writer
-from gamms.recorder.cut import Cut, sides_of
+from gamms.recorder.cut import Cut, cut_header, sides_of
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.links import Audience
@@ -81,11 +81,11 @@ class Stream:
     """
 
     def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
-        self._cut = None if audience.is_everything else Cut(state, audience.has, nearest)
+        is_everything, visuals = audience.is_everything, header.get("visuals")
+        self._cut = None if is_everything else Cut(state, audience.has, nearest, visuals)
         if self._cut is not None:
             state = self._cut.keyframe(0)
-            header = {key: value for key, value in header.items() if key not in ("seed", "drawings")}
-            header |= {"audience": str(audience)}
+            header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
         self._turns = turns  # that were given out
         self._begun_at = turns
         self._is_seen = False  # whether a keyframe or a turn says what is seen at the beginning
