@@ -558,10 +558,15 @@ def test_no_name_or_look_of_an_agent_out_of_sight_is_on_the_wire_of_a_team(join)
         ctx.visual.set_agent_visual("zqspy", color="hotpink")
         with web.serve(ctx) as live:
             spectator, red = join(live.url), join(live.links["red"])
-            ctx.game.run(3)
-            ctx.visual.set_agent_visual("zqspy", color="hotpink", size=9)
-            ctx.game.run(2)
-            found = [client.read_turns(4) for client in (spectator, red)]
+            for client in (spectator, red):
+                client.read(lambda client: client.told)
+            for size in range(5, 15):
+                ctx.visual.set_agent_visual("zqspy", color="hotpink", size=size)
+                before = spectator.bytes, red.bytes
+                ctx.game.step()
+                spectator.read(lambda client, before=before: client.bytes != before[0])
+                red.read(lambda client, before=before: client.bytes != before[1])
+            found = [client.read_turns(3) for client in (spectator, red)]
             said = [str(one.header) + str(list(one.logs())) for one in found]
     assert [word in text for text in said for word in ("zqspy", "hotpink")] == [True, True, False, False]
 
