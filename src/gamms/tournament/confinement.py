@@ -36,8 +36,7 @@ class Limits(NamedTuple):
 
 # -- numbers of Linux -------------------------------------------------------------------------------------------
 
-_SET_DEATH_SIGNAL, _DROP_FROM_BOUNDS, _SET_SECCOMP, _NO_NEW_PRIVILEGES = 1, 24, 22, 38  # of prctl
-_KILL = 9
+_DROP_FROM_BOUNDS, _SET_SECCOMP, _NO_NEW_PRIVILEGES = 24, 22, 38  # of prctl
 _MOST_CAPABILITIES = 64
 _CAPABILITIES_VERSION = 0x20080522
 _CREATE_RULESET, _ADD_RULE, _RESTRICT = 444, 445, 446  # Landlock's system calls, on all architectures
@@ -52,18 +51,6 @@ _BY_TCP, _BY_SOCKET_AND_SIGNAL = 3, 3
 _RESERVED = 64  # times its memory: the addresses that a process may reserve; pages that map them take an eighth of it
 _STACK_BYTES = 1 << 23
 _SIGNALS = 1 << 10  # that wait for the process
-
-
-def die_with_parent(parent: int) -> None:
-    """Have this process killed when the one that started it ends, where the system can do that.
-
-    Args:
-        parent: the id of that process; if it has ended already, this process exits.
-    """
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, _KILL, 0, 0, 0)
-        if os.getppid() != parent:
-            os._exit(1)
 
 
 def landlock_version() -> int:

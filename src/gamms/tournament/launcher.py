@@ -25,7 +25,8 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import Any, NamedTuple, NoReturn
 
-from gamms.tournament.confinement import Limits, confine, die_with_parent
+from gamms.child_processes import die_with_parent
+from gamms.tournament.confinement import Limits, confine
 from gamms.tournament.control_groups import ControlGroups
 
 _STEP_S = 0.002
