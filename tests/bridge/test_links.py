@@ -3,9 +3,11 @@
 import json
 import logging
 import socket
+import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 import websockets
@@ -254,6 +256,49 @@ def test_a_command_is_a_list():
         Process("rm -rf")
     with pytest.raises(BadValue, match="must begin with the program"):
         Process([])
+
+
+HOST = """
+import os, signal, sys, threading, time
+from gamms.bridge import Process
+
+link = None
+def start():
+    global link
+    link = Process([sys.executable, "-c", "import time; time.sleep(600)"])
+starter = threading.Thread(target=start)  # which ends before the program does
+starter.start()
+starter.join()
+print(link._process.pid, flush=True)
+sys.stdin.readline()
+{end}
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs prctl")
+@pytest.mark.parametrize("end", ["os.kill(os.getpid(), signal.SIGKILL)", "os._exit(0)", "sys.exit()"])
+def test_a_program_does_not_outlive_a_game_that_ends_without_closing(end):
+    command = [sys.executable, "-c", HOST.format(end=end)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as host:
+        child = Path(f"/proc/{int(host.stdout.readline())}")
+        assert state_of(child) in "RS"
+        host.stdin.write("\n")
+        host.stdin.flush()
+        host.wait(60)
+        wait_until(lambda: state_of(child) in ("", "Z"))
+
+
+def state_of(process):
+    """The letter that Linux has for what a process does; nothing: it is gone."""
+    try:
+        return (process / "stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return ""
+
+
+def test_a_program_that_is_not_there_is_named():
+    with pytest.raises(FileNotFoundError, match="no-such-program"):
+        Process(["no-such-program"])
 
 
 # -- games ----------------------------------------------------------------------------------------------------------

@@ -6,13 +6,17 @@ number. A further way is a class that calls `_take` for each line and has `_tran
 
 import asyncio
 import logging
+import os
 import socket
 import subprocess
+import sys
 import threading
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Sequence
+from concurrent.futures import Future
 from contextlib import suppress
+from functools import partial
 from queue import Empty, Full, Queue
 from time import monotonic
 from typing import IO, TYPE_CHECKING, Any, Self
@@ -20,6 +24,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, Roads, line_of, parse
+from gamms.child_processes import die_with_parent
 from gamms.errors import BadType, BadValue, NetworkError
 from gamms.extras import needing
 from gamms.text import shown
@@ -204,6 +209,9 @@ class Udp(Link):
 class Process(Link):
     """Starts another program, and exchanges lines with its standard input and output.
 
+    On Linux the program is killed when this one ends without `close`, however it ends. Elsewhere it has to end by
+    itself at the end of its input.
+
     Args:
         command: the program and its arguments; no shell reads them.
         clock: by which fixes age; None: that of the machine.
@@ -218,14 +226,16 @@ class Process(Link):
         words = [as_name(word, "a part of a command") for word in as_items(command, "command", "texts")]
         if not words:
             raise BadValue("command must begin with the program that is started, not be empty.")
-        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603 - the caller's
         self._unsent: Queue[bytes | None] = Queue(_MOST_UNSENT)
+        self._is_read = threading.Event()  # whether the program has closed its output
+        started: Future[subprocess.Popen[bytes]] = Future()
         self._threads = [
-            threading.Thread(target=work, name=f"gamms {name}", daemon=True)
-            for name, work in (("lines in", self._read), ("lines out", self._write))
+            threading.Thread(target=self._read, args=(words, started), name="gamms lines in", daemon=True),
+            threading.Thread(target=self._write, name="gamms lines out", daemon=True),
         ]
-        for thread in self._threads:
-            thread.start()
+        self._threads[0].start()
+        self._process = started.result()
+        self._threads[1].start()
 
     def close(self) -> None:
         """End the program: it gets the end of its input, and is killed if it does not end by that."""
@@ -255,10 +265,27 @@ class Process(Link):
         return self._may_come()
 
     def _may_come(self) -> bool:
-        return self._threads[0].is_alive() or bool(self._roads)
+        return not self._is_read.is_set() or bool(self._roads)
 
-    def _read(self) -> None:
-        pipe = self._process.stdout
+    def _read(self, words: list[str], started: "Future[subprocess.Popen[bytes]]") -> None:
+        """Start the program and read its lines until it ends: it is killed when the thread that started it ends."""
+        ending = partial(die_with_parent, os.getpid()) if sys.platform == "linux" else None
+        try:
+            process = subprocess.Popen(  # noqa: S603 - the caller's
+                words,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                preexec_fn=ending,  # noqa: PLW1509 - it loads nothing and takes no lock
+            )
+        except BaseException as error:  # noqa: BLE001 - it is for the thread that waits
+            started.set_exception(error)
+            return
+        started.set_result(process)
+        self._read_lines(process.stdout)
+        self._is_read.set()
+        process.wait()
+
+    def _read_lines(self, pipe: IO[bytes] | None) -> None:
         is_rest = False  # of a line that is too long
         while pipe is not None and (line := pipe.readline(LONGEST_LINE + 1)):
             is_whole = line.endswith(b"\n")
