@@ -605,6 +605,55 @@ def many_connections():
         one.close()
 
 
+def frame(opcode, data=b"", *, is_last=True):
+    """A frame of a client, masked by zeros."""
+    return bytes([opcode | is_last << 7, 128 | len(data), 0, 0, 0, 0]) + data
+
+
+FLOODS = {
+    "pings": frame(9),
+    "pongs": frame(10, b"a"),
+    "empty parts": frame(0, is_last=False),
+}
+
+
+@pytest.mark.parametrize("kind", FLOODS)
+@pytest.mark.parametrize("has_joined", [True, False])
+def test_a_connection_that_sends_a_flood_of_frames_ends_and_others_go_on(join, kind, has_joined):
+    with web.serve(HUNT, speed=None, is_paused=True) as live:
+        witness = join(live.url)
+        witness.read(lambda client: client.bytes)
+        address, _, token = live.url.partition("#")
+        port = int(address.rstrip("/").rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port), timeout=60) as flooding:
+            flooding.sendall(
+                f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+            )
+            if has_joined:
+                flooding.sendall(frame(1, json.dumps({"token": token}).encode()))
+            if kind == "empty parts":
+                flooding.sendall(frame(1, is_last=False))
+            sent = 0
+            with suppress(ConnectionError):  # it is ended by the other side
+                while sent < 1_000_000:
+                    flooding.sendall(FLOODS[kind] * 1000)
+                    sent += 1000
+            assert sent < 1_000_000
+        live.pace.pause(is_paused=False)
+        assert live.wait(60) is not None
+        assert witness.read_turns(1).turns
+
+
+def test_a_client_may_ping_now_and_then_and_send_a_message_in_parts(join):
+    with web.serve(HUNT, speed=None, is_paused=True) as live:
+        client = join(live.url)
+        for _ in range(30):
+            client.socket.ping()
+        client.socket.send(['{"type"', ': "no', 'thing"}'])
+        client.read(lambda client: any("There is no such message" in str(one) for one in client.told))
+
+
 HALF = [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /live HTTP/1.1\r\nContent-Length: 9\r\n"]
 PAGE = b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n"
 

@@ -36,6 +36,7 @@ from gamms.errors import BadType, BadValue, GammsError, NetworkError
 from gamms.extras import needing
 from gamms.plain import Plain
 from gamms.text import shown
+from gamms.web.frames import counting_frames
 from gamms.web.idle import Client, Idle, Watched
 from gamms.web.links import Grant, Links, Refused
 
@@ -214,6 +215,7 @@ class Server:
             import uvicorn
             import websockets  # noqa: F401
             from uvicorn.protocols.http.h11_impl import H11Protocol
+            from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
         is_local = _is_loopback(host)
         if not (is_local or allow_network):
             raise BadValue(
@@ -234,7 +236,7 @@ class Server:
             guard,
             loop="asyncio",
             http=protocol,  # type: ignore[arg-type] # it makes one
-            ws="websockets-sansio",
+            ws=counting_frames(WebSocketsSansIOProtocol),
             ws_max_size=MOST_MESSAGE,
             ws_per_message_deflate=False,  # blocks are deflated already
             ws_ping_interval=None,  # it would draw from the global random numbers, which games are seeded by
