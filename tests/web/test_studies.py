@@ -4,6 +4,8 @@ import csv
 import itertools
 import json
 import re
+import subprocess
+import sys
 from collections import Counter
 from urllib.error import HTTPError
 from urllib.request import ProxyHandler, Request, build_opener
@@ -15,6 +17,7 @@ from gamms import scenario, web
 from gamms.recorder import open as opened
 from gamms.web import participants
 
+study_module = sys.modules["gamms.web.study"]  # gamms.web.study is the function
 ALONE = scenario.Scenario(
     name="errand",
     map={"grid": {"width": 6, "height": 1}},
@@ -34,13 +37,16 @@ def begun(out, **options):
     return web.study(ALONE, out=out, **(given | options))
 
 
-def ask(study, code, browser="the first browser", **more):
+def ask(study, code, browser="the first browser", token=None, **more):
     """Ask as the page does what comes next for a participant."""
-    address, _, token = study.link("x").partition("#")
+    link = study.link(code) if isinstance(code, str) and re.fullmatch(r"[\w.-]{1,64}", code, re.ASCII) else study.url
+    address, _, own = link.partition("#")
     url = address.partition("?")[0] + "participant"
     body = json.dumps({"code": code, "secret": f"a secret of {browser}".replace(" ", "-"), **more}).encode()
     try:
-        with build_opener(ProxyHandler({})).open(Request(url, body, {"Authorization": f"Bearer {token}"})) as answer:
+        with build_opener(ProxyHandler({})).open(
+            Request(url, body, {"Authorization": f"Bearer {token or own}"})
+        ) as answer:
             return json.load(answer)["value"]
     except HTTPError as error:
         error.close()
@@ -118,11 +124,84 @@ def test_codes_that_are_not_listed_take_no_part(tmp_path):
     with begun(tmp_path, codes=["P1", "P7", "P1"]) as study:
         assert study.codes == ("P1", "P7")
         assert ask(study, "P7", agree=True)["stage"] == "ready"
-        with pytest.raises(HTTPError, match="400"):
-            ask(study, "P2", agree=True)
+        with pytest.raises(KeyError, match="P2"):
+            study.link("P2")
+        with pytest.raises(ValueError, match="a link of its own"):
+            study.url  # noqa: B018 - it raises
         assert sum(study.assigned.values()) == 1
     with pytest.raises(ValueError, match=r"A code is 1 to 64 letters.* not 'P 8'"):
         begun(tmp_path, codes=["P 8"])
+
+
+def test_the_link_of_one_code_is_good_for_no_other_one(tmp_path):
+    with begun(tmp_path, codes=["P1", "P2"]) as study:
+        token = study.link("P1").partition("#")[2]
+        assert token != study.link("P2").partition("#")[2]
+        with pytest.raises(HTTPError, match="400"):
+            ask(study, "P2", token=token, agree=True)
+        assert study._known.by_code == {}
+        assert ask(study, "P1", token=token, agree=True)["stage"] == "ready"
+
+
+def test_one_address_cannot_fill_a_study_by_codes_that_it_makes_up(tmp_path):
+    with begun(tmp_path, per_minute=3) as study:
+        for number in range(3):
+            ask(study, f"P{number}", agree=True)
+        with pytest.raises(HTTPError, match="400"):
+            ask(study, "P3", agree=True)
+        assert ask(study, "P3")["stage"] == "consent"
+        assert ask(study, "P2", agree=True)["stage"] == "ready"
+        assert len(study._known.by_code) == 3
+    with begun(tmp_path / "codes", per_minute=1, codes=["P1", "P2"]) as study:
+        assert [ask(study, code, agree=True)["stage"] for code in study.codes] == ["ready"] * 2
+
+
+def test_rounds_to_which_no_page_connects_take_no_places(tmp_path, monkeypatch):
+    monkeypatch.setattr(study_module, "_MOST_AT_ONCE", 2)
+    with begun(tmp_path) as study:
+        for code in ("P1", "P2", "P3", "P4"):
+            ask(study, code, agree=True)
+        first = Player(ask(study, "P1", begin=True)["link"].replace("/play", "/"))
+        first.read(lambda one: one.told)
+        assert ask(study, "P2", begin=True)["stage"] == "play"
+        second = Player(ask(study, "P3", begin=True)["link"].replace("/play", "/"))
+        second.read(lambda one: one.told)
+        playing = [group.members[0] for group in study._known.groups if group.live is not None]
+        assert playing == ["P1", "P3"]
+        with pytest.raises(HTTPError, match="400"):  # both places are used now
+            ask(study, "P4", begin=True)
+        assert ask(study, "P2")["stage"] == "ready"
+        first.socket.close()
+        second.socket.close()
+
+
+def test_codes_that_are_taken_out_play_no_more_and_others_get_their_conditions(tmp_path):
+    with begun(tmp_path) as study:
+        for number in range(4):
+            ask(study, f"P{number}", agree=True)
+        given = {group.members[0]: group.condition for group in study._known.groups}
+        play(study, "P1")
+        assert ask(study, "P2", begin=True)["stage"] == "play"
+        study.take_out("P1")
+        command = [sys.executable, "-m", "gamms", "study", "any.yaml", "--out", str(tmp_path), "--take-out", "P[2]"]
+        assert subprocess.run(command, check=False, capture_output=True).returncode != 0
+        subprocess.run([*command[:-1], "P2*"], check=True, capture_output=True)
+        for code in ("P1", "P2", "P22"):
+            with pytest.raises(HTTPError, match="400"):
+                ask(study, code, agree=True)
+        assert [group.live for group in study._known.groups] == [None] * 4
+        rest = [given["P0"], given["P3"]]
+        assert study.assigned == {name: rest.count(name) for name in CONDITIONS}
+        ask(study, "P4", agree=True)
+        assert [row["participant"] for row in study.rows] == ["P1"]
+    with begun(tmp_path) as study:
+        ask(study, "P5", agree=True)
+        now = {group.members[0]: group.condition for group in study._known.groups}
+        assert sorted(now[code] for code in ("P4", "P5")) == sorted(given[code] for code in ("P1", "P2"))
+        assert sorted(one.number for one in study._known.by_code.values()) == [0, 3, 4, 5]
+        assert study.assigned == {"short": 2, "long": 2}
+        with pytest.raises(HTTPError, match="400"):
+            ask(study, "P1")
 
 
 def test_conditions_are_balanced_in_each_block(tmp_path):

@@ -24,6 +24,7 @@ _KEYS = (
     "practice",
     "seconds",
     "codes",
+    "per_minute",
     "partner_within",
     "seed",
     "title",
@@ -50,6 +51,16 @@ def study(
             show_default=False,
         ),
     ] = None,
+    take_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--take-out",
+            help="Take a participant out of the study, also while it is served by another program: a code, or one with "
+            "* for any letters. Nothing is served then.",
+            metavar="CODE",
+            show_default=False,
+        ),
+    ] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one.", metavar="PORT")] = 0,
     host: Annotated[str, typer.Option(help="The address to serve at.", metavar="HOST")] = HERE,
     allow_network: Annotated[
@@ -62,7 +73,13 @@ def study(
     from gamms import scenario, web
     from gamms.scenario import documents
     from gamms.scenario.code import chosen
+    from gamms.web.participants import take_out as taken_out
 
+    out = out or Path(f"{file.stem}-results")
+    if take_out:
+        taken_out(out, take_out)
+        echo(f"Taken out of the study in {out}: {', '.join(take_out)}. Their rows stay in the table.")
+        return
     with documents.named(file):
         values: Any = checked_keys(file, documents.read(file), "study", _REQUIRED, _KEYS)
     paths = {key: file.parent / _text(file, key, values.pop(key)) for key in ("scenario", "consent")}
@@ -72,7 +89,6 @@ def study(
     for line in foreign_code(game, {}):
         echo(f"imports {printable_line(line)}")
     warn(game)
-    out = out or Path(f"{file.stem}-results")
     values |= {"port": port, "host": host, "allow_network": allow_network}
     with web.study(game, consent=_consent(paths["consent"]), out=out, **values) as running, suppress(KeyboardInterrupt):
         if running.codes is None:

@@ -5,15 +5,18 @@ The file has a line of JSON for each thing that happens.
 
 import hmac
 import re
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from time import monotonic
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from gamms import kernels
-from gamms.errors import BadFile
+from gamms.errors import BadFile, BadValue
 from gamms.folders import add_lines, as_kind, damaged, lines_in
+from gamms.text import shown
 from gamms.web.links import Refused, digest_of
 from gamms.web.live import Live
 from gamms.web.server import Json
@@ -23,6 +26,9 @@ _SECRET = re.compile(r"[A-Za-z0-9_-]{22,100}")
 _PRESENT_S = 10.0  # a page that waits asks more often than that
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _OF_STUDY = "a line of this study"
+_MINUTE_S = 60.0
+_TAKEN_OUT = "taken_out.jsonl"
+_PATTERN = re.compile(r"[A-Za-z0-9._*-]{1,64}")
 Line = dict[str, Any]
 
 
@@ -40,6 +46,13 @@ class _Formed(TypedDict):
     group: int
     condition: str
     members: list[str]
+    place: NotRequired[int]
+
+
+class _Out(TypedDict):
+    """The line of a code that was taken out."""
+
+    out: str
 
 
 class _Played(TypedDict):
@@ -62,7 +75,10 @@ class Group:
         attempts: how often the next one was begun.
         ready: those who want to begin it.
         ready_at: since when one of them does, by `time.monotonic()`.
+        place: of its condition in the order of conditions: its number, or that of a group that was taken out.
         live: the game that is played; None: none.
+        began_at: since when, by `time.monotonic()`.
+        has_joined: whether a page has connected to that game.
         ended: the game that is over, which pages still show.
     """
 
@@ -73,7 +89,10 @@ class Group:
     attempts: int = 0
     ready: set[str] = field(default_factory=set)
     ready_at: float = 0.0
+    place: int = 0
     live: Live | None = None
+    began_at: float = 0.0
+    has_joined: bool = False
     ended: Live | None = None
 
 
@@ -109,7 +128,7 @@ class Participants:
         partner_within: how long one waits for others, in seconds.
 
     Attributes:
-        by_code: all that have agreed.
+        by_code: all that have agreed, without those that were taken out.
         groups: in the order in which they came together.
 
     Raises:
@@ -121,6 +140,7 @@ class Participants:
         self._seed, self._partner_within = seed, partner_within
         self.by_code: dict[str, Participant] = {}
         self.groups: list[Group] = []
+        self._agreed = 0  # how many ever
         for place, line in enumerate(lines_in(file, _OF_STUDY), 1):
             try:
                 self._apply(line)
@@ -135,6 +155,11 @@ class Participants:
         """
         if "participant" in line:
             self._apply_agreed(as_kind(line, _Agreed))
+        elif "out" in line:
+            code = as_kind(line, _Out)["out"]
+            if code not in self.by_code:
+                raise BadFile(f"there is no participant {code!r}")
+            self._remove(code)
         elif "members" in line:
             self._apply_formed(as_kind(line, _Formed))
         else:
@@ -146,13 +171,15 @@ class Participants:
             raise BadFile("its secret is no digest")
         one = Participant(line["participant"], line["number"], None)
         self.by_code.setdefault(one.code, one).secret = secret
+        self._agreed = max(self._agreed, one.number + 1)
 
     def _apply_formed(self, line: _Formed) -> None:
         members = [self.by_code.get(code) for code in line["members"]]
         is_known = line["condition"] in self._conditions and None not in members
         if not is_known or len(members) != self._size or line["group"] != len(self.groups):
             raise BadFile("no such group can come together")
-        group = Group(line["group"], line["condition"], tuple(line["members"]))
+        number = line["group"]
+        group = Group(number, line["condition"], tuple(line["members"]), place=line.get("place", number))
         self.groups.append(group)
         for member in members:
             if member is not None:
@@ -187,7 +214,8 @@ class Participants:
         if one is None:
             if len(self.by_code) >= _MOST_PARTICIPANTS:
                 raise Refused("This study has all its participants.")
-            one = self.by_code[code] = Participant(code, len(self.by_code), None)
+            one = self.by_code[code] = Participant(code, self._agreed, None)
+            self._agreed += 1
         self.keep_secret(one, digest_of(secret))
         return one
 
@@ -215,16 +243,112 @@ class Participants:
         waiting.sort(key=lambda other: other.came_at or 0.0)
         number, members = len(self.groups), waiting[: self._size]
         order = kernels.stream(self._seed, "people of a study", number).permutation(len(members)).tolist()
-        group = Group(number, self.condition_of(number), tuple(members[place].code for place in order))
+        place = self._next_place()
+        group = Group(number, self.condition_of(place), tuple(members[one].code for one in order), place=place)
         line: Json = {"group": number, "condition": group.condition, "members": list(group.members)}
+        if place != number:
+            line["place"] = place
         add_lines(self._file, [line])
         self.groups.append(group)
         for member in members:
             member.group = group
         return group
 
+    def _next_place(self) -> int:
+        """Return the first place in the order of conditions that no group has, without those that were taken out."""
+        taken = {group.place for group in self.groups if any(code in self.by_code for code in group.members)}
+        return next(place for place in range(len(taken) + 1) if place not in taken)
+
+    def take_out(self, code: str) -> None:
+        """Take a participant out: another group gets the condition when no member of the group is left."""
+        self._remove(code)
+        add_lines(self._file, [{"out": code}])
+
+    def _remove(self, code: str) -> None:
+        one = self.by_code.pop(code)
+        if one.group is not None:
+            one.group.ready.discard(code)
+
     def condition_of(self, number: int) -> str:
         """Return the condition of the participant who is the number-th to agree, or of that group, from 0."""
         names = self._conditions
         block, place = divmod(number, len(names))
         return names[int(kernels.stream(self._seed, "study", block).permutation(len(names))[place])]
+
+
+class AgreedLately:
+    """Bounds how many agree from one network address in a minute; of addresses nothing is kept for longer.
+
+    Args:
+        most: of them.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._times: dict[str, deque[float]] = {}
+
+    def count(self, address: str) -> None:
+        """Count one who agrees.
+
+        Raises:
+            Refused: too many have.
+        """
+        now = monotonic()
+        for known, times in [*self._times.items()]:
+            while times and now - times[0] > _MINUTE_S:
+                times.popleft()
+            if not times:
+                del self._times[known]
+        times = self._times.setdefault(address, deque())
+        if len(times) >= self._most:
+            raise Refused("Too many have agreed from your network in the last minute. Try again in a minute.")
+        times.append(now)
+
+
+class TakenOut:
+    """The codes that were taken out of a study, in a file of its folder, to which another program may add.
+
+    Args:
+        folder: of the results.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file, self._size = folder / _TAKEN_OUT, 0
+        self._patterns: list[str] = []
+
+    def is_read_again(self) -> bool:
+        """Read the file if it has grown; return whether it has.
+
+        Raises:
+            BadFile: a line of it is damaged.
+        """
+        size = self._file.stat().st_size if self._file.exists() else 0
+        if size == self._size:
+            return False
+        self._size = size
+        self._patterns = [line["out"] for line in lines_in(self._file, "a code that was taken out", _Out)]
+        return True
+
+    def has(self, code: str) -> bool:
+        """Whether a code was taken out."""
+        return any(fnmatchcase(code, pattern) for pattern in self._patterns)
+
+
+def take_out(folder: Path, codes: Iterable[str]) -> None:
+    """Take participants out of a study, which may be served by another program; see `Study.take_out`.
+
+    Args:
+        folder: of the results.
+        codes: of participants, or with `*` in them.
+
+    Raises:
+        BadValue: one is no code, or there is no study in the folder.
+    """
+    if not (folder / "study.jsonl").is_file():
+        raise BadValue(f"There is no study in {str(folder)!r}.")
+    for code in codes:
+        if not isinstance(code, str) or not _PATTERN.fullmatch(code):
+            raise BadValue(
+                f"A code is 1 to 64 letters, digits, dots, dashes and _; * is for any of these, not {shown(code)}."
+            )
+    add_lines(folder / _TAKEN_OUT, [{"out": code} for code in codes])

@@ -75,7 +75,7 @@ class PlaceEditor(Handle):
 
     # -- what the page calls --------------------------------------------------------------------------------------
 
-    def _state(self, _grant: Grant, _message: Json) -> Plain:
+    def _state(self, _grant: Grant, _message: Json, _address: str) -> Plain:
         """Return the options of the page as the file is now, and the map, if it is another one than in the page."""
         with self._lock:
             now = load(self._file)
@@ -86,17 +86,17 @@ class PlaceEditor(Handle):
                 "map": None if is_shown else base64.b64encode(packed_map(self._game)).decode(),
             }
 
-    def _starts(self, _grant: Grant, message: Json) -> Plain:
+    def _starts(self, _grant: Grant, message: Json, _address: str) -> Plain:
         seed = message.get("seed")
         if type(seed) is not int:
             raise Refused("A seed is a whole number.")
         return starts_of(self._game, [seed])
 
-    def _preview(self, _grant: Grant, message: Json) -> Plain:
+    def _preview(self, _grant: Grant, message: Json, _address: str) -> Plain:
         edit = self._edit(message)
         return {"difference": edit.diff, "id": digest_of(f"{edit.before}\0{edit.after}")}
 
-    def _save(self, _grant: Grant, message: Json) -> Plain:
+    def _save(self, _grant: Grant, message: Json, _address: str) -> Plain:
         with self._lock:
             edit = self._edit(message)
             if digest_of(f"{edit.before}\0{edit.after}") != message.get("id"):

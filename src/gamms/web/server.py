@@ -167,7 +167,7 @@ class Page:
         return f"{found[1].decode('ascii')}; frame-ancestors 'none'"
 
 
-Call = Callable[[Grant, Json], Plain]
+Call = Callable[[Grant, Json, str], Plain]
 
 
 @dataclass
@@ -177,7 +177,8 @@ class Site:
     Attributes:
         links: who may do what.
         pages: by path, such as "/".
-        calls: by path: what a page may call with JSON; called in a thread of its own with the grant of the token.
+        calls: by path: what a page may call with JSON; called in a thread of its own with the grant of the
+            token and the network address of the client.
         talk: what is behind the WebSocket at `/live`; None: there is none.
     """
 
@@ -414,6 +415,7 @@ class _Hub:
             from starlette.concurrency import run_in_threadpool
             from starlette.responses import JSONResponse
 
+            client = _client_of(request.scope)
             _, _, token = request.headers.get("authorization", "").partition("Bearer ")
             grant = self._site.links.find(token)
             if grant is None:
@@ -428,7 +430,9 @@ class _Hub:
             except TimeoutError:
                 return JSONResponse({"error": f"The call has not come within {_BODY_S:g} s."}, 408)
             try:
-                return JSONResponse({"value": await run_in_threadpool(call, grant, _as_message(bytes(body)))})
+                return JSONResponse(
+                    {"value": await run_in_threadpool(call, grant, _as_message(bytes(body)), client[0])}
+                )
             except (GammsError, OSError) as error:
                 return JSONResponse({"error": str(error)}, 400)
 

@@ -42,7 +42,7 @@ from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.links import Grant, Handle, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
-from gamms.web.participants import Group, Line, Participant, Participants
+from gamms.web.participants import AgreedLately, Group, Line, Participant, Participants, TakenOut, take_out
 from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
 from gamms.workers import SIGNALS_S
@@ -51,6 +51,7 @@ _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _MOST_AT_ONCE = 50  # games
 _LINE = "a line of a study"
 _FILES = ("study.jsonl", "participants.jsonl", "rows.jsonl")
+_ALL = ""  # the name of the link for all
 Row = Line
 
 
@@ -72,7 +73,9 @@ class StudyOptions(TypedDict, total=False):
     seconds: float
     """How long a participant may take for a choice; 60."""
     codes: Iterable[str] | None
-    """Of those who may take part; None: all who have the link, by any code."""
+    """Of those who may take part, each by a link of their own; None: all who have the one link, by any code."""
+    per_minute: int
+    """How many may agree from one network address in a minute, where there is one link for all; 60."""
     partner_within: float
     """Of several who play together: how long a participant waits for the others, in seconds; 300."""
     otherwise: Callable[[Any], None]
@@ -131,7 +134,7 @@ class Study(Handle):
 
     Attributes:
         folder: of the results.
-        codes: of those who may take part; None: any.
+        codes: of those who may take part, each with a link of its own; None: any.
     """
 
     def __init__(
@@ -148,14 +151,13 @@ class Study(Handle):
         self._seed = as_int(options.get("seed", 0), "seed")
         self._practice = as_count(options.get("practice", 1), "practice", 0)
         self._rounds = as_count(options.get("rounds", 1), "rounds")
+        self._agreed = AgreedLately(as_count(options.get("per_minute", 60), "per_minute"))
         self._partner_within = as_positive(options.get("partner_within", 300.0), "partner_within")
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
         self._variants = {
             as_text(name, "a condition"): _changed(scenario, name, changes) for name, changes in given.items()
         }
-        codes = options.get("codes")
-        given_codes = () if codes is None else as_items(codes, "codes", "codes of participants")
-        self.codes = None if codes is None else tuple(dict.fromkeys(map(_checked_code, given_codes)))
+        self.codes = _checked_codes(options.get("codes"))
         self._people = self._people_of(scenario, people)
         for variant in self._variants.values():
             self._check(variant)
@@ -173,6 +175,11 @@ class Study(Handle):
         }
         self._title = title = options.get("title") or scenario.spec.name or "A study"
         self._links = Links()
+        self._tokens = {
+            name: self._links.add(Grant(f"participants {name}"))
+            for name in ((_ALL,) if self.codes is None else self.codes)
+        }
+        self._taken_out = TakenOut(self.folder)
         pages = {"/": Page(_page(title)), "/play": Page(live_page(title))}
         site = Site(self._links, pages, {"/participant": self._answer}, talk=self)
         keywords: Any = {name: options[name] for name in ("port", "host", "allow_network") if name in options}
@@ -180,12 +187,12 @@ class Study(Handle):
             ending.enter_context(locked(self.folder))
             refuse_link(self.folder / "games")
             self._known = self._resume(about)
+            self._read_taken_out()
             self._server = Server(site, **keywords)
             ending.callback(self._server.close)
             if not lines_in(self.folder / "study.jsonl", _LINE):  # written when nothing is left that could be refused
                 add_lines(self.folder / "study.jsonl", [about])
             self._ending = ending.pop_all()
-        self._token = self._links.add(Grant("participants"))
 
     def _people_of(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
         """Return the teams and agents that participants play."""
@@ -215,7 +222,13 @@ class Study(Handle):
 
     @property
     def url(self) -> str:
-        """The link of participants, in which CODE stands for the code of each."""
+        """The link of participants, in which CODE stands for the code of each.
+
+        Raises:
+            BadValue: there are codes=, each of which has a link of its own.
+        """
+        if self.codes is not None:
+            raise BadValue("Each of the codes has a link of its own: study.link(code) gives it.")
         return self.link("CODE")
 
     def link(self, code: str) -> str:
@@ -223,8 +236,12 @@ class Study(Handle):
 
         Raises:
             BadValue: it is no code.
+            UnknownName (KeyError): it is none of the codes that may take part.
         """
-        return self._server.link(self._token, f"/?code={_checked_code(code)}")
+        name = _ALL if self.codes is None else _checked_code(code)
+        if name not in self._tokens:
+            raise UnknownName("code", code, self._tokens)
+        return self._server.link(self._tokens[name], f"/?code={_checked_code(code)}")
 
     @property
     def rows(self) -> list[Row]:
@@ -236,7 +253,8 @@ class Study(Handle):
     def assigned(self) -> dict[str, int]:
         """How many participants have each condition."""
         with self._lock:
-            conditions = [one.condition for one in self._known.groups for _ in one.members]
+            there = self._known.by_code
+            conditions = [one.condition for one in self._known.groups for code in one.members if code in there]
         return {name: conditions.count(name) for name in self._variants}
 
     def release(self, code: str) -> None:
@@ -250,6 +268,31 @@ class Study(Handle):
             if one is None:
                 raise UnknownName("participant", code, self._known.by_code)
             self._known.keep_secret(one, None)
+
+    def take_out(self, code: str) -> None:
+        """Take participants out of the study: their game ends, and their condition goes to the next who come.
+
+        The codes cannot be used any more. Rows that they have stay in the table.
+
+        Args:
+            code: of a participant; with `*` in it, of all whose code is like this.
+
+        Raises:
+            BadValue: it is no code.
+        """
+        take_out(self.folder, [code])
+        self._read_taken_out()
+
+    def _read_taken_out(self) -> None:
+        """Take out those whose codes were added to the file, by this program or another one."""
+        with self._lock:
+            if not self._taken_out.is_read_again():
+                return
+            for one in [one for one in self._known.by_code.values() if self._taken_out.has(one.code)]:
+                self._known.take_out(one.code)
+                group = one.group
+                if group is not None and not any(code in self._known.by_code for code in group.members):
+                    self._end(group)
 
     def condition_of(self, number: int) -> str:
         """Return the condition of the participant who is the number-th to agree, or of that group, from 0."""
@@ -284,19 +327,24 @@ class Study(Handle):
 
     # -- what participants ask ------------------------------------------------------------------------------------
 
-    def _answer(self, grant: Grant, message: Json) -> Plain:
+    def _answer(self, grant: Grant, message: Json, address: str) -> Plain:
         """Return what comes next for a participant: consent, waiting, a round that may begin, the round, or the end."""
         code = message.get("code")
         if not isinstance(code, str) or not self._is_known(grant, code):
             raise Refused("This link has no code of a participant. Ask who gave it to you.")
+        self._read_taken_out()
+        if self._taken_out.has(code):
+            raise Refused("This code was taken out of the study. Ask who gave it to you.")
         with self._lock:
+            if self.codes is None and code not in self._known.by_code and message.get("agree") is True:
+                self._agreed.count(address)
             one = self._known.known(code, message)
             return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
 
     def _is_known(self, grant: Grant, code: str) -> bool:
         """Whether a link is one of this study, with the code of one who may take part."""
-        is_listed = self.codes is None or code in self.codes
-        return grant.name == "participants" and _CODE.fullmatch(code) is not None and is_listed
+        name = _ALL if self.codes is None else code
+        return grant.name == f"participants {name}" and _CODE.fullmatch(code) is not None
 
     def _stage(self, one: Participant, message: Json) -> Json:
         """Return what comes next for who has agreed."""
@@ -328,7 +376,8 @@ class Study(Handle):
         if not group.ready:
             group.ready_at = monotonic()
         group.ready.add(one.code)
-        return len(group.ready) == len(group.members) or monotonic() - group.ready_at > self._partner_within
+        there = sum(code in self._known.by_code for code in group.members)
+        return len(group.ready) == there or monotonic() - group.ready_at > self._partner_within
 
     def _human(self, name: str) -> Any:  # a strategy, which `Scenario.build` takes
         keywords: Any = {key: self._options[key] for key in ("seconds", "otherwise") if key in self._options}
@@ -339,9 +388,13 @@ class Study(Handle):
     # -- games ------------------------------------------------------------------------------------------------------
 
     def _begin(self, group: Group) -> None:
-        """Begin the next round of a group."""
-        if sum(other.live is not None for other in self._known.groups) >= _MOST_AT_ONCE:
-            raise Refused("Too many play at the moment. Try again in some minutes.")
+        """Begin the next round of a group; where there is no place, one that no page has connected to gives it up."""
+        playing = [other for other in self._known.groups if other.live is not None]
+        if len(playing) >= _MOST_AT_ONCE:
+            unused = [other for other in playing if not other.has_joined]
+            if not unused:
+                raise Refused("Too many play at the moment. Try again in some minutes.")
+            self._end(min(unused, key=lambda other: other.began_at))
         if group.ended is not None:
             self._forget(group)
         group.attempts += 1
@@ -357,9 +410,18 @@ class Study(Handle):
         }
         live = Live(self._variants[group.condition], keywords, _Room(self._server, self._links, group.members))
         group.live = live
+        group.has_joined = False
+        group.began_at = monotonic()
         thread = threading.Thread(target=self._finish, args=(group, live, file), name="gamms study", daemon=True)
         self._threads = [*(known for known in self._threads if known.is_alive()), thread]
         thread.start()
+
+    def _end(self, group: Group) -> None:
+        """End the game of a group, which may begin it again; it has no rows."""
+        live, group.live = group.live, None
+        group.ready.clear()
+        if live is not None:
+            live.close()
 
     def _forget(self, group: Group) -> None:
         """Show the last game of a group no longer."""
@@ -378,7 +440,10 @@ class Study(Handle):
         if result is None and error is None:
             return  # the study was closed
         with self._lock:
-            rows = [self._row_of(self._known.by_code[code], group, result, error, file) for code in group.members]
+            if group.live is not live:
+                return  # it was ended
+            there = [one for code in group.members if (one := self._known.by_code.get(code)) is not None]
+            rows = [self._row_of(one, group, result, error, file) for one in there]
             add_lines(self.folder / "rows.jsonl", rows)
             self._rows += rows
             self._write_csv()
@@ -441,7 +506,8 @@ class Study(Handle):
         for name in _FILES:
             cut_torn_line(self.folder / name)
         for group in known.groups:
-            played = min(counts[code] for code in group.members)
+            there = [code for code in group.members if code in known.by_code] or group.members
+            played = min(counts[code] for code in there)
             group.played, group.attempts = played, group.attempts if group.played == played else 0
         return known
 
@@ -460,6 +526,9 @@ class Study(Handle):
         """Show a participant the round that they play (called by the server)."""
         live = self._live_of(connection)
         if live is not None:
+            group = self._known.by_code[connection.grant.name].group
+            assert group is not None  # noqa: S101 - it has a game
+            group.has_joined = True
             live.joined(connection)
 
     def left(self, connection: Connection) -> None:
@@ -479,6 +548,14 @@ class Study(Handle):
         """Return what a participant has not been sent yet, in pieces (called by the server)."""
         live = self._live_of(connection)
         return () if live is None else live.news(connection)
+
+
+def _checked_codes(codes: Iterable[str] | None) -> tuple[str, ...] | None:
+    """Return the codes of the participants without repetitions; None: anyone may choose a code."""
+    if codes is None:
+        return None
+    given = as_items(codes, "codes", "codes of participants")
+    return tuple(dict.fromkeys(map(_checked_code, given)))
 
 
 def _checked_code(code: object) -> str:
