@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
-from typing import Any, ClassVar, NoReturn, cast
+from typing import Any, ClassVar, NoReturn, TypeVar, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ _IMMUTABLE = (str, bytes, int, float, complex, Enum, range, slice, type)
 _CODE = (FunctionType, BuiltinFunctionType, MethodType, partial, ModuleType)
 _VALUES = frozenset({"datetime", "decimal", "fractions", "pathlib", "re", "uuid", "zoneinfo"})  # modules of values
 
+Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 Otherwise = Callable[[Any], Any]  # what becomes of an object of which nothing is known
 
 
@@ -190,13 +191,17 @@ def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
     return make(items)
 
 
-def _locked(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[Any, Any]":
-    """Return a copy that cannot be written to, nor be made so: its memory is that of `bytes`."""
+def locked(array: Array) -> Array:
+    """Return a copy of an array of numbers that cannot be written to, nor be made so: its memory is that of `bytes`."""
     memory: Any = array.base
     if isinstance(memory, bytes):
         return array
+    return cast("Array", np.ndarray(array.shape, array.dtype, array.tobytes()))
+
+
+def _locked(array: "np.ndarray[Any, Any]", otherwise: Otherwise) -> "np.ndarray[Any, Any]":
     if not array.dtype.hasobject:
-        return np.ndarray(array.shape, array.dtype, array.tobytes())
+        return locked(array)
     copy = np.empty(array.shape, object)
     for place in np.ndindex(array.shape):
         copy[place] = _frozen(array[place], otherwise)

@@ -22,6 +22,7 @@ from gamms.game.team_memory import Memory, copier_of, merged_memory
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
+from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.sensor_engine import Carried
 
@@ -67,9 +68,7 @@ class TeamArrays:
     @cached_property
     def nodes(self) -> IntArray:
         """(agents,) ids of the nodes they are on."""
-        nodes: IntArray = self._nodes.astype(np.int64)
-        nodes.setflags(write=False)
-        return nodes
+        return locked(self._nodes.astype(np.int64))
 
     @property
     def offsets(self) -> IntArray | None:

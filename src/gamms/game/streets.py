@@ -10,6 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
+from gamms.readonly import locked
 
 
 class Ways(Protocol):
@@ -42,8 +43,8 @@ class Streets:
 
     def __init__(self, columns: GraphColumns, queries: Ways) -> None:
         self.columns, self._queries, self.num_nodes = columns, queries, len(columns.node_ids)
-        self.offsets, self.targets = queries.neighborhoods()
-        self.counts: IntArray = np.diff(self.offsets)
+        self.offsets, self.targets = map(locked, queries.neighborhoods())
+        self.counts: IntArray = locked(np.diff(self.offsets))
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
         self._padded: IntArray | None = None
@@ -118,7 +119,7 @@ class Streets:
     def axes(self) -> FloatArray:
         """The x and the y of all nodes, (2, nodes), each in one piece."""
         if self._axes is None:
-            self._axes = np.ascontiguousarray(self.columns.xy.T)
+            self._axes = locked(self.columns.xy.T)
         return self._axes
 
     @cached_property
@@ -152,7 +153,8 @@ class Streets:
             most = int(self.counts.max(initial=1))
             columns = np.minimum(np.arange(most), self.counts[:, None] - 1)
             padded = self.targets[self.offsets[:-1, None] + columns]
-            self._padded = np.where(np.arange(most) < self.counts[:, None], padded, np.arange(len(padded))[:, None])
+            is_legal = np.arange(most) < self.counts[:, None]
+            self._padded = locked(np.where(is_legal, padded, np.arange(len(padded))[:, None]))
         return self._padded
 
     def legal_of(self, rows: IntArray) -> tuple[IntArray, IntArray]:
@@ -226,18 +228,13 @@ class LegalNodes:
         """Offsets and targets, as above; not to be written to."""
         streets: Any = self._streets
         offsets, rows = streets.legal_of(self._rows)
-        found = offsets, streets.ids(rows)
-        for array in found:
-            array.setflags(write=False)
-        return found
+        return locked(offsets), locked(streets.ids(rows))
 
     @cached_property
     def counts(self) -> RowArray:
         """How many there are for each agent, (agents,)."""
         found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.counts_of(self._rows)
-        found = found.astype(np.int32)
-        found.setflags(write=False)
-        return found
+        return locked(found.astype(np.int32))
 
     def step(self, actions: IntArray) -> IntArray:
         """Return the ids of nodes that actions lead to, each the number of a legal node; int32 where they are rows."""

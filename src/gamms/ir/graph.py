@@ -2,10 +2,12 @@
 
 from abc import abstractmethod
 from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
+
+from gamms.readonly import ReadOnlyMapping, locked
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
@@ -195,6 +197,28 @@ class GraphColumns:
     edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
     revision: int
     crs: str | None
+
+
+def locked_columns(columns: GraphColumns) -> GraphColumns:
+    """Return the same columns for strategies, which cannot write to their memory."""
+    arrays = {
+        field.name: locked(value)
+        for field in fields(columns)
+        if isinstance(value := getattr(columns, field.name), np.ndarray)
+    }
+    attributes = {
+        name: ReadOnlyMapping({key: _locked_rows(one) for key, one in getattr(columns, name).items()})
+        for name in ("node_attributes", "edge_attributes")
+    }
+    return replace(columns, **arrays, **attributes, polylines=_locked_rows(columns.polylines))
+
+
+def _locked_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
+    if isinstance(values, Polylines):
+        return Polylines(*map(locked, (values.rows, values.starts, values.ends, values.points)))
+    if isinstance(values, CodedValues):
+        return CodedValues(locked(values.rows), locked(values.codes), tuple(values.choices))
+    return values if isinstance(values, ByRow) else ReadOnlyMapping(values)
 
 
 def edge_as_given(

@@ -33,7 +33,7 @@ from gamms.game.moves import TurnMoves
 from gamms.game.random_streams import ViewDraws
 from gamms.game.snapshots import GameInternals
 from gamms.game.streets import Streets
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -512,5 +512,5 @@ def _world(ctx: HostContext) -> tuple[Movement, dict[Any, Any]]:
     revision = ctx.graph.graph.revision
     known = _worlds.get(ctx)
     if known is None or revision is None or known[0] != revision:
-        known = _worlds[ctx] = revision, Movement(Streets(ctx.graph.columns(), ctx.graph.routes)), {}
+        known = _worlds[ctx] = revision, Movement(Streets(locked_columns(ctx.graph.columns()), ctx.graph.routes)), {}
     return known[1], known[2]

@@ -21,7 +21,7 @@ from gamms.game.batch.travel import ByMetres
 from gamms.game.moves import TurnMoves
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, locked_columns
 from gamms.ir.progress import Motion
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
@@ -36,7 +36,10 @@ _MOST_EXACT = 1 << 53  # scores in arrays are floats
 def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False) -> Movement:
     """Return how the agents of a game go, where roads may be opened, too, that are closed now, or where not."""
     settings, graph = game.settings(), game.ctx.graph
-    streets, closed = Streets(graph.columns(), graph.routes), graph.storage.roads()[1] if may_reopen else {}
+    streets, closed = (
+        Streets(locked_columns(graph.columns()), graph.routes),
+        graph.storage.roads()[1] if may_reopen else {},
+    )
     whole = Streets(*graph.storage.reopened()) if closed else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     if settings["legal"] == "any":

@@ -18,6 +18,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
+from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
 
@@ -229,7 +230,9 @@ class Roster(NamedTuple):
         team_of = np.array([number[agent.team] for agent in ordered], np.int64)
         is_first = np.array([one.name == name for one, name in zip(ordered, sorted(named), strict=True)], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
-        return cls(tuple(sorted(named)), teams, team_of, kernels.name_keys(sorted(named)), ordered, is_first, flies)
+        columns = map(locked, (team_of, kernels.name_keys(sorted(named)), is_first, flies))
+        team_of, keys, is_first, flies = columns
+        return cls(tuple(sorted(named)), teams, team_of, keys, ordered, is_first, flies)
 
     @property
     def reserved(self) -> dict[Hashable, list[str]]:

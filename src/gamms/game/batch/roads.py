@@ -16,7 +16,7 @@ from gamms import kernels
 from gamms.arguments import as_ids, as_known
 from gamms.errors import BadValue, UnknownName
 from gamms.game.streets import Streets
-from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, edge_as_given, with_edges
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, edge_as_given, locked_columns, with_edges
 from gamms.ir.obstacles import BoolArray
 
 _MOST_BYTES = 1 << 28  # of what is worked out for maps, but for tables of ways, which are shared among batches
@@ -82,7 +82,7 @@ class RoadMap:
     @cached_property
     def streets(self) -> Streets:
         """Where agents may go here."""
-        return Streets(self.columns(), _OpenWays(self._whole, self))
+        return Streets(locked_columns(self.columns()), _OpenWays(self._whole, self))
 
     def columns(self) -> GraphColumns:
         """Return the graph."""

@@ -27,6 +27,7 @@ from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.readonly import locked
 from gamms.text import shown
 
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
@@ -305,7 +306,7 @@ class GameArrays:
         self.noted, self.now = dict[int, list[str]](), dict[Hashable, Any]()
         self.headings: Headings | None = None
         self.drawn, self.looks = np.zeros((2, *shape), np.int64)
-        self.memory_of, self.part_of = np.arange(len(roster.names)), np.zeros(len(roster.names), np.int64)
+        self.memory_of, self.part_of = locked(np.arange(len(roster.names))), np.zeros(len(roster.names), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None
@@ -381,7 +382,7 @@ class GameArrays:
         teams, team_of = self.roster.teams, self.roster.team_of
         shares = np.array([team is not None for team in teams], np.bool_)[team_of]
         numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
-        self.memory_of = np.unique(numbers, return_inverse=True)[1]
+        self.memory_of = locked(np.unique(numbers, return_inverse=True)[1])
 
     def columns(self) -> Columns:
         """Return what the next turns follow from, copies by name, (games, …) each.

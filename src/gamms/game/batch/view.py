@@ -9,7 +9,7 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
-from gamms.game.batch.columns import kept_in, lock
+from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import as_actions, refuse_no_actions
@@ -24,6 +24,7 @@ from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.sensor_engine import ON_GROUND
 
@@ -98,7 +99,8 @@ class ArrayView(Mapping[str, Any]):
 
     def _lock(self) -> None:
         """Let a strategy read the view, and not write into it."""
-        lock((self.games, self.agents, self.node, self.mask, self.turn))
+        for name in ("games", "agents", "node", "mask", "turn"):
+            setattr(self, name, locked(getattr(self, name)))
 
     def __getitem__(self, key: str) -> Any:
         if key in _VALUES:
@@ -132,7 +134,8 @@ class ArrayView(Mapping[str, Any]):
             self._known["counts"] = self._movement.counts(self._choices)
             if self._in_air is not None:
                 self._known["counts"] = np.where(self._in_air, 1, self._known["counts"])
-            self._known["counts"].flags.writeable = self._deeds is None  # strategies cannot write into it
+            if self._deeds is not None:  # strategies cannot write into it
+                self._known["counts"] = locked(self._known["counts"])
         return self._known["counts"]
 
     @property
@@ -420,12 +423,12 @@ class ArrayView(Mapping[str, Any]):
     @property
     def living(self) -> BoolArray:
         """Which agents are alive, (games, all agents)."""
-        return self._state.alive[self.games]
+        return locked(self._state.alive[self.games])
 
     @property
     def is_there(self) -> BoolArray:
         """Which agents are in the game, dead or alive, (games, all agents); the others have not come yet."""
-        return self._state.is_there[self.games]
+        return locked(self._state.is_there[self.games])
 
     @property
     def _blocked(self) -> BoolArray:
