@@ -3,6 +3,7 @@
 import copy
 import inspect
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from operator import setitem
 from types import SimpleNamespace
@@ -254,6 +255,9 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "obstacle_columns": lambda ctx, s: vandalise(ctx.graph.obstacle_columns()),
     "scenery_columns": lambda ctx, s: vandalise(ctx.graph.scenery_columns()),
     "weights": lambda ctx, s: vandalise(ctx.graph.weights(None)),
+    "neighborhoods of routes": lambda ctx, s: vandalise(ctx.graph.routes.neighborhoods()),
+    "arcs of routes": lambda ctx, s: vandalise(ctx.graph.routes.arcs()),
+    "weights of routes": lambda ctx, s: vandalise(ctx.graph.routes.weights("length")),
     "distances": lambda ctx, s: vandalise(ctx.graph.distances(source=0)),
     "shortest_path": lambda ctx, s: vandalise(ctx.graph.shortest_path(0, 8)),
     "visibility": lambda ctx, s: vandalise(ctx.graph.visibility(30.0).from_node(0)),
@@ -279,6 +283,9 @@ HARMLESS = {  # on what is a copy, or the strategy's own
 def vandalise(value):
     """Change whatever can be changed."""
     if isinstance(value, np.ndarray):
+        if value.base is not None:
+            with suppress(ValueError):
+                value.setflags(write=True)
         if value.flags.writeable:
             value.fill(77)
         return

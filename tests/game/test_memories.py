@@ -185,3 +185,33 @@ def test_facts_cannot_be_written_to_however_deep(ctx):
     ):
         with pytest.raises((TypeError, AttributeError)):
             write()
+
+
+class Planner:
+    def __init__(self, ctx):
+        self.ctx = ctx
+
+
+@pytest.mark.parametrize("on_error", ["raise", "stay"])
+def test_an_object_with_the_context_in_a_teams_memory_is_an_error_of_its_writer_alone(ctx, on_error):
+    def share_planner(state):
+        state["team_memory"]["planner"] = Planner(ctx)
+        state["action"] = 1
+
+    def share_number(state):
+        state["team_memory"]["turn"] = state["turn"]
+        state["action"] = 1
+
+    ctx.game.on_error = on_error
+    ctx.agent.create_agent("planner", start_node_id=0, team="red", strategy=share_planner)
+    ctx.agent.create_agent("number", start_node_id=0, team="red", strategy=share_number)
+    if on_error == "raise":
+        with pytest.raises(
+            ValueError, match=r"Agent 'planner' in turn 0: What .* keep objects .* in state\['memory'\]"
+        ):
+            ctx.game.run(1)
+        return
+    played = ctx.game.run(1)
+    assert [(one["agent"], one["kind"]) for one in played.errors] == [("planner", "error")]
+    assert ctx.game.team_memories == {"red": {"turn": 0}}
+    assert [ctx.agent.get_agent(name).current_node_id for name in ("planner", "number")] == [1, 1]

@@ -18,7 +18,7 @@ from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
-from gamms.game.team_memory import Memory, copier_of, merged_memory
+from gamms.game.team_memory import Memory, copier_of, merged_memory, why_not_copied
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
@@ -401,19 +401,15 @@ class Decisions:
         return {i for i, *_ in self.failures}
 
     def close(self) -> list[tuple[int, str]]:
-        """Publish what went wrong and merge the team memories, once all have decided.
-
-        Return the slots of those that did not do what they wanted, and why; one may be there more than once.
-        """
-        failures = sorted(self.failures, key=itemgetter(0))
-        for i, kind, message in failures:
-            slot = self.slots[i]
-            slot.counts[COUNT_OF.get(kind, kind)] += 1
-            error = {"turn": self.state.turn, "agent": slot.name, "kind": kind, "message": message}
-            self.state.errors.append(error)
+        """Merge team memories and publish errors; return the slots of those whose wish was not done, and why."""
+        undone = [(i, _REASONS.get(kind, message)) for i, kind, message in sorted(self.failures, key=itemgetter(0))]
         if self.written:
             self._merge_team_memories()
-        return [(i, _REASONS.get(kind, message)) for i, kind, message in failures]
+        for i, kind, message in sorted(self.failures, key=itemgetter(0)):
+            slot = self.slots[i]
+            slot.counts[COUNT_OF.get(kind, kind)] += 1
+            self.state.errors.append({"turn": self.state.turn, "agent": slot.name, "kind": kind, "message": message})
+        return undone
 
     # -- answers ------------------------------------------------------------------------------------------------
 
@@ -581,11 +577,23 @@ class Decisions:
     def _merge_team_memories(self) -> None:
         """Make one memory of what the members of each team have written."""
         shared = self.state.team_memories
-        written: dict[Any, list[Memory]] = {}
+        written: dict[Any, list[tuple[int, Memory]]] = {}
         for i, copy in sorted(self.written, key=itemgetter(0)):
-            written.setdefault(self.slots[i].team, []).append(copy if isinstance(copy, dict) else {})
+            written.setdefault(self.slots[i].team, []).append((i, copy if isinstance(copy, dict) else {}))
         for team, copies in written.items():
             before = shared.get(team, {})
-            after = merged_memory(before, copies)
+            try:
+                after = merged_memory(before, [copy for _, copy in copies])
+            except Exception:  # noqa: BLE001 - whatever the classes of strategies raise when they are copied
+                after = merged_memory(before, [copy for i, copy in copies if self._can_be_shared(i, copy)])
             if after is not before:
                 shared[team] = after
+
+    def _can_be_shared(self, i: int, team_memory: Memory) -> bool:
+        """Return whether what an agent has written can be copied; if not, it counts as its error."""
+        flaw = why_not_copied(team_memory)
+        if flaw is not None and self._settings.on_error == "raise":
+            raise BadValue(f"Agent {self.slots[i].name!r} in turn {self.state.turn}: {flaw}")
+        if flaw is not None:
+            self.failures.append((i, "error", f"BadValue: {flaw}"))
+        return flaw is None

@@ -31,6 +31,18 @@ def copier_of(memory: Memory) -> Callable[[], Memory]:
         return partial(deepcopy, memory)
 
 
+def why_not_copied(memory: Memory) -> str | None:
+    """Return why a team's memory cannot be copied, as a sentence for whoever wrote into it; None: it can."""
+    try:
+        copier_of(memory)()
+    except Exception as error:  # noqa: BLE001 - whatever the classes of strategies raise
+        return (
+            f"What was written into state['team_memory'] cannot be copied ({type(error).__name__}: {error}). "
+            "Share plain values, and keep objects that hold the context in state['memory']."
+        )
+    return None
+
+
 class _NeedsDeepcopyError(Exception):
     """Something is of no class of Python's own, or stands in several places."""
 

@@ -201,21 +201,19 @@ class GraphColumns:
 
 def locked_columns(columns: GraphColumns) -> GraphColumns:
     """Return the same columns for strategies, which cannot write to their memory."""
-    arrays = {
+    changed: dict[str, Any] = {
         field.name: locked(value)
         for field in fields(columns)
         if isinstance(value := getattr(columns, field.name), np.ndarray)
     }
-    attributes = {
-        name: ReadOnlyMapping({key: _locked_rows(one) for key, one in getattr(columns, name).items()})
-        for name in ("node_attributes", "edge_attributes")
-    }
-    return replace(columns, **arrays, **attributes, polylines=_locked_rows(columns.polylines))
+    for name in ("node_attributes", "edge_attributes"):
+        changed[name] = ReadOnlyMapping({key: _locked_rows(one) for key, one in getattr(columns, name).items()})
+    return replace(columns, **changed, polylines=_locked_rows(columns.polylines))
 
 
 def _locked_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
     if isinstance(values, Polylines):
-        return Polylines(*map(locked, (values.rows, values.starts, values.ends, values.points)))
+        return Polylines(locked(values.rows), locked(values.starts), locked(values.ends), locked(values.points))
     if isinstance(values, CodedValues):
         return CodedValues(locked(values.rows), locked(values.codes), tuple(values.choices))
     return values if isinstance(values, ByRow) else ReadOnlyMapping(values)

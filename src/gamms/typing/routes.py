@@ -15,6 +15,7 @@ from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 
@@ -405,11 +406,16 @@ class RouteQueries:
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
         """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
-        return self._routes.arcs(weight, reverse=reverse)
+        arcs = self._routes.arcs(weight, reverse=reverse)
+        return self._locked(
+            ("arcs", weight, reverse),
+            lambda: kernels.Arcs(locked(arcs.offsets), locked(arcs.ends), locked(arcs.weights)),
+        )
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
         """Return offsets (nodes + 1,) and rows of nodes: each node itself, then its neighbours; not to be changed."""
-        return self._routes.neighborhoods()
+        found = self._routes.neighborhoods()
+        return self._locked(("neighborhoods",), lambda: (locked(found[0]), locked(found[1])))
 
     def rows(self, nodes: NodeIds) -> IntArray:
         """Return the rows of nodes.
@@ -421,7 +427,12 @@ class RouteQueries:
 
     def weights(self, weight: str | None) -> FloatArray:
         """Return what each edge costs, (edges,)."""
-        return self._routes.weights(weight)
+        found = self._routes.weights(weight)
+        return self._locked(("weights", weight), lambda: (locked(found),))[0]
+
+    def _locked(self, key: tuple[Any, ...], make: Callable[[], RememberedT]) -> RememberedT:
+        """Return what is made once, for callers among which are strategies, of what all paths are found by."""
+        return self._routes.remember(("locked", *key), make)
 
     def nearest_edge(self, x: float, y: float, within: float | None = None) -> NearestEdge | None:
         """Return the edge that is nearest to a place by the straight line, and where on it.

@@ -347,7 +347,7 @@ def take_out(folder: Path, codes: Iterable[str]) -> None:
     if not (folder / "study.jsonl").is_file():
         raise BadValue(f"There is no study in {str(folder)!r}.")
     for code in codes:
-        if not isinstance(code, str) or not _PATTERN.fullmatch(code):
+        if not _PATTERN.fullmatch(str(code)):
             raise BadValue(
                 f"A code is 1 to 64 letters, digits, dots, dashes and _; * is for any of these, not {shown(code)}."
             )

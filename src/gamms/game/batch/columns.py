@@ -230,9 +230,8 @@ class Roster(NamedTuple):
         team_of = np.array([number[agent.team] for agent in ordered], np.int64)
         is_first = np.array([one.name == name for one, name in zip(ordered, sorted(named), strict=True)], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
-        columns = map(locked, (team_of, kernels.name_keys(sorted(named)), is_first, flies))
-        team_of, keys, is_first, flies = columns
-        return cls(tuple(sorted(named)), teams, team_of, keys, ordered, is_first, flies)
+        keys = locked(kernels.name_keys(sorted(named)))
+        return cls(tuple(sorted(named)), teams, locked(team_of), keys, ordered, locked(is_first), locked(flies))
 
     @property
     def reserved(self) -> dict[Hashable, list[str]]:
