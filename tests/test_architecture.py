@@ -22,7 +22,6 @@ MODULES = sorted(
     path for path in SRC.rglob("*.py") if "data" not in path.relative_to(SRC).parts
 )  # there: code of games, as users write it
 PACKAGES = sorted(path for path in MODULES if path.name == "__init__.py")
-MAX_LINES = 600
 
 FORBIDDEN = {"utils", "helpers", "common", "base", "core", "manager", "impl"}
 HEAVY = [
@@ -86,11 +85,6 @@ def packages_imported_by(nodes):
         else:
             continue
         yield from (name.split(".")[1] for name in names if name.startswith("gamms."))
-
-
-def test_a_file_has_at_most_600_lines():
-    lines = {shown(path): len(path.read_text().splitlines()) for path in MODULES}
-    assert {name: count for name, count in lines.items() if count > MAX_LINES} == {}
 
 
 def test_a_file_says_what_it_is_for():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gamms.tournament import confinement, control_groups
+from gamms.tournament import confinement
 from gamms.tournament.scratch import Overfull, check_folder, remove_folder
 from gamms.tournament.system_calls import ABSENT, BOUND, FREE, MACHINES, STARTING, filter_for
 
@@ -135,7 +135,8 @@ def test_links_out_of_a_folder_do_not_count(tmp_path):
 
 IN_GROUP = """
 import json, os
-from gamms.tournament.control_groups import ControlGroups
+
+from gamms.tournament.confinement import ControlGroups
 
 groups = ControlGroups(1 << 26, 20)
 if (eater := os.fork()) == 0:
@@ -148,8 +149,8 @@ print(json.dumps([os.getpid(), len(groups._joined), status, groups.has_killed(),
 @ON_LINUX
 def test_control_groups_bound_memory_where_they_can_be_made(tmp_path):
     [[launcher, joined, *found]] = lines_of(IN_GROUP, cwd=tmp_path)
-    control_groups.remove_empty()
-    assert not [one for parent in control_groups._parents() for one in parent.glob(f"gamms-{launcher}")]
+    confinement.remove_empty_groups()
+    assert not [one for parent in confinement._parent_groups() for one in parent.glob(f"gamms-{launcher}")]
     if joined == 0:
         pytest.skip("this user can make no control groups")
     assert found == [9, True, False]

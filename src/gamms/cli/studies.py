@@ -32,7 +32,7 @@ _KEYS = (
 _MOST_CONSENT = 1 << 16  # bytes
 
 
-def study(
+def study(  # noqa: PLR0913, PLR0917 - one argument per option
     file: Annotated[Path, typer.Argument(help="A study: YAML or JSON.", metavar="FILE", show_default=False)],
     out: Annotated[
         Path | None,

@@ -8,22 +8,28 @@ is sensed in front of a turn belongs to the state before it, so that a state sho
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
 from itertools import chain
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Audience, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
 from gamms.plain import Plain
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
+from gamms.recorder.errors import DAMAGES, refusing
+from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
 from gamms.recorder.sensed import Look, Nearest, Sighting
 from gamms.text import as_text
 
 _Event = tuple[int, Any]
+_KEYFRAME_TURNS = 64
 _PUBLIC = ("format", "package", "created", "world", "world_sha256")  # of a header; the rest may name agents of others
 _OF_ALL = ("graph", "obstacles", "flags", "territory", "tags", "goals", "held", "discovered", "resources", "cooldowns")
 _OF_STATE = ("pace", "components", "events", "settings", "facts")  # of a keyframe that all may know
@@ -571,3 +577,49 @@ def cut_header(header: Mapping[str, Any], cut: Cut) -> dict[str, Any]:
     visuals = cut.visuals()
     public = {key: header[key] for key in _PUBLIC if key in header}
     return {**public, **({} if visuals is None else {"visuals": visuals})}
+
+
+def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object) -> None:
+    """Write what a team knew into a stream; see `Recording.cut`.
+
+    Args:
+        reader: of the whole recording.
+        columns: of its map.
+        out: the stream.
+        team: see there.
+    """
+    first = reader.keyframe(0)
+    if first is None or not any(True for _ in reader.events(kinds={kinds.SENSED})):
+        raise BadValue("This recording does not say what agents sensed: record with ctx.record.start(…, sensed=True).")
+
+    def is_own(name: str, team: Any) -> bool:
+        return bool((name if team is None else team) == own)
+
+    own = _team_of(reader, first[1], team)
+    with refusing("It cannot be cut", DAMAGES):
+        cut = Cut(first[1], is_own, sensed.nearest_on(lambda: columns), reader.header.get("visuals"))
+        header = cut_header(reader.header, cut)
+    header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
+    writer = Writer(out, header, seconds=None)
+    for turn in range(reader.turns):
+        with refusing(f"Turn {turn + 1} cannot be cut", DAMAGES):
+            complete = list(cut.add(reader.log(turn)))
+        for given in complete:
+            writer.add_turn(given)
+        if turn % _KEYFRAME_TURNS == 0:
+            writer.keyframe(cut.keyframe(turn))
+    for given in cut.rest():
+        writer.add_turn(given)
+    writer.close()
+
+
+def _team_of(reader: Reader, first: Keyframe, team: object) -> Any:
+    """Return the team that a caller means, as agents have it; the name of an agent that has none."""
+    come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
+    come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
+    there = zip(first["names"], first["teams"], strict=True)
+    teams = [name if own is None else own for name, own in (*there, *come)]
+    for known in teams:
+        if known == team or str(known) == team:
+            return known
+    raise UnknownName("team", team, dict.fromkeys(map(str, teams)))

@@ -395,7 +395,7 @@ class Recording(Opened):
             FileExistsError, OSError: the file is there, or cannot be written.
             RecordingError (ValueError): the recording is damaged, or does not hold its map.
         """
-        from gamms.recorder.cut_recording import write_cut
+        from gamms.recorder.cut import write_cut
 
         with written(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
             write_cut(self._reader, self.graph.columns(), stream, team)

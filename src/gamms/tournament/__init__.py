@@ -7,7 +7,7 @@
 plays whom, `workers.py` what a process that plays keeps, `table.py` what follows from the rows, `page.py` the page of
 results, `entries.py` finds entries. `players.py` asks a process and says by which fault it loses; `launcher.py` starts
 such processes, and `host.py` plays a Python function in one. `confinement.py` bounds what they may do, by the table in
-`system_calls.py` among others, `control_groups.py` their memory, and `scratch.py` measures and removes their folders.
+`system_calls.py` among others, and `scratch.py` measures and removes their folders.
 A client of scenarios and experiments: May import: `experiment` and below.
 """
 

@@ -26,8 +26,7 @@ from time import monotonic, sleep
 from typing import Any, NamedTuple, NoReturn
 
 from gamms.child_processes import die_with_parent
-from gamms.tournament.confinement import Limits, confine
-from gamms.tournament.control_groups import ControlGroups
+from gamms.tournament.confinement import ControlGroups, Limits, confine
 
 _STEP_S = 0.002
 _FREE = 10  # from here on, descriptors are not those that a child is given

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple, Self
 import msgspec
 
 from gamms.errors import GammsError
-from gamms.tournament import control_groups
-from gamms.tournament.confinement import Limits, landlock_version
+from gamms.tournament.confinement import Limits, landlock_version, remove_empty_groups
 from gamms.tournament.entries import Entry, python_folders
 from gamms.tournament.launcher import Setup
 from gamms.tournament.scratch import Overfull, check_folder, remove_folder
@@ -193,7 +192,7 @@ class Launcher:
         """End the launcher, and what it has started."""
         self._control.close()
         self._process.wait()
-        control_groups.remove_empty()
+        remove_empty_groups()
 
 
 class Player:

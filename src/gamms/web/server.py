@@ -36,7 +36,6 @@ from gamms.errors import BadType, BadValue, GammsError, NetworkError
 from gamms.extras import needing
 from gamms.plain import Plain
 from gamms.text import shown
-from gamms.web.frames import counting_frames
 from gamms.web.idle import Client, Idle, Watched
 from gamms.web.links import Grant, Links, Refused
 
@@ -56,7 +55,7 @@ _JOIN_S = 5.0  # in which they have to
 _MOST_QUIET = 128  # connections that have asked for nothing yet, or not again
 _QUIET_S = 5.0  # that they may
 _BODY_S = 10.0  # in which a call has to come
-_MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # messages of a client
+_MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # messages of a client, and its other frames
 _MOST_BAD = 20  # messages of a client, until it is disconnected
 _MOST_BACKLOG = 64
 _MOST_DEPTH = 16  # of values in each other
@@ -90,7 +89,7 @@ class Connection:
         self._told: dict[str, str] = {}
         self._woken = asyncio.Event()
         self._loop = asyncio.get_running_loop()
-        self._allowed, self._allowed_at = _MOST_AT_ONCE, monotonic()
+        self._rate = _Rate()
 
     def put(self, message: Json) -> None:
         """Put a checked message into the inbox.
@@ -116,11 +115,8 @@ class Connection:
 
     def may_speak(self) -> bool:
         """Count a message; return whether so many in this time are allowed."""
-        now = monotonic()
-        self._allowed = min(self._allowed + (now - self._allowed_at) * _MOST_A_SECOND, _MOST_AT_ONCE) - 1.0
-        self._allowed_at = now
         self.counts["received"] += 1
-        return self._allowed >= 0.0 and self.counts["bad"] < _MOST_BAD
+        return self._rate.count() and self.counts["bad"] < _MOST_BAD
 
     def told(self) -> list[str]:
         """Return the messages that it is to be sent, and forget them."""
@@ -587,3 +583,50 @@ def _is_shallow(value: object, most: int) -> bool:
         parts = value.values() if isinstance(value, dict) else value
         return most > 0 and all(_is_shallow(part, most - 1) for part in parts)
     return True
+
+
+class _Rate:
+    """Bounds how many messages, or other frames, a connection sends in a second."""
+
+    def __init__(self) -> None:
+        self._left = _MOST_AT_ONCE
+        self._counted_at = monotonic()
+
+    def count(self) -> bool:
+        """Count one; return whether it is allowed."""
+        now = monotonic()
+        self._left = min(self._left + (now - self._counted_at) * _MOST_A_SECOND, _MOST_AT_ONCE) - 1.0
+        self._counted_at = now
+        return self._left >= 0.0
+
+
+def counting_frames(protocol: type[Any]) -> type[Any]:  # classes of uvicorn, which one file imports
+    """Return the class of uvicorn's protocol whose connections end when they send too many pings, pongs or parts.
+
+    The protocol answers pings and joins the parts of messages before the application hears of them.
+    """
+
+    class Counting(protocol):  # type: ignore[misc] # of any class
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            self._rate = _Rate()
+            super().connection_made(transport)
+
+        def _may_come(self) -> bool:
+            is_allowed = self._rate.count()
+            if not is_allowed:
+                self.transport.abort()
+            return is_allowed
+
+        def handle_ping(self) -> None:
+            if self._may_come():
+                super().handle_ping()
+
+        def handle_pong(self, event: object) -> None:
+            if self._may_come():
+                super().handle_pong(event)
+
+        def handle_cont(self, event: object) -> None:
+            if self._may_come():
+                super().handle_cont(event)
+
+    return Counting
