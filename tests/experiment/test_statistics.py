@@ -11,7 +11,14 @@ from small_hunts import HUNT
 from gamms import experiment
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment.rows import Rows
-from gamms.experiment.statistics import holm, mean_interval, paired, rate_interval, sobol_indices
+from gamms.experiment.statistics import (
+    holm,
+    mean_interval,
+    paired,
+    rate_interval,
+    rate_interval_of_seeds,
+    sobol_indices,
+)
 
 
 def test_a_rate_has_the_interval_of_wilson():
@@ -20,7 +27,19 @@ def test_a_rate_has_the_interval_of_wilson():
     half = z / (1 + z * z / n) * math.sqrt(rate * (1 - rate) / n + z * z / (4 * n * n))
     assert rate_interval(8, 10) == pytest.approx((0.8, centre - half, centre + half))
     assert rate_interval(0, 5)[:2] == pytest.approx((0.0, 0.0))
+    assert rate_interval(5, 5).high == 1.0
     assert math.isnan(rate_interval(0, 0).value)
+
+
+def test_equal_games_of_a_seed_are_one_piece_of_evidence():
+    rates = [1.0, 0.0, 1.0, 1.0, 0.0]
+    assert rate_interval_of_seeds(rates, 5) == pytest.approx(rate_interval(3, 5))
+    assert rate_interval_of_seeds(rates, 40) == pytest.approx(rate_interval(3, 5))
+    assert rate_interval_of_seeds([1.0] * 5, 40) == rate_interval(5, 5)
+    assert rate_interval_of_seeds([0.5] * 5, 40) == rate_interval(20, 40)  # no more evidence than independent games
+    between = rate_interval_of_seeds([1.0, 0.25, 1.0, 0.5, 0.25], 20)
+    assert rate_interval(3, 5).low < between.low < rate_interval(12, 20).low
+    assert math.isnan(rate_interval_of_seeds([], 0).value)
 
 
 def test_the_bootstrap_of_few_values_is_close_to_that_of_all_resamples():
@@ -30,7 +49,17 @@ def test_the_bootstrap_of_few_values_is_close_to_that_of_all_resamples():
     assert interval.value == 1.75
     assert means[0] < interval.low < 1.75 < interval.high < means[-1]
     assert interval == mean_interval(values)  # whatever was drawn before
-    assert mean_interval([3.0] * 9) == (3.0, 3.0, 3.0)
+
+
+def test_equal_values_have_no_interval():
+    assert mean_interval([3.0] * 9) == pytest.approx((3.0, math.nan, math.nan), nan_ok=True)
+    table = made(*(("a", seed, 3, 1, "red", None) for seed in range(40))).summary()
+    assert str(table).splitlines()[1:] == [
+        "a    turns         40     40       0     3       -     -",
+        "a    score.red     40     40       0     1       -     -",
+        "a    wins.red      40     40       0     1  0.9124     1",
+    ]
+    assert r"3.00 \\" in table.latex()
 
 
 def test_the_bootstrap_of_many_values_is_close_to_that_of_the_normal_distribution():
@@ -153,23 +182,109 @@ ROWS = made(
 
 def test_a_summary_has_means_and_rates_of_wins_for_each_variant():
     table = ROWS.summary()
-    assert list(table) == ["way", "metric", "games", "errors", "mean", "low", "high"]
+    assert list(table) == ["way", "metric", "games", "seeds", "errors", "mean", "low", "high"]
     found = {
-        (way, metric): (games, errors, mean)
-        for way, metric, games, errors, mean, *_ in zip(*table.values(), strict=True)
+        (way, metric): (games, seeds, errors, mean)
+        for way, metric, games, seeds, errors, mean, *_ in zip(*table.values(), strict=True)
     }
-    assert found["a", "turns"] == (2, 1, 5.0)
-    assert found["b", "score.red"] == (3, 0, 4.0)
-    assert found["a", "wins.red"] == (2, 1, 0.5)
-    assert found["b", "wins.blue"] == (3, 0, 0.0)
-    assert ROWS.summary([], ["wins.red"])["mean"] == [0.6]
+    assert found["a", "turns"] == (2, 2, 1, 5.0)
+    assert found["b", "score.red"] == (3, 3, 0, 4.0)
+    assert found["a", "wins.red"] == (2, 2, 1, 0.5)
+    assert found["b", "wins.blue"] == (3, 3, 0, 0.0)
+
+
+def test_a_summary_averages_by_seed_first():
+    table = ROWS.summary([], ["wins.red"])
+    assert (table["games"], table["seeds"], table["errors"]) == (5, 3, 1)
+    assert table["mean"] == [0.5]  # of 1, 1/2 and 0
 
 
 def test_values_are_compared_on_the_seeds_that_both_have():
     table = ROWS.compare("score.red", "way")
-    assert (table["first"][0], table["second"][0], table["pairs"][0], table["difference"][0]) == ("a", "b", 2, -1.5)
+    columns = ("first", "second", "pairs", "seeds", "difference")
+    assert [table[name][0] for name in columns] == ["a", "b", 2, 2, -1.5]
     assert table["effect"][0] == pytest.approx(-1.5 / math.sqrt(0.5))
     assert ROWS.compare("wins.red", "way")["difference"][0] == -0.5
+
+
+def repeated(differences, copies):
+    """Return rows of two ways that differ by seed, played alike with every value of a key that does not matter."""
+    rows = []
+    for copy in range(copies):
+        for way in ("a", "b"):
+            for seed, difference in enumerate(differences):
+                turns = float(difference) if way == "a" else 0.0
+                settings = {"copy": copy, "way": way, "seed": seed}
+                rows.append({"id": str(len(rows)), **settings, "turns": turns, "winner": None, "error": None})
+    return Rows(rows, ["copy", "way"])
+
+
+def test_games_that_repeat_a_seed_add_no_evidence():
+    differences = np.random.default_rng(1).normal(0.5, 1.0, 25)
+    once, often = (repeated(differences, copies).compare("turns", "way") for copies in (1, 8))
+    assert (once["pairs"][0], often["pairs"][0], often["seeds"][0]) == (25, 200, 25)
+    for name in ("difference", "low", "high", "effect", "p"):
+        assert often[name][0] == pytest.approx(once[name][0])
+    means = [repeated(differences, copies).summary(["way"], ["turns"]) for copies in (1, 8)]
+    assert means[0]["low"].tolist() == pytest.approx(means[1]["low"].tolist(), nan_ok=True)
+
+
+def test_equal_strategies_are_found_to_differ_in_one_of_twenty_experiments():
+    rng = np.random.default_rng(7)
+    tables = (repeated(rng.normal(size=9), 8).compare("turns", "way") for _ in range(300))
+    assert 0.03 < np.mean([table["p"][0] < 0.05 for table in tables]) < 0.07
+
+
+def test_p_at_its_floor_is_printed_as_a_bound():
+    rows = repeated(np.full(40, 2.0) + np.arange(40) / 100, 1)
+    table = rows.compare("turns", "way")
+    assert table["p"].tolist() == [pytest.approx(0.0002)]
+    assert str(table).splitlines()[1].endswith("  < 0.0002")
+    assert r"\textless{} 0.0002 \\" in table.latex()
+    clear = repeated([1.0, -1.0] * 20, 1).compare("turns", "way")
+    assert str(clear).endswith("  1")
+
+
+def test_few_seeds_have_a_note_that_intervals_of_means_are_too_narrow():
+    note = "Bootstrap intervals of means of fewer than 30 seeds are too narrow."
+    assert ROWS.summary().notes == [note]
+    assert str(ROWS.compare("turns", "way")).endswith(f"\n{note}")
+    assert note in ROWS.summary().latex()
+    assert ROWS.summary(metrics=["wins.red"]).notes == []  # of Wilson
+    assert repeated(np.arange(30), 8).compare("turns", "way").notes == []
+    assert repeated(np.arange(29), 8).compare("turns", "way").notes == [note]
+
+
+def test_power_is_that_of_the_t_test():
+    expected = {0.2: 199, 0.5: 34, 0.8: 15}  # of statsmodels: TTestPower().solve_power(effect, alpha=.05, power=.8)
+    for effect, seeds in expected.items():
+        assert experiment.power(2.0, effect * 2.0) == seeds
+        assert experiment.power(2.0, -effect * 2.0) == seeds
+    assert experiment.power(1.0, 0.5, power=0.9, alpha=0.01) == 63
+    assert experiment.power(1.0, 100.0) == 6  # five signs cannot give p < 0.05
+
+
+def test_power_takes_the_spread_of_rows_by_seed():
+    rows = repeated(np.arange(8.0), 8)
+    spread = float(np.std(np.arange(8.0), ddof=1))
+    assert experiment.power(rows, 1.0, metric="turns", by="way") == experiment.power(spread, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "message"),
+    [
+        ((1.0, 0.0), {}, "difference is 0"),
+        ((0.0, 1.0), {}, "spread must be"),
+        ((1.0, 1.0), {"power": 1.0}, "power less than 1"),
+        ((1.0, 1.0), {"alpha": 0.9}, "alpha must be less than power"),
+        ((1.0, 1.0), {"by": "way"}, "are for rows"),
+        ((ROWS, 1.0), {"by": "way"}, "need metric= and by="),
+        ((repeated([2.0, 2.0], 3), 1.0), {"metric": "turns", "by": "way"}, "play more seeds"),
+    ],
+)
+def test_power_says_what_it_cannot_take(given, options, message):
+    with pytest.raises(BadValue, match=message):
+        experiment.power(*given, **options)
 
 
 def test_unknown_columns_and_keys_are_named():
@@ -177,6 +292,8 @@ def test_unknown_columns_and_keys_are_named():
         ROWS.summary(metrics=["score.rde"])
     with pytest.raises(UnknownName, match="Did you mean 'way'"):
         ROWS.compare("turns", "wya")
+    with pytest.raises(UnknownName, match="Unknown varied key 'seed'"):
+        ROWS.compare("turns", "seed")
 
 
 def test_a_table_prints_and_is_set_by_latex():
@@ -219,5 +336,13 @@ def test_a_plot_has_a_series_for_each_hue_and_returns_its_axes():
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
     (bars,) = axes.containers
     assert bars.lines[0].get_ydata().tolist() == [2.0, 4.0]
+    assert axes.get_title().startswith("Bootstrap intervals")
     with pytest.raises(UnknownName):
         ROWS.plot("wya")
+
+
+def test_a_plot_names_the_keys_that_it_averages_over():
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    rows = repeated(np.arange(30.0), 3)
+    assert rows.plot("way", ax=figure.add_subplot()).get_title() == "Averaged over copy."
+    assert rows.plot("way", hue="copy", ax=figure.add_subplot()).get_title() == ""

@@ -67,8 +67,9 @@ def test_a_generated_scenario_follows_from_its_seed_and_can_be_played(kind):
 def test_a_strategy_has_a_row_with_its_worst_case_and_a_replay(tmp_path):
     results = suite.run(stay, only=FEW, seeds=range(3), out=tmp_path)
     table = {name: column.tolist() for name, column in results.table.items()}
-    assert list(table) == ["task", "games", "errors", "mean", "low", "high", "worst", "worst_opponent", "replay"]
-    assert table["games"] == [9]
+    measured = ["games", "seeds", "errors", "mean", "low", "high"]
+    assert list(table) == ["task", *measured, "worst", "worst_opponent", "replay"]
+    assert (table["games"], table["seeds"]) == ([9], [3])
     assert all(low <= mean <= high for low, mean, high in zip(table["low"], table["mean"], table["high"], strict=True))
     rows = results.rows[FEW[0]]
     wins = {row["strategies.blue"]: 0 for row in rows}
@@ -113,7 +114,7 @@ def test_the_command_plays_code_in_a_file(tmp_path, monkeypatch):
     given = ["suite", "players.py:stay", "--only", FEW[0], "--seeds", "0:2", "--workers", "0"]
     done = CliRunner().invoke(cli.app, given, catch_exceptions=False)
     assert done.exit_code == 0
-    assert "pursuit-grid-c0505f71      6       0" in done.stdout
+    assert "pursuit-grid-c0505f71      6      2       0" in done.stdout
     assert json.loads((tmp_path / "gamms-suite" / "table.json").read_text())["games"] == [6]
     assert (tmp_path / "gamms-suite" / "pursuit-grid-c0505f71.ggr").exists()
 

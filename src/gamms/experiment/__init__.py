@@ -10,9 +10,9 @@ client of scenarios: May import: `scenario` and below.
 """
 
 from gamms.experiment.folders import merge
-from gamms.experiment.rows import Rows
+from gamms.experiment.rows import Rows, power
 from gamms.experiment.running import load, run
 from gamms.experiment.sampling import Sample, sample
 from gamms.experiment.tables import Table
 
-__all__ = ["Rows", "Sample", "Table", "load", "merge", "run", "sample"]
+__all__ = ["Rows", "Sample", "Table", "load", "merge", "power", "run", "sample"]

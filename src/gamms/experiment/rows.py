@@ -3,16 +3,27 @@
 import os
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.arguments import as_int, as_items, as_known
+from gamms.arguments import as_float, as_int, as_items, as_known, as_positive
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment.folders import as_columns
 from gamms.experiment.games import Row
-from gamms.experiment.statistics import Interval, holm, mean_interval, paired, rate_interval, sobol_indices
+from gamms.experiment.statistics import (
+    FEW_SEEDS,
+    LEAST_P,
+    Interval,
+    holm,
+    mean_interval,
+    paired,
+    rate_interval_of_seeds,
+    seeds_needed,
+    sobol_indices,
+)
 from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
 from gamms.game.result import Result
@@ -26,6 +37,7 @@ if TYPE_CHECKING:
 
 _WINS = "wins."
 _METRICS = ("score.", "collector.")  # beginnings of columns that a summary has
+_TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow."
 
 
 class Rows(Sequence[Row]):
@@ -98,7 +110,8 @@ class Rows(Sequence[Row]):
     ) -> Table:
         """Return means with bootstrap intervals, and rates of wins with Wilson intervals, for each variant.
 
-        Rows with errors count in none of them; the column `errors` says how many there are.
+        Games of one seed count as one piece of evidence: a mean is that of the means of the seeds, and intervals are
+        over seeds. Rows with errors count in neither; the column `errors` says how many there are.
 
         Args:
             by: the keys by which rows are grouped; None: all that were varied.
@@ -112,20 +125,26 @@ class Rows(Sequence[Row]):
         names = self.metrics() if metrics is None else [self._as_metric(one) for one in metrics]
         keys = self._as_keys(by)
         made = []
+        is_few = False
         for settings, rows in self._groups(keys).items():
             good = [row for row in rows if row["error"] is None]
             for name in names:
-                interval = _interval(name, good, confidence)
-                counts = {"games": len(good), "errors": len(rows) - len(good)}
-                mean = dict(zip(("mean", "low", "high"), interval, strict=True))
+                by_seed = _by_seed(name, good)
+                counts = {"games": len(good), "seeds": len(by_seed), "errors": len(rows) - len(good)}
+                mean = dict(zip(("mean", "low", "high"), _interval(name, by_seed, confidence), strict=True))
                 made.append({**dict(zip(keys, settings, strict=True)), "metric": name, **counts, **mean})
-        return Table.of(made)
+                is_few |= _is_too_narrow(name, by_seed)
+        return Table.of(made, notes=[_TOO_NARROW] if is_few else [])
 
     def compare(self, metric: str, by: str, *, confidence: float = 0.95) -> Table:
         """Compare all values of a key in pairs of games that have the same seed and all other settings in common.
 
-        Columns: first, second, pairs, difference (first minus second) with its interval, effect (Cohen's d_z) and p,
-        of a permutation test, corrected for the number of comparisons after Holm.
+        Pairs of one seed count as one piece of evidence: their differences are averaged, and interval, effect and p
+        are of the means of the seeds.
+
+        Columns: first, second, pairs, seeds, difference (first minus second) with its interval, effect (Cohen's d_z)
+        and p of a permutation test, corrected for the number of comparisons after Holm. The table prints p as
+        "< 0.0002" where the test cannot give a smaller one.
 
         Args:
             metric: a column of numbers, or `wins.<team>`.
@@ -136,22 +155,40 @@ class Rows(Sequence[Row]):
             UnknownName (KeyError): there is no such column or key.
             MissingExtra (ImportError): SciPy is not installed.
         """
-        name, (key,) = self._as_metric(metric), self._as_keys([by])
-        others = [one for one in self.keys if one != key]
-        found: dict[Any, dict[tuple[Any, ...], float]] = {}
-        for row in self._rows:
-            if row["error"] is None:
-                pair = (row["seed"], *(row[one] for one in others))
-                found.setdefault(row[key], {})[pair] = _value(name, row)
         made = []
-        for first, second in combinations(found, 2):
-            common = [pair for pair in found[first] if pair in found[second]]
-            result = paired([found[first][pair] - found[second][pair] for pair in common], confidence)
-            made.append({"first": first, "second": second, "pairs": len(common), **result._asdict()})
+        is_few = False
+        for (first, second), by_seed in self._differences(metric, by).items():
+            counts = {"pairs": sum(map(len, by_seed.values())), "seeds": len(by_seed)}
+            result = paired([fmean(some) for some in by_seed.values()], confidence)
+            made.append({"first": first, "second": second, **counts, **result._asdict()})
+            is_few |= len(by_seed) < FEW_SEEDS
         for row, p in zip(made, holm([row["p"] for row in made]), strict=True):
             row["p"] = p
-        names = ("first", "second", "pairs", "difference", "low", "high", "effect", "p")
-        return Table.of(made) if made else Table({one: np.array([]) for one in names})
+        if not made:
+            names = ("first", "second", "pairs", "seeds", "difference", "low", "high", "effect", "p")
+            return Table({one: np.array([]) for one in names})
+        least = min(LEAST_P * len(made), 0.999)
+        return Table.of(made, notes=[_TOO_NARROW] if is_few else [], least={"p": least})
+
+    def _differences(self, metric: str, by: str) -> dict[tuple[Any, Any], dict[int, list[float]]]:
+        """Return the differences of pairs of games by seed, for each two values of a key."""
+        name = self._as_metric(metric)
+        as_known(by, "varied key", self.keys)
+        others = [one for one in self.keys if one != by]
+        found: dict[Any, dict[tuple[Any, ...], float]] = {}
+        for row in self._rows:
+            value = np.nan if row["error"] is not None else _value(name, row)
+            if np.isfinite(value):
+                pair = (row["seed"], *(row[one] for one in others))
+                found.setdefault(row[by], {})[pair] = value
+        differences = {}
+        for first, second in combinations(found, 2):
+            by_seed: dict[int, list[float]] = {}
+            for pair, value in found[first].items():
+                if pair in found[second]:
+                    by_seed.setdefault(pair[0], []).append(value - found[second][pair])
+            differences[first, second] = by_seed
+        return differences
 
     def indices(self, metric: str, *, confidence: float = 0.95) -> Table:
         """Return first-order and total Sobol indices of the keys of a sample, with bootstrap intervals.
@@ -179,7 +216,10 @@ class Rows(Sequence[Row]):
         return Table.of(made)
 
     def plot(self, x: str | None = None, y: str = "turns", hue: str | None = None, ax: "Axes | None" = None) -> "Axes":
-        """Draw means with intervals of 95 %: y by x, a series for each value of hue; return the axes.
+        """Draw means with intervals of 95 % over seeds: y by x, a series for each value of hue; return the axes.
+
+        The title names the keys that are averaged over, because they are neither x nor hue, and says when bootstrap
+        intervals are too narrow because of few seeds.
 
         Args:
             x: a varied key; None: the first one.
@@ -195,11 +235,19 @@ class Rows(Sequence[Row]):
             raise BadValue("Nothing was varied, so there is no x to plot by.")
         name, across = self._as_metric(y), self.keys[0] if x is None else x
         keys = self._as_keys([across] if hue is None else [across, hue])
+        averaged = [key for key in self.keys if key not in keys]
+        notes = [f"Averaged over {', '.join(averaged)}."] if averaged else []
+        is_few = False
         series: dict[Any, list[tuple[Any, Interval]]] = {}
         for settings, rows in self._groups(keys).items():
             good = [row for row in rows if row["error"] is None]
-            series.setdefault(settings[-1] if hue else None, []).append((settings[0], _interval(name, good, 0.95)))
-        return plot(across, name, hue, series, ax)
+            by_seed = _by_seed(name, good)
+            is_few |= _is_too_narrow(name, by_seed)
+            point = settings[0], _interval(name, by_seed, 0.95)
+            series.setdefault(settings[-1] if hue else None, []).append(point)
+        if is_few:
+            notes.append(_TOO_NARROW)
+        return plot(across, name, hue, series, ax, notes)
 
     def _groups(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
         groups: dict[tuple[Any, ...], list[Row]] = {}
@@ -272,9 +320,76 @@ def _value(name: str, row: Row) -> float:
     return float(value) if isinstance(value, (int, float)) else np.nan
 
 
-def _interval(name: str, rows: Sequence[Row], confidence: float) -> Interval:
-    values = np.array([_value(name, row) for row in rows], float)
-    values = values[np.isfinite(values)]
+def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
+    """Return the values of games by their seeds."""
+    found: dict[int, list[float]] = {}
+    for row in rows:
+        value = _value(name, row)
+        if np.isfinite(value):
+            found.setdefault(row["seed"], []).append(value)
+    return found
+
+
+def _interval(name: str, by_seed: Mapping[int, Sequence[float]], confidence: float) -> Interval:
+    """Return the mean of the means of seeds, with its interval."""
+    means = [fmean(some) for some in by_seed.values()]
     if name.startswith(_WINS):
-        return rate_interval(int(values.sum()), len(values), confidence)
-    return mean_interval(values, confidence)
+        return rate_interval_of_seeds(means, sum(map(len, by_seed.values())), confidence)
+    return mean_interval(means, confidence)
+
+
+def _is_too_narrow(name: str, by_seed: Mapping[int, Sequence[float]]) -> bool:
+    return len(by_seed) < FEW_SEEDS and not name.startswith(_WINS)
+
+
+def power(
+    spread: float | Rows,
+    difference: float,
+    *,
+    metric: str | None = None,
+    by: str | None = None,
+    power: float = 0.8,
+    alpha: float = 0.05,
+) -> int:
+    """Return how many seeds `rows.compare` needs to find a difference.
+
+    The normal approximation of the two-sided paired test with the correction of Guenther (The American Statistician
+    35, 1981). Each seed is one pair, however many games it has.
+
+    Args:
+        spread: the standard deviation of the paired differences of seeds; or rows of a first experiment, from which
+            it is estimated (of more than two values of the key, the largest one).
+        difference: the mean difference to be found, in units of the metric.
+        metric: of rows: a column of numbers, or `wins.<team>`.
+        by: of rows: the key whose values are compared.
+        power: the probability of finding the difference.
+        alpha: the level of the test; for m comparisons, as Holm corrects them, divide it by m.
+
+    Raises:
+        BadValue (ValueError): a number is not in its range; rows have no two seeds that differ; metric or by is
+            missing, or given without rows.
+        UnknownName (KeyError): there is no such column or key.
+    """
+    wanted = as_float(difference, "difference")
+    chance = as_positive(power, "power")
+    level = as_positive(alpha, "alpha")
+    if wanted == 0.0:
+        raise BadValue("difference is 0.0: give one that the experiment is to find.")
+    if not level < chance < 1.0:
+        raise BadValue(f"alpha must be less than power, and power less than 1, not {level:g} and {chance:g}.")
+    if not isinstance(spread, Rows):
+        if metric is not None or by is not None:
+            raise BadValue("metric and by are for rows: a standard deviation needs neither.")
+        return seeds_needed(as_positive(spread, "spread"), wanted, chance, level)
+    if metric is None or by is None:
+        raise BadValue("Rows need metric= and by=, of which the differences are taken.")
+    spreads = [_deviation(one) for one in spread._differences(metric, by).values()]
+    largest = max(spreads, default=0.0)
+    if largest == 0.0:
+        raise BadValue(f"No differences of {metric} by {by} vary over seeds: play more seeds first.")
+    return seeds_needed(largest, wanted, chance, level)
+
+
+def _deviation(by_seed: Mapping[int, Sequence[float]]) -> float:
+    means = [fmean(some) for some in by_seed.values()]
+    return float(np.std(means, ddof=1)) if len(means) > 1 else 0.0

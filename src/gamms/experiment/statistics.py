@@ -1,10 +1,13 @@
 """Statistics of games: intervals, paired comparisons and Sobol indices. The only file that loads SciPy here.
 
-All that draws is seeded: the same rows give the same numbers.
+Games of one seed are correlated, so the functions take one value for each seed: the mean over its games.
+Random draws are seeded: the same rows give the same numbers.
 """
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
+from statistics import NormalDist, fmean
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +18,8 @@ from gamms.ir.graph import FloatArray, IntArray
 
 _RESAMPLES = 2_000
 _PERMUTATIONS = 9_999
+LEAST_P = 2.0 / (_PERMUTATIONS + 1)  # of a test that draws signs: the true p may be smaller
+FEW_SEEDS = 30  # below, bootstrap intervals of means are too narrow
 _MOST_OF_BCA = 1_000  # values; it takes the square of their number
 _SEED = 20
 _CELLS = 1 << 22  # of an array of resamples
@@ -35,8 +40,8 @@ class Paired(NamedTuple):
         difference: the mean of the differences.
         low: of its interval.
         high: of its interval.
-        effect: Cohen's d_z, the mean of the differences by their standard deviation.
-        p: how probable a mean as far from 0 is if the signs of the differences were drawn.
+        effect: Cohen's d_z, the mean of the differences divided by their standard deviation.
+        p: the probability of a mean at least as far from 0 if the signs of the differences were random.
     """
 
     difference: float
@@ -49,50 +54,81 @@ class Paired(NamedTuple):
 def mean_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> Interval:
     """Return the mean and its bootstrap interval: bias-corrected and accelerated, of more than 1,000 values percentile.
 
+    Equal values say nothing about their spread, so the ends of their interval are NaN. Intervals of fewer than
+    `FEW_SEEDS` values are too narrow.
+
     Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 13 and 14.
 
     Raises:
         MissingExtra: SciPy is not installed.
     """
     given = np.asarray(values, float)
+    stats = _stats()
     if not len(given):
         return Interval(np.nan, np.nan, np.nan)
     mean = float(given.mean())
     if np.ptp(given) == 0.0:
-        return Interval(mean, mean, mean)
-    found = (
-        _stats()
-        .bootstrap(
-            (given,),
-            np.mean,
-            n_resamples=_RESAMPLES,
-            batch=max(1, _CELLS // len(given)),
-            confidence_level=confidence,
-            method="BCa" if len(given) <= _MOST_OF_BCA else "percentile",
-            random_state=np.random.default_rng(_SEED),
-        )
-        .confidence_interval
-    )
+        return Interval(mean, np.nan, np.nan)
+    found = stats.bootstrap(
+        (given,),
+        np.mean,
+        n_resamples=_RESAMPLES,
+        batch=max(1, _CELLS // len(given)),
+        confidence_level=confidence,
+        method="BCa" if len(given) <= _MOST_OF_BCA else "percentile",
+        random_state=np.random.default_rng(_SEED),
+    ).confidence_interval
     return Interval(mean, float(found.low), float(found.high))
 
 
-def rate_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
-    """Return a rate and its score interval (Wilson, JASA 22, 1927).
-
-    Raises:
-        MissingExtra: SciPy is not installed.
-    """
+def rate_interval(successes: float, trials: float, confidence: float = 0.95) -> Interval:
+    """Return a rate and its score interval (Wilson, JASA 22, 1927); neither number has to be an integer."""
     if not trials:
         return Interval(np.nan, np.nan, np.nan)
-    found = _stats().binomtest(successes, trials).proportion_ci(confidence, method="wilson")
-    return Interval(successes / trials, float(found.low), float(found.high))
+    rate = successes / trials
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    shrinkage = 1.0 + z * z / trials
+    center = (rate + z * z / (2.0 * trials)) / shrinkage
+    half = z / shrinkage * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4.0 * trials * trials))
+    low = 0.0 if rate == 0.0 else center - half
+    high = 1.0 if rate == 1.0 else center + half
+    return Interval(rate, low, high)
+
+
+def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float = 0.95) -> Interval:
+    """Return the mean of the rates of seeds and its score interval, for the effective number of games.
+
+    That number is rate * (1 - rate) / variance of the mean over seeds: with one game a seed the number of games,
+    with equal games in each seed the number of seeds. It never exceeds the number of games. Where all games are won,
+    or none, the variance says nothing, and each seed counts as one game.
+
+    Dean and Pagano, Journal of Survey Statistics and Methodology 3, 2015, section 2.
+
+    Args:
+        rates: of each seed, from 0 to 1.
+        games: of all seeds.
+        confidence: of the interval.
+    """
+    if not rates:
+        return Interval(np.nan, np.nan, np.nan)
+    rate = fmean(rates)
+    variance = fmean((one - rate) ** 2 for one in rates) / len(rates)
+    of_one_game = rate * (1.0 - rate)
+    if of_one_game == 0.0:
+        effective = float(len(rates))
+    elif variance * games <= of_one_game:
+        effective = float(games)
+    else:
+        effective = of_one_game / variance
+    return rate_interval(rate * effective, effective, confidence)
 
 
 def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> Paired:
     """Compare two series by the differences of their pairs.
 
     The interval is that of `mean_interval`; d_z is of Cohen, Statistical Power Analysis, 1988, 2.3.5; p is that of the
-    permutation test that draws the signs (Fisher, The Design of Experiments, 1935, section 21), exact for few pairs.
+    permutation test that draws the signs (Fisher, The Design of Experiments, 1935, section 21), exact for at most 13
+    pairs, else at least `LEAST_P`.
 
     Raises:
         MissingExtra: SciPy is not installed.
@@ -117,8 +153,27 @@ def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) 
     return Paired(*interval, effect, float(test.pvalue))
 
 
+def seeds_needed(spread: float, difference: float, power: float, alpha: float) -> int:
+    """Return how many pairs a two-sided paired test needs.
+
+    The normal approximation with the correction for an estimated standard deviation (Guenther, The American
+    Statistician 35, 1981): ((z_alpha + z_power) * spread / difference)^2 + z_alpha^2 / 2. It is at least the number
+    of pairs of which a permutation test can give a p of `alpha`: 2 / 2^pairs.
+
+    Args:
+        spread: the standard deviation of the differences of pairs.
+        difference: the mean difference to be found.
+        power: the probability of finding it.
+        alpha: the level of the test.
+    """
+    z_alpha = NormalDist().inv_cdf(1.0 - alpha / 2.0)
+    z_power = NormalDist().inv_cdf(power)
+    needed = ((z_alpha + z_power) * spread / difference) ** 2 + z_alpha**2 / 2.0
+    return max(math.ceil(needed), math.ceil(math.log2(2.0 / alpha)))
+
+
 def holm(p: Sequence[float]) -> list[float]:
-    """Return p-values that count how many there are (Holm, Scandinavian Journal of Statistics 6, 1979)."""
+    """Return p-values corrected for their number (Holm, Scandinavian Journal of Statistics 6, 1979)."""
     order = np.argsort(p, kind="stable")
     scaled = np.asarray(p, float)[order] * (len(p) - np.arange(len(p)))
     adjusted = np.empty(len(p))

@@ -1,5 +1,6 @@
 """How statistics are shown: tables of columns that print and that LaTeX sets, and plots with matplotlib."""
 
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from gamms.text import printable_line
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_NOTHING = "-"
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     **{one: f"\\{one}" for one in "&%$#_{}"},
@@ -24,28 +26,43 @@ _SPECIAL = {
 
 
 class Table(dict[str, Any]):
-    """Columns of equal length; `print` shows them, and `latex` sets them."""
+    """Columns of equal length; `print` shows them, and `latex` sets them.
+
+    Attributes:
+        notes: sentences that are printed below the columns.
+        least: column -> the least value that its method can give; numbers up to it are printed as "< 0.0002".
+    """
+
+    def __init__(
+        self, columns: Mapping[str, Any], *, notes: Sequence[str] = (), least: Mapping[str, float] | None = None
+    ) -> None:
+        super().__init__(columns)
+        self.notes = list(notes)
+        self.least = dict(least or {})
 
     @classmethod
-    def of(cls, rows: list[dict[str, Any]]) -> "Table":
+    def of(
+        cls, rows: list[dict[str, Any]], *, notes: Sequence[str] = (), least: Mapping[str, float] | None = None
+    ) -> "Table":
         """Return a table of rows."""
-        return cls(table_of(rows))
+        return cls(table_of(rows), notes=notes, least=least)
 
     def __str__(self) -> str:
         """Return the columns, aligned."""
         lines = [list(self), *self._cells("g", ".4")]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         is_number = [column.dtype.kind in "if" for column in self.values()]
-        return "\n".join(
+        aligned = [
             "  ".join(
                 cell.rjust(width) if right else cell.ljust(width)
                 for cell, width, right in zip(line, widths, is_number, strict=True)
             ).rstrip()
             for line in lines
-        )
+        ]
+        return "\n".join([*aligned, *self.notes])
 
     def latex(self, *, caption: str = "", label: str = "", digits: int = 2) -> str:
-        """Return a table of LaTeX for the package booktabs; an interval stands behind its value.
+        """Return a table of LaTeX for the package booktabs; an interval stands behind its value, notes below.
 
         Args:
             caption: of the table; "" leaves it out.
@@ -58,7 +75,7 @@ class Table(dict[str, Any]):
         lines = []
         for cells in self._cells("f", f".{digits}"):
             row = dict(zip(self, cells, strict=True))
-            if of_value is not None:
+            if of_value is not None and row["low"] != _NOTHING:
                 row[of_value] += f" [{row['low']}, {row['high']}]"
             lines.append(" & ".join(_escaped(row[name]) for name in names) + r" \\")
         kinds = "".join("r" if self[name].dtype.kind in "if" else "l" for name in names)
@@ -68,20 +85,31 @@ class Table(dict[str, Any]):
             [rf"\label{{{label}}}"] if label else [],
             [rf"\begin{{tabular}}{{{kinds}}}", r"\toprule", " & ".join(map(_escaped, names)) + r" \\", r"\midrule"],
             lines,
-            [r"\bottomrule", r"\end{tabular}", r"\end{table}", ""],
+            [r"\bottomrule", r"\end{tabular}"],
+            [rf"\par\footnotesize {_escaped(note)}" for note in self.notes],
+            [r"\end{table}", ""],
         ]
         return "\n".join(chain.from_iterable(parts))
 
     def _cells(self, kind: str, digits: str) -> list[list[str]]:
         """Return the rows as texts; floats of a format."""
-        rows = zip(*(column.tolist() for column in self.values()), strict=True)
-        return [[_shown(one, kind, digits) for one in row] for row in rows]
+        columns = []
+        for name, column in self.items():
+            least = self.least.get(name)
+            columns.append([_shown(one, kind, digits, least) for one in column.tolist()])
+        return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _shown(value: object, kind: str, digits: str) -> str:
-    if isinstance(value, float):
-        return "-" if np.isnan(value) else format(value, f"{digits}{kind}")
-    return "-" if value is None else printable_line(str(value))
+def _shown(value: object, kind: str, digits: str, least: float | None) -> str:
+    if value is None:
+        return _NOTHING
+    if not isinstance(value, float):
+        return printable_line(str(value))
+    if np.isnan(value):
+        return _NOTHING
+    if least is not None and value <= least * (1.0 + 1e-9):
+        return f"< {least:.4g}"
+    return format(value, f"{digits}{kind}")
 
 
 def _escaped(text: str) -> str:
@@ -91,7 +119,14 @@ def _escaped(text: str) -> str:
 _APART = 0.12  # of the places of categories, between series
 
 
-def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Interval]]], ax: "Axes | None") -> "Axes":
+def plot(
+    x: str,
+    y: str,
+    hue: str | None,
+    series: dict[Any, list[tuple[Any, Interval]]],
+    ax: "Axes | None",
+    notes: Sequence[str],
+) -> "Axes":
     """Draw the means of series with their intervals.
 
     Args:
@@ -100,6 +135,7 @@ def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Inte
         hue: name of what the series differ in; None: there is one.
         series: of each, its values of x and intervals.
         ax: where; None: a figure of its own.
+        notes: sentences above the axes.
 
     Raises:
         MissingExtra: matplotlib is not installed.
@@ -126,4 +162,6 @@ def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Inte
     axes.set_ylabel(y)
     if hue is not None:
         axes.legend(title=hue)
+    if notes:
+        axes.set_title("\n".join(notes), fontsize="small")
     return axes

@@ -26,8 +26,9 @@ class Results(NamedTuple):
     """What a strategy has achieved.
 
     Attributes:
-        table: a row for each task: task, games, errors, mean (the share of games won) with its Wilson interval, worst
-            (the same against the worst opponent), worst_opponent, and replay: the file of the first game against that.
+        table: a row for each task: task, games, seeds, errors, mean (the share of games won) with its Wilson interval
+            over seeds, worst (the same against the worst opponent), worst_opponent, and replay: the file of the first
+            game against that.
         rows: of the games of each task, by its name.
     """
 
@@ -105,7 +106,8 @@ def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
     worst = min(range(len(task.opponents)), key=lambda number: (against["mean"][number], number))
     name = against[key][worst]
     first = next(row for row in rows if row[key] == name)
-    row = {"task": task.name, **{column: overall[column][0] for column in ("games", "errors", "mean", "low", "high")}}
+    columns = ("games", "seeds", "errors", "mean", "low", "high")
+    row = {"task": task.name, **{column: overall[column][0] for column in columns}}
     row |= {"worst": against["mean"][worst], "worst_opponent": name, "replay": first["id"]}
     if out is not None and first["error"] is None:
         file = without_link(out / f"{task.name}.ggr")
