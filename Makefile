@@ -76,6 +76,6 @@ $(VENV)/.dev: $(BIN)/python pyproject.toml
 	@touch $@ $(VENV)/.demo
 
 $(VENV)/.docs: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,viz,tournament,llm]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,viz,accel,llm]'
 	@$(BIN)/python -m compileall -q src
 	@touch $@

@@ -83,7 +83,6 @@ PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "field = {'grid': {'width': 2, 'height': 1}}\n"
     "sides = {'a': walk, 'b': walk}\n"
     "gamms.solve.openspiel(gamms.scenario.Scenario(map=field, max_turns=2, teams=sides), reward='turns')",
-    "tournament": "import gamms; gamms.tournament.Table([], ['a', 'b']).ratings()",
     "torch": _HUNT + "try: import torch\nexcept ImportError: raise gamms.errors.MissingExtra('', 'torch') from None\n"
     "with hunt.batch(2, xp=torch) as games: games.run()",
     "torchrl": _HUNT + "gamms.rl.torchrl_env(hunt, num_games=2).rollout(2)",

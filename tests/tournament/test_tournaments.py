@@ -1,6 +1,7 @@
 """A tournament gives the same table however it is played, and what follows from its rows is right."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 from glob import glob
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +18,11 @@ from typer.testing import CliRunner
 
 from gamms.cli import app
 from gamms.errors import BadType, BadValue, UnknownName, WriteConflict
+from gamms.experiment.statistics import rate_interval
 from gamms.scenario import Scenario, ScenarioError
 from gamms.tournament import Table, run
 from gamms.tournament.page import write_page
+from gamms.tournament.table import points_of
 
 GAME = {
     "max_turns": 6,
@@ -237,8 +241,8 @@ def rock_paper_scissors():
 def test_payoffs_cycles_and_the_nash_mixture_of_rock_paper_scissors():
     table = rock_paper_scissors()
     paper = table.payoffs()["paper", "rock"]
-    assert paper.points == (1.0, 1.0, 1.0)
-    assert (paper.score.value, paper.games) == (2.0, 10)
+    assert paper.points == rate_interval(5, 5)
+    assert (paper.score.value, paper.games, paper.seeds) == (2.0, 10, 5)
     assert table.payoffs()["rock", "paper"].score.value == -2.0
     assert [(one.entries, one.is_certain) for one in table.cycles()] == [(("paper", "rock", "scissors"), True)]
     assert table.nash_mixture() == pytest.approx({"dull": 0.0, "paper": 1 / 3, "rock": 1 / 3, "scissors": 1 / 3})
@@ -261,16 +265,86 @@ def test_a_mixture_cannot_be_beaten():
         assert gain <= 1e-9
 
 
-def test_ratings_follow_the_results_and_grow_certain():
-    rows = [
-        row(a, b, "red", seed) for seed in range(12) for a, b in (("good", "fair"), ("fair", "bad"), ("good", "bad"))
-    ]
-    few, many = Table(rows[:3], ["bad", "fair", "good"]), Table(rows, ["bad", "fair", "good"])
-    assert [one.entry for one in many.ratings()] == ["good", "fair", "bad"]
-    assert max(one.sigma for one in many.ratings()) < min(one.sigma for one in few.ratings())
+def drawn_games(seed, strengths, seeds):
+    """Return rows of all pairs on both sides, with winners drawn from the Bradley-Terry model, some games drawn."""
+    rng, rows = np.random.default_rng(seed), []
+    for number in range(seeds):
+        for a, b in permutations(strengths, 2):
+            share = 1.0 / (1.0 + np.exp(strengths[b] - strengths[a]))
+            winner = rng.choice(["red", "blue", None], p=[0.8 * share, 0.8 * (1.0 - share), 0.2])
+            rows.append(row(a, b, winner, number))
+    return rows
+
+
+def test_ratings_maximize_the_likelihood_of_the_games():
+    strengths = {"a": -1.0, "b": 0.0, "c": 0.3, "d": 2.0}
+    rows = drawn_games(2, strengths, 10)
+    found = {one.entry: one.elo * np.log(10.0) / 400.0 for one in Table(rows, list(strengths)).ratings()}
+    assert sum(found.values()) == pytest.approx(0.0)
+
+    def likelihood(shift, ratings):
+        theta = {name: one + shift for name, one in ratings.items()}
+        whole = sum(-np.log1p(np.exp(-one)) - one / 2.0 for one in theta.values())  # a draw with the average opponent
+        for game in rows:
+            for entry, points in points_of(game).items():
+                other = next(one for one in game["entries"].values() if one != entry)
+                whole -= points * np.log1p(np.exp(theta[other] - theta[entry]))
+        return whole
+
+    shift = max(np.linspace(-1.0, 1.0, 2001), key=lambda one: likelihood(one, found))
+    best = likelihood(shift, found)
+    for name, rating in found.items():
+        for change in (-0.01, 0.01):
+            assert likelihood(shift, {**found, name: rating + change}) < best
+
+
+def test_ratings_do_not_depend_on_the_order_of_games():
+    rows = drawn_games(3, {"a": 0.0, "b": 0.1, "c": 0.2}, 12)
+    ratings = Table(rows, ["a", "b", "c"]).ratings()
+    for order in range(5):
+        by_seed = np.random.default_rng(order).permutation(len(rows))
+        shuffled = Table([rows[place] for place in by_seed], ["c", "b", "a"]).ratings()
+        assert [one.entry for one in shuffled] == [one.entry for one in ratings]
+        assert [one.elo for one in shuffled] == pytest.approx([one.elo for one in ratings])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_ratings_have_the_order_of_the_points_where_all_have_met(seed):
+    names = ["a", "b", "c", "d", "e"]
+    table = Table(drawn_games(seed, dict.fromkeys(names, 0.0), 4), names)
+    points = {one.entry: one.points for one in table.standings()}
+    found = [points[one.entry] for one in table.ratings()]
+    assert found == sorted(found, reverse=True)
+
+
+def test_equal_ratings_are_in_the_order_of_names():
+    ratings = Table(rock_paper_scissors().rows, ["scissors", "rock", "paper", "dull"]).ratings()
+    assert [one.entry for one in ratings] == ["paper", "rock", "scissors", "dull"]
+    assert ratings[0].elo == pytest.approx(ratings[2].elo)
+
+
+def test_an_entry_that_wins_all_games_has_a_finite_rating():
+    few, many = (Table([row("good", "bad", "red", seed) for seed in range(n)], ["good", "bad"]) for n in (2, 50))
+    elo = [table.ratings()[0].elo for table in (few, many)]
+    assert 0.0 < elo[0] < elo[1] < 1000.0
+    assert math.isnan(few.ratings()[0].low)  # all seeds agree
+
+
+def test_intervals_of_ratings_are_over_seeds():
+    strengths = {"a": 0.0, "b": 0.5, "c": 1.0}
+    few, many = (Table(drawn_games(1, strengths, seeds), list(strengths)).ratings() for seeds in (10, 90))
+    assert all(one.low < one.elo < one.high for one in (*few, *many))
+    assert max(one.high - one.low for one in many) < min(one.high - one.low for one in few)
+    rows = drawn_games(1, strengths, 10)
+    repeated = Table(rows * 8, list(strengths)).ratings()
+    assert repeated[0].high - repeated[0].low > 0.9 * (few[0].high - few[0].low)  # no more evidence
+
+
+def test_games_in_which_both_have_a_fault_count_in_no_rating():
     both = Table([row("a", "b", None, faults=("red", "blue"))], ["a", "b"])
-    assert [(one.mu, one.sigma) for one in both.ratings()] == [pytest.approx((25.0, 25.0 / 3.0))] * 2
+    assert [(one.entry, one.elo) for one in both.ratings()] == [("a", 0.0), ("b", 0.0)]
     assert [one.points for one in both.standings()] == [0.0, 0.0]
+    assert [one.elo for one in Table([], ["a", "b"]).ratings()] == [0.0, 0.0]
 
 
 def test_a_table_needs_the_names_of_all_entries():
@@ -289,3 +363,5 @@ def test_the_page_escapes_what_entries_have_chosen(tmp_path):
     assert "<img" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "default-src 'none'" in page
+    assert "Bootstrap intervals of fewer than 30 seeds are too narrow." in page
+    assert "nan" not in page

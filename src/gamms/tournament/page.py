@@ -5,10 +5,11 @@ from html import escape
 from pathlib import Path
 
 from gamms.errors import MissingExtra
+from gamms.experiment.statistics import FEW_SEEDS
 from gamms.folders import write_whole
 from gamms.tournament.games import Row
 from gamms.tournament.players import FAULTS
-from gamms.tournament.table import Table, points_of
+from gamms.tournament.table import Rating, Table, points_of
 
 PAGE = "index.html"
 _MOST_FAULTS = 1_000  # games that are listed with their fault
@@ -56,18 +57,32 @@ def _rows(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _standings(table: Table) -> str:
-    try:
-        ratings = {one.entry: f"{one.mu:.1f} ± {one.sigma:.1f}" for one in table.ratings()}
-    except MissingExtra:
-        ratings = {}
+    ratings = {one.entry: _rating(one) for one in table.ratings()}
     rows = []
     for rank, one in enumerate(table.standings(), 1):
         faults = ", ".join(f"{count} {kind}" for kind, count in one.faults.items())
         numbers = (f"{one.points:g}", one.games, one.wins, one.draws, one.losses)
-        rows.append([str(rank), _text(one.entry), *map(str, numbers), ratings.get(one.entry, "-"), _text(faults)])
+        rows.append([str(rank), _text(one.entry), *map(str, numbers), ratings[one.entry], _text(faults)])
     header = ("", "entry", "points", "games", "won", "drawn", "lost", "rating", "lost by faults")
-    note = "A win counts 1 point, a draw 1/2. Ratings are those of the Plackett-Luce model, mean ± standard deviation."
-    return f"<h2>Standings</h2>{_rows(header, rows)}<p><small>{note}</small></p>"
+    note = (
+        "A win counts 1 point, a draw 1/2. Ratings are those of the Bradley-Terry model in Elo points, with 95 % "
+        "bootstrap intervals over the seeds; the mean of all entries is 0."
+    )
+    return f"<h2>Standings</h2>{_rows(header, rows)}<p><small>{note}{_few(table)}</small></p>"
+
+
+def _rating(one: Rating) -> str:
+    return f"{one.elo:+.0f} <small>{_between(f'{one.low:+.0f}', f'{one.high:+.0f}')}</small>"
+
+
+def _between(low: str, high: str) -> str:
+    """Return an interval in words; a dash where there is none, because all values were equal."""
+    return "-" if "nan" in low else f"{low} to {high}"
+
+
+def _few(table: Table) -> str:
+    seeds = len({row["seed"] for row in table.rows})
+    return f" Bootstrap intervals of fewer than {FEW_SEEDS} seeds are too narrow." if seeds < FEW_SEEDS else ""
 
 
 def _payoffs(table: Table) -> str:
@@ -85,14 +100,16 @@ def _payoffs(table: Table) -> str:
                 cells.append("")
                 continue
             points, score = one.points, one.score
-            title = f"score {score.value:+.2f} ({score.low:+.2f} to {score.high:+.2f}), {one.games} games"
+            interval = _between(f"{score.low:+.2f}", f"{score.high:+.2f}")
+            title = f"score {score.value:+.2f} ({interval}), {one.games} games, {one.seeds} seeds"
             between = f"<small>{points.low:.2f}-{points.high:.2f}</small>"
             cells.append(f"{points.value:.2f} <span title={_quoted(title)}>{between}</span>")
         rows.append(cells)
     note = (
-        "Points per game of the entry on the left against the one above, with 95 % bootstrap intervals over the seeds."
+        "Points per game of the entry on the left against the one above, with 95 % score intervals over the seeds. The "
+        "differences of scores beside them have 95 % bootstrap intervals over the seeds."
     )
-    return f"<h2>Pay-offs</h2>{_rows(['', *names], rows)}<p><small>{note}</small></p>"
+    return f"<h2>Pay-offs</h2>{_rows(['', *names], rows)}<p><small>{note}{_few(table)}</small></p>"
 
 
 def _mixture(table: Table) -> str:

@@ -1,19 +1,28 @@
 """The table of a tournament: points and faults, ratings, the pay-off matrix, its cycles and its Nash mixture."""
 
+import math
 from collections.abc import Sequence
 from itertools import combinations, permutations
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_items, as_known
-from gamms.experiment.statistics import Interval, mean_interval
-from gamms.extras import needing
+from gamms.experiment.statistics import Interval, mean_interval, rate_interval_of_seeds
+from gamms.ir.graph import FloatArray
 from gamms.text import printable_line
 from gamms.tournament.games import Row
 
 WIN, DRAW = 1.0, 0.5
+_RESAMPLES = 1_000
+_SEED = 20
+_CELLS = 1 << 22  # of an array of resamples
+_MOST_STEPS = 100
+_TOLERANCE = 1e-7  # of a step; the error after it is about its square
+_DIGITS = 6  # of Elo points, so that equal records have equal ratings
+_POINTS = 400.0 / math.log(10.0)  # of Elo for a strength of 1
 
 
 class Standing(NamedTuple):
@@ -37,26 +46,37 @@ class Standing(NamedTuple):
 
 
 class Rating(NamedTuple):
-    """How strong an entry is: a normal distribution with the mean `mu` and the standard deviation `sigma`."""
+    """How strong an entry is, in Elo points.
+
+    Attributes:
+        entry: its name.
+        elo: 0 is the mean of all entries. An entry with 400 more than another is expected to get 10 points for 1 of
+            the other.
+        low: of its 95 % interval over seeds; NaN where all seeds have the same results.
+        high: of its interval.
+    """
 
     entry: str
-    mu: float
-    sigma: float
+    elo: float
+    low: float
+    high: float
 
 
 class Payoff(NamedTuple):
-    """How two entries did against each other, as the first of them sees it.
+    """How two entries did against each other, from the side of the first.
 
     Attributes:
-        points: of a game: `value`, the mean, and `low` and `high`, its 95 % interval over the seeds, of each of which
-            both sides' games count as one.
-        score: by how much its team's score was higher, likewise.
+        points: of a game: `value`, the mean, and `low` and `high`, its 95 % score interval (Wilson) over the seeds.
+        score: by how much its team's score was higher, with its 95 % bootstrap interval over the seeds; `low` and
+            `high` are NaN where all seeds have the same.
         games: that they have played.
+        seeds: of these games; the games of both sides with one seed count as one piece of evidence.
     """
 
     points: Interval
     score: Interval
     games: int
+    seeds: int
 
 
 class Cycle(NamedTuple):
@@ -118,32 +138,33 @@ class Table:
         return sorted(found, key=lambda one: (-one.points / max(one.games, 1), one.entry))
 
     def ratings(self) -> list[Rating]:
-        """Return the ratings by the Plackett-Luce model of openskill, the highest first by `mu - 3 sigma`.
+        """Return the Bradley-Terry ratings of the entries, the highest first, with 95 % bootstrap intervals over seeds.
 
-        Games count seed by seed. All begin at 25 with a deviation of 25/3. A game in which both entries have a fault
-        does not count.
+        The order of games does not matter. A draw is half a win for each, and a game in which both entries have a
+        fault does not count. Each entry also draws one game against an imaginary opponent of average strength, so that
+        an entry that has won all its games has a finite rating. Where all entries have met equally often, the ratings
+        have the order of the points.
 
-        Weng and Lin, A Bayesian Approximation Method for Online Ranking, JMLR 12, 2011.
-
-        Raises:
-            MissingExtra: openskill is not installed.
+        Bradley and Terry, Biometrika 39, 1952; Mease, The American Statistician 57, 2003 (the imaginary opponent);
+        Hunter, The Annals of Statistics 32, 2004.
         """
-        with needing("A rating", "tournament"):
-            from openskill.models import PlackettLuce
-        model = PlackettLuce()
-        known = {name: model.rating(name=name) for name in self.entries}
-        places = {seed: place for place, seed in enumerate(dict.fromkeys(row["seed"] for row in self.rows))}
-        for row in sorted(self.rows, key=lambda one: (one["round"], places[one["seed"]])):
+        numbers = {name: number for number, name in enumerate(self.entries)}
+        by_seed: dict[int, list[tuple[int, int, float]]] = {}
+        for row in self.rows:
             points = points_of(row)
-            if sum(points.values()) == 0.0:
-                continue
-            rated = model.rate([[known[name]] for name in points], scores=list(points.values()))
-            known |= {name: team[0] for name, team in zip(points, rated, strict=True)}
-        found = [Rating(name, float(one.mu), float(one.sigma)) for name, one in known.items()]
-        return sorted(found, key=lambda one: (3.0 * one.sigma - one.mu, one.entry))
+            games = by_seed.setdefault(row["seed"], [])
+            if sum(points.values()) > 0.0:
+                games += [(numbers[one], numbers[other], points[one]) for one, other in permutations(points)]
+        won = np.zeros((len(by_seed), len(numbers), len(numbers)))
+        for seed, games in zip(won, by_seed.values(), strict=True):
+            for one, other, value in games:
+                seed[one, other] += value
+        found = zip(self.entries, _elo_intervals(won), strict=True)
+        ratings = [Rating(name, *interval) for name, interval in found]
+        return sorted(ratings, key=lambda one: (-one.elo, one.entry))
 
     def payoffs(self) -> dict[tuple[str, str], Payoff]:
-        """Return how each two entries that have met did, in both orders, with 95 % intervals.
+        """Return how each two entries that have met did, in both orders, with 95 % intervals over seeds.
 
         Raises:
             MissingExtra: SciPy is not installed.
@@ -209,7 +230,72 @@ class Table:
 
 
 def _payoff(by_seed: dict[int, list[tuple[float, float]]]) -> Payoff:
-    points, scores = (
-        mean_interval([float(np.mean([one[of] for one in some])) for some in by_seed.values()]) for of in (0, 1)
-    )
-    return Payoff(points, scores, sum(map(len, by_seed.values())))
+    games = sum(map(len, by_seed.values()))
+    points = [fmean(point for point, _ in some) for some in by_seed.values()]
+    scores = [fmean(score for _, score in some) for some in by_seed.values()]
+    return Payoff(rate_interval_of_seeds(points, games), mean_interval(scores), games, len(by_seed))
+
+
+def _elo_intervals(won: FloatArray) -> list[Interval]:
+    """Return the rating of each entry in Elo points, with its 95 % percentile bootstrap interval over seeds.
+
+    The mean of all ratings is 0. Where all resamples agree, the ends of an interval are NaN.
+
+    Args:
+        won: (seeds, entries, entries): the wins of one entry against another one, draws as half.
+    """
+    seeds, entries, _ = won.shape
+    ratings = _POINTS * _strengths(won.sum(axis=0)[None])[0]
+    if seeds < 2:
+        return [_rounded(one, np.nan, np.nan) for one in ratings]
+    rng = np.random.default_rng(_SEED)
+    counts = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), size=_RESAMPLES).astype(float)
+    flat = won.reshape(seeds, -1)
+    per_batch = max(1, _CELLS // flat.shape[1])
+    resampled = []
+    for first in range(0, _RESAMPLES, per_batch):
+        sums = counts[first : first + per_batch] @ flat
+        resampled.append(_POINTS * _strengths(sums.reshape(-1, entries, entries)))
+    low, high = np.quantile(np.concatenate(resampled), (0.025, 0.975), axis=0)
+    is_one_value = high - low < 1e-6
+    low[is_one_value] = np.nan
+    high[is_one_value] = np.nan
+    return [_rounded(*one) for one in zip(ratings, low, high, strict=True)]
+
+
+def _rounded(*values: float) -> Interval:
+    return Interval(*(round(float(one), _DIGITS) + 0.0 for one in values))  # 0.0 for -0.0
+
+
+def _strengths(won: FloatArray) -> FloatArray:
+    """Return the logarithms of the strengths in the Bradley-Terry model, (tournaments, entries), with the mean 0.
+
+    They maximize the likelihood in which each entry also draws one game against an opponent of strength 1 (Mease, The
+    American Statistician 57, 2003), so they are finite and unique, whoever has met whom. Newton's method with the
+    damped steps of Sun and Tran-Dinh (Mathematical Programming 178, 2019, theorem 2) finds them from any start.
+
+    Args:
+        won: (tournaments, entries, entries): the wins of one entry against another one, draws as half.
+    """
+    played = won + won.transpose(0, 2, 1)
+    diagonal = np.arange(won.shape[1])
+    found = np.zeros(won.shape[:2])
+    for _ in range(_MOST_STEPS):
+        expected = _share(found[:, :, None] - found[:, None, :])
+        of_average = _share(found)
+        gradient = (won - played * expected).sum(axis=2) + 0.5 - of_average
+        curvature = -played * expected * (1.0 - expected)
+        curvature[:, diagonal, diagonal] = -curvature.sum(axis=2) + of_average * (1.0 - of_average)
+        step = np.linalg.solve(curvature, gradient[:, :, None])[:, :, 0]
+        reach = np.maximum(np.ptp(np.pad(step, ((0, 0), (1, 0))), axis=1), _TOLERANCE)
+        found += step * (np.log1p(reach) / reach)[:, None]
+        if reach.max() <= _TOLERANCE:
+            break
+    centered: FloatArray = found - found.mean(axis=1, keepdims=True)
+    return centered
+
+
+def _share(difference: FloatArray) -> FloatArray:
+    """Return the logistic function."""
+    share: FloatArray = 0.5 * (1.0 + np.tanh(0.5 * difference))
+    return share
