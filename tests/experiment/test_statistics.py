@@ -346,3 +346,10 @@ def test_a_plot_names_the_keys_that_it_averages_over():
     rows = repeated(np.arange(30.0), 3)
     assert rows.plot("way", ax=figure.add_subplot()).get_title() == "Averaged over copy."
     assert rows.plot("way", hue="copy", ax=figure.add_subplot()).get_title() == ""
+
+
+def test_equal_values_are_drawn_without_an_interval():
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    (bars,) = repeated([2.0] * 30, 2).plot("way", ax=figure.add_subplot()).containers
+    assert bars.lines[0].get_ydata().tolist() == [2.0, 0.0]
+    assert [len(ends) for ends in bars.lines[2][0].get_segments()] == [0, 0]

@@ -63,7 +63,6 @@ def run(
     Raises:
         UnknownName (KeyError): there is no such task.
         ScenarioError: there is no such strategy.
-        MissingExtra: SciPy is not installed.
     """
     chosen = _chosen(only)
     into = None if out is None else as_path(out, "out")
