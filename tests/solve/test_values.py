@@ -343,3 +343,19 @@ def test_matrix_games_are_solved_as_linear_programs_are():
             assert values == pytest.approx([matrix_value(game) for game in games], abs=1e-9)
             assert (games * first[:, :, None]).sum(axis=1).min(axis=1) == pytest.approx(values, abs=1e-12)
             assert (games * second[:, None, :]).sum(axis=2).max(axis=1) == pytest.approx(values, abs=1e-12)
+
+
+def test_rewards_by_score_say_which_wins_count_nothing(caplog):
+    guard = {"agents": [{"name": "guard", "node": 0}]}
+    runner = {"agents": [{"name": "runner", "node": 2}]}
+    rules = [
+        {"rule": "tag", "with": {"taggers": "guards", "tagged": "runners", "score": 1}},
+        {"rule": "reach", "with": {"team": "runners", "nodes": [4]}},
+    ]
+    game = scene("path", {"guards": guard, "runners": runner}, rules, turns=4)
+    solve(game)
+    assert "counts nothing that team 'runners' wins" in caplog.text
+    assert "reward='win'" in caplog.text
+    caplog.clear()
+    solve(game, reward="win")
+    assert not caplog.records

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from gamms.solve.solution import (
 )
 from gamms.solve.stages import Bound
 from gamms.solve.table import explore
+from gamms.solve.worlds import Setup
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -119,7 +120,8 @@ def best_response(
         usual, answer = (_ITERATIONS, _searched) if method == "search" else (_TRAINED, _learned)
         return answer(cut, team, others, reward, first, as_count(usual if budget is None else budget, "budget"))
     most = MAX_STATES if budget is None else budget
-    solution = _answer(scenario, team, others, reward, team, turns=turns, seed=seed, max_states=most)
+    setup = setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=most, limit="budget")
+    solution = _answer(setup, reward, team)
     interval = (solution.value - solution.error, solution.value + solution.error)
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
 
@@ -236,7 +238,8 @@ def nash_conv(
         raise BadValue(f"nash_conv needs the strategies of both teams of a game of two, not {list(given)} of {teams}.")
     options: dict[str, Any] = {"turns": turns, "seed": seed, "max_states": max_states}
     pairs = (teams, teams[::-1])
-    return sum(_answer(scenario, one, {two: given[two]}, reward, teams[0], **options).value for one, two in pairs)
+    games = [setup_of(scenario, (one,), {two: given[two]}, **options) for one, two in pairs]
+    return sum(_answer(game, reward, teams[0]).value for game in games)
 
 
 def exploitability(
@@ -310,22 +313,13 @@ def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
     return {} if against is None else dict.fromkeys(teams, against)
 
 
-def _answer(
-    scenario: Scenario,
-    team: str,
-    others: Mapping[str, Any],
-    reward: Reward,
-    of: str,
-    *,
-    turns: int | None,
-    seed: int | None,
-    max_states: int,
-) -> Solution:
-    """Return the exact best response of a team; `of` is the team that gets the reward."""
-    known = next(iter(others.values())) if len(others) == 1 else None
-    if isinstance(known, SolvedStrategy) and known.team != team and known.is_of(scenario, turns):
-        return known.answered(reward, of)
-    return solved(setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=max_states), reward, 1.0, of)
+def _answer(setup: Setup, reward: Reward, of: str) -> Solution:
+    """Return the exact best response of the one team of a game; `of` is the team that gets the reward."""
+    known: Any = next(iter(setup.others.values())) if len(setup.others) == 1 else None
+    is_other = isinstance(known, SolvedStrategy) and known.team not in setup.teams
+    if is_other and known.is_of(setup.scenario, setup.last_turn):
+        return cast("Solution", known.answered(reward, of))
+    return solved(setup, reward, 1.0, of)
 
 
 def _searched(

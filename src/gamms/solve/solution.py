@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from logging import getLogger
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -477,11 +478,12 @@ def setup_of(
     turns: int | None,
     seed: int | None,
     max_states: int,
+    limit: str = "max_states",
 ) -> Setup:
-    """Return which game is looked at, of checked arguments."""
+    """Return which game is looked at, of checked arguments; `limit` is the one that says how many states there are."""
     start = (scenario.spec.seed or 0) if seed is None else seed
     last = None if turns is None else as_count(turns, "turns")
-    return Setup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, "max_states"))
+    return Setup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, limit), limit)
 
 
 def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
@@ -498,7 +500,22 @@ def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Reward
         raise BadValue(
             f"With reward={shown(reward)} all play is worth 0, because {why}: give another of {REWARDS}, or a function."
         )
+    if reward == "score":
+        _warn_of_worthless_wins(table, usual, last)
     return Rewards(usual, last, discount)
+
+
+def _warn_of_worthless_wins(table: Table, usual: FloatArray, last: FloatArray | None) -> None:
+    """Warn of teams whose wins give no points, though the scenario's rules say that they have won."""
+    turns = [(table.usual.winner, usual)]
+    turns += [] if table.last is None or last is None else [(table.last.winner, last)]
+    for number, team in enumerate(table.roster.teams):
+        given = [rewards[winner == number] for winner, rewards in turns]
+        if any(map(len, given)) and not any(map(np.any, given)):
+            getLogger("gamms").warning(
+                f"With reward='score' it counts nothing that team {shown(team)} wins: the rules that end the game then "
+                "give no points. With reward='win' a win counts 1, and a loss -1."
+            )
 
 
 def _rewards(table: Table, outcomes: Outcomes, reward: Reward, of: str) -> FloatArray:

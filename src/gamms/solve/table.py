@@ -408,10 +408,10 @@ class _Explorer:
     def _too_many(self) -> str:
         places = {tuple(one) for one in np.column_stack((self._found.nodes, self._found.alive)).tolist()}
         return (
-            f"This game has more than max_states={self._setup.max_states:,} states, of only {len(places):,} joint "
-            "positions: its rules or strategies remember more than where agents are"
+            f"This game has more than {self._setup.limit}={self._setup.max_states:,} states, of only {len(places):,} "
+            "joint positions: its rules or strategies remember more than where agents are"
             f"{', and the turn counts' * self._by_turn}. Use rules that remember less, fewer turns=, a smaller map, or "
-            "a larger max_states= if there are time and memory."
+            f"a larger {self._setup.limit}= if there are time and memory."
         )
 
     def _check_again(self) -> None:

@@ -183,6 +183,7 @@ class Setup(NamedTuple):
         others: strategies of the others, by team or agent, in place of those of the scenario.
         last_turn: the turn after which the game is cut; None: as the scenario says.
         max_states: how many states there may be.
+        limit: the argument that has said so.
     """
 
     scenario: Scenario
@@ -191,6 +192,7 @@ class Setup(NamedTuple):
     others: Strategies
     last_turn: int | None
     max_states: int
+    limit: str = "max_states"
 
 
 def world_of(setup: Setup) -> World:
@@ -233,9 +235,9 @@ def _positions(ctx: Context, setup: Setup) -> int:
         nodes = int(setup.max_states ** (1 / len(reached)))
         raise TooLarge(
             f"This game has up to {joint:,} joint positions ({len(reached)} agents that get to "
-            f"{' x '.join(map(str, reached))} nodes), and max_states={setup.max_states:,} is allowed: "
+            f"{' x '.join(map(str, reached))} nodes), and {setup.limit}={setup.max_states:,} is allowed: "
             f"{fitting} of these agents on this map would fit, or {len(reached)} agents on {nodes} nodes. A smaller "
-            "map, fewer turns=, or a larger max_states= if there are time and memory."
+            f"map, fewer turns=, or a larger {setup.limit}= if there are time and memory."
         )
     return joint
 
