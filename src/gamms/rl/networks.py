@@ -178,7 +178,10 @@ def network_of(model: Any, shared: int | None = None) -> Network:
         raise BadType(f"{shown(model)} cannot be saved as a feed-forward network: {error}. {_WAY}") from None
 
 
-_WAY = "Export it with torch.onnx.export, and save the ONNX file: save_policy('network.onnx', 'policy.onnx', …)."
+_WAY = (
+    "Export it with torch.onnx.export(…, external_data=False), and save the ONNX file: "
+    "save_policy('network.onnx', 'policy.onnx', …)."
+)
 
 
 def _layers_in(module: Any) -> list[Any]:
@@ -215,7 +218,10 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
     with needing("A policy in ONNX", "onnx"):
         import onnxruntime
     if _EXTERNAL.search(model):
-        raise BadFile(f"{what} may read its weights from other files, which is refused: save it as one file.")
+        raise BadFile(
+            f"{what} may read its weights from other files, which is refused: save it as one "
+            "file, torch.onnx.export(…, external_data=False)."
+        )
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
