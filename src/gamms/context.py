@@ -162,7 +162,8 @@ class Context(Guarded, typing.IContext):
         if self._game is None:
             from gamms.game import Game
 
-            self._game = Game(self)
+            with self._phase.suspended(changes_world=False):
+                self._game = Game(self)
         return self._game
 
     @property

@@ -25,10 +25,11 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Deciders(NamedTuple):
-    """What decides for several agents at once, or for agents that are awaited."""
+    """What decides for several agents at once, or for agents that are awaited; or what may make a strategy."""
 
     described: str  # at the beginning of a sentence, such as "The plan of team 'red'"
     names: tuple[str, ...]  # of the agents
+    is_maker: bool = False  # whether it is called to see whether it makes a strategy
 
 
 AWAITED = Deciders("A strategy that is awaited", ())

@@ -4,7 +4,7 @@ import pytest
 
 from gamms.errors import UnknownName
 from gamms.rules import Conflicts, capture_flag, last_team, tag, time_limit
-from gamms.strategies import chase, first, random_walk, stay
+from gamms.strategies import first, goto, random_walk, stay
 
 
 @pytest.mark.parametrize(
@@ -74,8 +74,8 @@ def test_a_maker_of_rules_that_was_not_called_is_refused(ctx, maker):
         ctx.game.add(maker)
 
 
-@pytest.mark.parametrize("maker", [chase, first])
-def test_a_maker_of_strategies_that_was_not_called_is_refused(ctx, maker):
+@pytest.mark.parametrize("maker", [first, goto])
+def test_a_maker_that_needs_more_than_the_context_is_refused(ctx, maker):
     with pytest.raises(TypeError, match=rf"{maker.__name__} makes such a function"):
         ctx.agent.create_agent("b", start_node_id=0, strategy=maker)
     assert "b" not in ctx.agent.agents
@@ -145,10 +145,12 @@ def test_names_that_are_no_texts_are_refused(ctx, name):
 
 
 @pytest.mark.parametrize("strategy", [random_walk, stay])
-def test_a_strategy_is_no_plan_of_a_team(ctx, strategy):
-    with pytest.raises(TypeError, match="is a strategy, which decides for one agent, and no plan of a team"):
-        ctx.game.command("red", strategy)
-    assert ctx.game.plans == {}
+def test_a_strategy_of_gamms_is_a_plan_that_decides_for_one_agent_after_the_other(ctx, strategy):
+    for name in ("b", "c"):
+        ctx.agent.create_agent(name, start_node_id=0, team="red")
+    ctx.game.command("red", strategy)
+    assert ctx.game.run(2).errors == []
+    assert ctx.game.plans["red"].function is not strategy
 
 
 def test_a_method_of_a_list_is_a_plan(ctx):

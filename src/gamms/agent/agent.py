@@ -23,11 +23,11 @@ from gamms.typing.actions import (
     as_node,
     as_position,
     as_quat,
-    as_strategy,
     flight,
     heading_in,
     known_node,
     level_quat,
+    strategy_in,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
@@ -91,7 +91,10 @@ class BaseAgent(ContextPart, IAgent):
             if phase.agent is not None:
                 phase.refuse(f"set agent.{name}")
             if name not in phase.known_names:
-                self._look_at(name, value)
+                if name == "strategy":
+                    self.decide_by(None if value is None else strategy_in(self._ctx, value))
+                    return
+                self._look_at(name)
             self._put_attribute(name, value)
             journal = self._block.journal
             if not journal.is_silent and name in self.__dict__:
@@ -106,14 +109,8 @@ class BaseAgent(ContextPart, IAgent):
         if is_noted:
             self._block.journal.attributed([self._row], name, None)
 
-    def _look_at(self, name: str, value: object) -> None:
-        """Check a strategy; refuse what cannot be set; warn of a name that looks misspelt, once in a context."""
-        if name == "strategy":
-            if value is not None:
-                as_strategy(self._ctx, value)
-            self._phase.strategy_changes += 1
-            self._block.structure.note((self._row,))
-            return
+    def _look_at(self, name: str) -> None:
+        """Refuse what cannot be set; warn of a name that looks misspelt, once in a context."""
         known = getattr(type(self), name, None)
         if isinstance(known, property) and known.fset is None:
             settable = ", ".join(sorted({"strategy", *self._SETTABLE}))
@@ -216,10 +213,10 @@ class BaseAgent(ContextPart, IAgent):
 
     @refused_while_deciding
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
-        """Decide with `strategy` from now on.
+        """Decide with `strategy` from now on: a function of the state, or one that makes it from the context.
 
         Raises:
-            BadType: it is neither a function of the state nor None.
+            BadType: it is neither, nor None.
         """
         self.strategy = strategy
 
@@ -297,6 +294,13 @@ class BaseAgent(ContextPart, IAgent):
         self.set_state()
 
     # -- inside the package -------------------------------------------------------------------------------------
+
+    @refused_while_deciding
+    def decide_by(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
+        """Set a strategy that was checked or made before, or None."""
+        self._phase.strategy_changes += 1
+        self._block.structure.note((self._row,))
+        object.__setattr__(self, "strategy", strategy)
 
     @property
     def _is_closed(self) -> bool:

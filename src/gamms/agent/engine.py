@@ -36,7 +36,7 @@ from gamms.ir.positions import Positions
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.actions import as_strategy, known_node
+from gamms.typing.actions import known_node, strategy_in
 from gamms.typing.agent_engine import AgentType, Departure, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, owner_of
@@ -259,7 +259,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         for node in unknown:
             known_node(graph, block, node)
         if strategy is not None:
-            as_strategy(self._ctx, strategy)
+            strategy = strategy_in(self._ctx, strategy)
             self._phase.strategy_changes += 1
         for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is kept as an attribute.")
@@ -469,7 +469,7 @@ class AgentStorage(Guarded):
                 agent.__dict__.clear()
                 agent.__dict__.update(copied_attributes(attributes))
             if agent.strategy is not strategy:
-                agent.strategy = strategy
+                agent.decide_by(strategy)
             agent._last[0] = last
             if agent._sensor_list != sensors:
                 for name in list(agent._sensor_list):  # all, for their order

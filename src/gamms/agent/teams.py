@@ -23,7 +23,7 @@ from gamms.kernels.draws import BitArray
 from gamms.limits import max_memory, refuse_above
 from gamms.text import printable_line, shown
 from gamms.typing import IContext
-from gamms.typing.actions import as_heading, as_strategy
+from gamms.typing.actions import as_heading, strategy_in
 from gamms.typing.sensor_engine import ISensor, is_sensor
 
 Column = np.ndarray[Any, Any]
@@ -44,7 +44,7 @@ _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "prev_node_id": lambda agent, node: agent._known(node),
     "orientation": lambda _, heading: heading is None or as_heading(heading),
     "team": lambda _, team: as_key(team, "A team"),
-    "strategy": lambda agent, strategy: strategy is None or as_strategy(agent._ctx, strategy),
+    "strategy": lambda agent, strategy: strategy is None or strategy_in(agent._ctx, strategy),
 }
 """Other attributes that members check -> the same check, for all before one is set."""
 

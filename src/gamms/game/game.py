@@ -23,6 +23,7 @@ from gamms.ir.game_state import GameState
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
+from gamms.typing.actions import plan_in
 from gamms.typing.context import HostContext
 from gamms.typing.game import Rule, TeamPlan, strategy_name
 from gamms.versions import versions
@@ -66,7 +67,7 @@ class Game(RuleVerbs):
     @property
     def internals(self) -> GameInternals:
         """What engines and clients do with the game; not for strategies."""
-        if self._phase.agent is not None:
+        if self._phase.agent is not None and not getattr(self._phase.agent, "is_maker", False):
             self._phase.refuse("use ctx.game.internals")
         return self._internals
 
@@ -137,19 +138,17 @@ class Game(RuleVerbs):
         Args:
             team: the team.
             plan: called with a dict from the names of the living agents to their states, in the order of the names;
-                it sets `state["action"]` in each.
+                it sets `state["action"]` in each. Or a function that makes a plan or a strategy from the context, or a
+                strategy of `gamms.strategies`; a strategy decides for one agent after the other.
             arrays: the plan is called with `gamms.game.TeamArrays` instead, and returns the ids of nodes (agents,). No
                 sensor is asked, and the agents have no states.
 
         Raises:
-            BadType: the plan cannot be called with one argument, or is a strategy of `gamms.strategies`.
+            BadType: the plan cannot be called with one argument.
         """
         as_key(team, "A team")
-        if str(getattr(plan, "__module__", "")).startswith("gamms.strategies."):
-            raise BadType(
-                f"{shown(plan)} is a strategy, which decides for one agent, and no plan of a team: give it to the "
-                "agents, such as by create_agent(…, strategy=…)."
-            )
+        if plan is not None and not arrays:
+            plan = plan_in(self.ctx, plan)
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
         self._unchecked_plans.append(team)
@@ -471,6 +470,7 @@ class Game(RuleVerbs):
                 copy_known(self._snapshots, game._snapshots, memo, frozenset(names), self._internals.starts)
             ctx.is_seeded = True  # so that what is drawn from the global generators is its own
             game._state.parts_played = self._turns.part
+            game._internals.digests = self._internals.digests
             game._begin()
         return PrivateFork(game, names, lambda value: own(value, memo))
 

@@ -230,7 +230,7 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     """
     source.turns.update_counts()
     for agent in source.ctx.agent.storage.made():
-        memo[id(agent)].strategy = own(agent.strategy, memo)
+        memo[id(agent)].decide_by(own(agent.strategy, memo))
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
 
     shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
@@ -379,7 +379,7 @@ class GameInternals(Guarded):
         after_reset: called after each reset, in order.
         after_observing: called in every turn with the agents and their states before any agent decides, in order.
         scenario: what the game was built from, as plain values, for the recorder; None: by a program.
-        digests: gives the SHA-256 of each part of that, for strategies that fit one game; None: built by a program.
+        digests: gives the SHA-256 of each part of that, for strategies that fit one map; None: built by a program.
     """
 
     _called = "ctx.game.internals"

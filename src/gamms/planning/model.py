@@ -13,9 +13,10 @@ from gamms.game import Game
 from gamms.game.facts import INFORMATION
 from gamms.plain import copied
 from gamms.planning.hidden import Hidden
-from gamms.scenario.code import first_of, offered_function
+from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown
+from gamms.typing.actions import strategy_in
 from gamms.typing.game import Action, State, Strategy
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
@@ -216,9 +217,7 @@ class Model:
     def _made(self, policy: Policy, argument: str, own: Callable[[Any], Any]) -> Strategy:
         """Return the strategy that a policy is, or makes, in this game."""
         function = as_policy(policy, argument)
-        if first_of(function) == "ctx":
-            return cast("Strategy", function(self.ctx))
-        return cast("Strategy", function if isinstance(policy, str) else own(function))
+        return cast("Strategy", strategy_in(self.ctx, function if isinstance(policy, str) else own(function)))
 
 
 def as_policy(policy: object, argument: str) -> Callable[..., Any]:

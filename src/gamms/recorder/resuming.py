@@ -20,6 +20,7 @@ from gamms.recorder.errors import UNFIT, RecordingError, refusing
 from gamms.recorder.replaying import Replayer
 from gamms.text import as_code, reason, shown
 from gamms.typing import SensorType
+from gamms.typing.actions import makes_strategies
 from gamms.typing.context import HostContext, contexts
 from gamms.typing.recorder import OpCodes
 
@@ -136,7 +137,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         replayer.state.sensor_ids = sensor_ids(reader, past, turn)
         replayer.state.restore(snapshot)
     for name, agent in ctx.agent.agents.items():
-        agent.strategy = strategies.get(name)
+        agent.decide_by(strategies.get(name))
     looks = [data for *_, data in past.events(turn, (kinds.VISUALS,))]
     drawings = reader.header.get("drawings", [])
     drawings = [*drawings, *(data for *_, data in past.events(turn, (kinds.VISUAL_COMMANDS,)))]
@@ -164,7 +165,7 @@ def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
     for name, strategy in given.items():
         if name not in team_of and name not in teams:
             raise UnknownName("team or agent", name, [*sorted(map(str, teams)), *team_of])
-        if strategy is not None:
+        if strategy is not None and not makes_strategies(strategy):
             as_function_of(strategy, "A strategy", "the state")
     found = {name: given.get(name, given.get(team)) for name, team in team_of.items()}
     return {name: strategy for name, strategy in found.items() if strategy is not None}

@@ -34,11 +34,13 @@ from gamms.scenario.code import (
     plain_defaults,
 )
 from gamms.scenario.documents import ScenarioError, at, copied, joined
+from gamms.scenario.maps import digest_of
 from gamms.scenario.placement import Member, Placing, members, node_at
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
 from gamms.scenario.validation import NamedCode, call_in, code_in, flies, sensor_type
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
+from gamms.typing.actions import strategy_in
 from gamms.typing.game import IConflicts, Rule
 
 Strategies = Mapping[str, Function]  # by team or agent
@@ -313,7 +315,7 @@ class Builder:
         for name, strategy in {one.name: self._strategy(one, mapped) for one in self.members}.items():
             built = self._agents[name]
             if strategy is not None and built.agent.strategy is built.strategy:
-                built.agent.register_strategy(strategy)
+                built.agent.decide_by(strategy)
             self._agents[name] = built if strategy is None else built._replace(strategy=strategy)
 
     def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
@@ -331,7 +333,8 @@ class Builder:
         if ":" not in code.function:
             if path not in mapped:
                 mapped[path] = self._map_strategy(code, path, [member] if is_own else self.by_team[member.team])
-            return mapped[path].get(member.name)
+            found = mapped[path].get(member.name)
+            return None if found is None else strategy_in(self.ctx, found)
         return self._made(code, path, "strategy")
 
     def _made(self, code: Code, path: str, what: str) -> Function:
@@ -522,10 +525,8 @@ def digests(spec: Spec, library: Library, map: MapSnapshot) -> dict[str, str]:
         for part in (team, *team["agents"]):
             part["strategy"] = part["plan"] = None
     written = {key: json.dumps(as_json(value), sort_keys=True).encode() for key, value in parts.items()}
-    columns, walls = map.columns, map.obstacles.corners
-    arrays = (columns.node_ids, columns.xy, columns.sources, columns.targets, columns.lengths, walls)
-    written["map"] = b"".join(one.astype(one.dtype.newbyteorder("<"), copy=False).tobytes() for one in arrays)
-    return {key: sha256(value).hexdigest() for key, value in written.items()}
+    found = {key: sha256(value).hexdigest() for key, value in written.items()}
+    return {**found, "map": digest_of(map.columns, map.obstacles.corners)}
 
 
 def _write_defaults(plain: Values, one: NamedCode, function: Function | None) -> None:

@@ -12,7 +12,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache, partial, update_wrapper
 from importlib.util import find_spec
 from inspect import Parameter
@@ -28,6 +28,7 @@ from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.text import shown, syntax_tree
+from gamms.typing.actions import makes_strategies, strategy_in
 from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = (
@@ -485,16 +486,17 @@ def _stamp(file: Path) -> tuple[int, int]:
     return (0, 0)
 
 
-def made(function: Function, given: Parameters, ctx: Context | None, path: str, what: str) -> Function:
+def made(function: Function, given: Parameters, ctx: Context, path: str, what: str) -> Function:
     """Return the strategy, plan or rule that a function is, or that it makes.
 
-    It is one if its first parameter has the name in `_ARGUMENTS`, or if it needs an argument and is given nothing. One
-    whose first parameter is `ctx`, that takes nothing, or that is given parameters, makes one.
+    It is one if its first parameter has the name in `_ARGUMENTS`. One whose first parameter is `ctx`, that takes
+    nothing, or that is given all its parameters, makes one. For any other strategy see `strategy_in`; any other plan or
+    rule is one if it is given nothing.
 
     Args:
         function: the function.
         given: its parameters.
-        ctx: the context for a function that takes it.
+        ctx: the context.
         path: where in the scenario it is named.
         what: "strategy", "plan" or "rule".
 
@@ -504,6 +506,12 @@ def made(function: Function, given: Parameters, ctx: Context | None, path: str, 
     first, name = first_of(function), getattr(function, "__name__", function)
     if what == "rule" and first == "state":
         raise ScenarioError(path, f"{name} takes a state: it is not a rule, but a strategy.")
+    if what == "strategy" and first not in ("state", "ctx") and first not in given and needs(function):
+        check_parameters(function, given, 1, path)
+        asked = partial(function, **given) if given else function
+        with nullcontext() if makes_strategies(asked) is False else _raising(path, f"{name} raised"):
+            found: Function = strategy_in(ctx, asked)
+        return update_wrapper(asked, function) if given and found is asked else found
     if first in _ARGUMENTS[what] or (first != "ctx" and not given and needs(function)):
         check_parameters(function, given, 1, path)
         return update_wrapper(partial(function, **given), function) if given else function

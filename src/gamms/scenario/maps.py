@@ -1,6 +1,7 @@
 """The map of a scenario: loaded once, and put into every game from arrays."""
 
 import logging
+from hashlib import sha256
 from pathlib import Path
 
 from gamms import osm
@@ -8,6 +9,7 @@ from gamms.context import Context, create_context
 from gamms.errors import nearest
 from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
+from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.scenario.code import Library, called, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
@@ -21,6 +23,17 @@ def quiet() -> Values:
     """Return how the contexts of scenarios log: as the program has set it, or from warnings on."""
     level = logging.getLogger("gamms").level
     return {"level": logging.getLevelName(level) if level else "WARNING"}
+
+
+def digest_of(columns: GraphColumns, walls: FloatArray) -> str:
+    """Return the SHA-256 of streets and obstacles, in hexadecimal.
+
+    Args:
+        columns: of the streets.
+        walls: the corners of the obstacles.
+    """
+    arrays = (columns.node_ids, columns.xy, columns.sources, columns.targets, columns.lengths, walls)
+    return sha256(b"".join(one.astype(one.dtype.newbyteorder("<"), copy=False).tobytes() for one in arrays)).hexdigest()
 
 
 def kind_of(map: Map) -> str:

@@ -1,18 +1,31 @@
 """Checks of what callers pass for nodes, headings, positions, quaternions and strategies before it is written."""
 
-from collections.abc import Iterable
+import dis
+from collections.abc import Callable, Iterable
+from functools import partial, update_wrapper
+from inspect import Parameter, iscoroutinefunction, unwrap
 from math import hypot, isfinite
+from types import CodeType
 from typing import Any, cast
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_function_of, as_int, as_numbers, as_range
+from gamms.arguments import annotations_of, as_float, as_function_of, as_int, as_numbers, as_range, signature_of
+from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
-from gamms.text import Called, shown
+from gamms.text import Called, as_code, shown
 from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
+
+_STATES = ("state", "states")  # first parameters of strategies
+_CONTEXT = "ctx"  # the first parameter of makers
+_STATE_TYPES = ("State", "AerialState", "dict", "Dict", "Mapping")
+_CONTEXT_TYPES = ("Context", "IContext", "HostContext")
+_NO_STATE = (TypeError, AttributeError)  # what strategies raise that get a context in place of a state
+
+Function = Callable[..., Any]
 
 
 def as_node(value: object) -> int:
@@ -147,15 +160,161 @@ def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> 
     return one_step(position_of(block, row), direction, far)
 
 
-def as_strategy(ctx: IContext, value: object) -> Any:
-    """Check that a value is a function of the state, which was not made for another context.
+# -- strategies, and functions that make them ----------------------------------------------------------------------
+
+
+def strategy_in(ctx: IContext, given: object) -> Any:
+    """Return the strategy that a value is, or that it makes in a context.
+
+    A function makes strategies if its first parameter is `ctx`, or annotated as a context. It is a strategy if that is
+    `state`, or annotated as a state, if it sets "action" or returns nothing, or if it is written in C. Any other
+    function is called with the context, which cannot be changed meanwhile: it makes strategies if it returns a
+    function.
 
     Raises:
-        BadType, BadValue: it is not.
+        BadType: it is neither; it makes strategies and needs more than the context; or it cannot be told.
+        BadValue: it was made for another context.
     """
-    as_function_of(value, "A strategy", "the state")
-    if isinstance(value, Called) and any(isinstance(one, IContext) and one is not ctx for one in value.held()):
+    is_maker, function = makes_strategies(given), cast("Function", given)
+    if is_maker is None:
+        is_maker = _returns_function(ctx, function)
+    if not is_maker:
+        return _checked(ctx, as_function_of(given, "A strategy", "the state"))
+    _refuse_missing(function)
+    made = function(ctx)
+    if not callable(made):
+        raise BadType(f"{as_code(given)} gives {shown(made)}, which is not a strategy.")
+    return _checked(ctx, made)
+
+
+def plan_in(ctx: IContext, given: object) -> Any:
+    """Return the plan of a team that a value is, or that it makes in a context.
+
+    A strategy that it makes, and one of `gamms.strategies`, becomes a plan that decides for one agent after the other.
+    Other values are returned as they are.
+
+    Raises:
+        BadType, BadValue: see `strategy_in`.
+    """
+    is_ours = str(getattr(given, "__module__", "")).startswith("gamms.strategies.")
+    is_plan = not callable(given) or (makes_strategies(given) is False and not is_ours)
+    made: Any = given if is_plan else strategy_in(ctx, given)
+    first = None if is_plan else _first_parameter(made)
+    if is_plan or (made is given and not is_ours) or (first is not None and first.name == "states"):
+        return made
+
+    def plan(states: dict[str, object]) -> None:
+        for state in states.values():
+            made(state)
+
+    async def awaited_plan(states: dict[str, object]) -> None:
+        for state in states.values():
+            await made(state)
+
+    found: Any = update_wrapper(awaited_plan if _is_awaited(made) else plan, made)
+    del found.__wrapped__  # which takes a state
+    return found
+
+
+def makes_strategies(given: object) -> bool | None:
+    """Return whether a value makes strategies, as far as it can be told without calling it; None: it cannot."""
+    code = getattr(given.func if type(given) is Called else given, "__code__", None)
+    if code is not None and code.co_argcount and code.co_varnames[0] in _STATES:  # NOTE: each agent comes here
+        return False
+    function = given if callable(given) else None
+    first = None if function is None else _first_parameter(function)
+    if function is None or first is None or first.kind is Parameter.VAR_POSITIONAL or _is_awaited(function):
+        return False
+    kind = getattr(first.annotation, "__name__", str(first.annotation)).rpartition(".")[2]
+    if first.name == _CONTEXT or kind in _CONTEXT_TYPES:
+        return True
+    makes_others = getattr(annotations_of(given).get("return"), "__origin__", None) is Callable  # such as rules
+    if makes_others or first.name in _STATES or kind in _STATE_TYPES:
+        return False
+    return None if isinstance(given, type) or _may_return(_code_of(function)) else False
+
+
+def _is_awaited(given: Function) -> bool:
+    return iscoroutinefunction(given) or iscoroutinefunction(getattr(given, "__call__", None))  # noqa: B004 - it is looked at
+
+
+def _first_parameter(given: Function) -> Parameter | None:
+    """Return the first parameter that is left to the caller; None without one, or of a function in C."""
+    try:
+        parameters = signature_of(given).parameters.values()
+    except (TypeError, ValueError):
+        return None
+    return next((one for one in parameters if one.kind not in (Parameter.KEYWORD_ONLY, Parameter.VAR_KEYWORD)), None)
+
+
+def _code_of(given: Function) -> CodeType | None:
+    """Return the code of a function, or of the method by which an object is called; None of one in C."""
+    while isinstance(given, partial):
+        given = given.func
+    plain = unwrap(getattr(given, "__func__", given))
+    code = getattr(plain, "__code__", None) or getattr(type(plain).__call__, "__code__", None)
+    return code if isinstance(code, CodeType) else None
+
+
+def _may_return(code: CodeType | None) -> bool:
+    """Return whether a function returns something, and does not name "action" as a key or a keyword."""
+    if code is None or any(one == "action" or (isinstance(one, tuple) and "action" in one) for one in code.co_consts):
+        return False
+    return any(value is not None for value in _returned(dis.get_instructions(code)))
+
+
+def _returned(instructions: Iterable[dis.Instruction]) -> Iterable[object]:
+    """Yield the constants that a function returns, and a mark for each value that it works out."""
+    before = None
+    for one in instructions:
+        if one.opname == "RETURN_CONST":
+            yield one.argval
+        elif one.opname == "RETURN_VALUE":
+            yield one if before is None or before.opname != "LOAD_CONST" else before.argval
+        before = one
+
+
+def _returns_function(ctx: IContext, given: Function) -> bool:
+    """Return whether a function returns a function when it is called with the context."""
+    phase, name = phase_of(ctx), as_code(given)
+    before = phase.agent
+    phase.agent = Deciders(f"{name}, which is called to see whether it makes a strategy,", (), is_maker=True)
+    try:
+        return callable(given(ctx))
+    except _NO_STATE:
+        return False
+    except Exception as error:
+        raise BadType(
+            f"{name} may be a strategy, or make one: called with the context, it raises {type(error).__name__}: "
+            f"{error} Name its first parameter state if it is a strategy, and ctx if it makes one."
+        ) from error
+    finally:
+        phase.agent = before
+
+
+def _refuse_missing(given: Function) -> None:
+    """Refuse what makes strategies of more than the context.
+
+    Raises:
+        BadType: it does.
+    """
+    try:
+        signature_of(given).bind(None)
+    except TypeError:
+        raise BadType(
+            f"{as_code(given)} makes such a function, and needs more than the context: call it, "
+            f"{as_code(given)}(…), and pass what it returns, or pass lambda ctx: {as_code(given)}(ctx, …)."
+        ) from None
+
+
+def _checked(ctx: IContext, strategy: Function) -> Any:
+    """Return a strategy that was not made for another context.
+
+    Raises:
+        BadValue: it was.
+    """
+    if isinstance(strategy, Called) and any(isinstance(one, IContext) and one is not ctx for one in strategy.held()):
         raise BadValue(
-            f"{shown(value)} was made for another context, whose map and agents it asks for. Make it with this one."
+            f"{shown(strategy)} was made for another context, whose map and agents it asks for. Make it with this one."
         )
-    return value
+    return strategy
