@@ -23,6 +23,7 @@ from gamms.rl.heads import AXES, refuse_mixed
 from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation, within_reach
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.scenario import Scenario
+from gamms.scenario.maps import digest_of
 from gamms.text import module_of, shown
 from gamms.typing import AgentType, IContext
 from gamms.typing.context import HostContext
@@ -77,7 +78,7 @@ class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         version: of this form.
         scenario: its name.
-        digests: of its parts; see `Scenario.digests`.
+        digests: of its parts; see `Scenario.digests`. That of the map says where the policy plays.
         spaces: see there.
         spaces_digest: of them.
         teams: that it was trained for.
@@ -164,11 +165,11 @@ def policy(
         observation: the function that it was trained with; None: the default.
         sample: draw actions with their probabilities, the same with the same seed; else it takes the best ones.
         trusted: you trust the file with all that your programs may do. Pickles need it: reading one runs code in it.
-        other_scenario: it may play in another scenario than that it was trained in, if the spaces are the same.
+        other_scenario: it may play on other maps than that it was trained on, if the spaces are the same.
 
     Raises:
         BadFile: it is no policy, or damaged.
-        BadValue: it does not fit the observation; and later, when a strategy is made of it, the scenario.
+        BadValue: it does not fit the observation; and later, when a strategy is made of it, the map.
         MissingFile (FileNotFoundError): there is no such file.
         MissingExtra (ImportError): the library of the file is not installed.
     """
@@ -265,7 +266,7 @@ def _maker(player: _Player) -> Maker:
     def make(ctx: IContext) -> Callable[[Any], None]:
         as_context(ctx, "A policy")
         if described is not None and not player.other_scenario:
-            _refuse_other(loaded.file, described, cast("HostContext", ctx))
+            _refuse_other_map(loaded.file, described, cast("HostContext", ctx))
         return make_strategy(ctx)
 
     make.__name__ = make.__qualname__ = play_policy.__name__
@@ -342,20 +343,14 @@ def _fitting(loaded: _Loaded, shape: tuple[int, ...], *, flies: bool) -> Logits:
     return loaded.network.logits(actions + deeds)
 
 
-def _refuse_other(file: Path, described: Description, ctx: HostContext) -> None:
-    """Refuse a scenario that a policy was not trained in."""
+def _refuse_other_map(file: Path, described: Description, ctx: HostContext) -> None:
+    """Refuse a map that a policy was not trained on; that of a scenario as it was before any street was closed."""
     known = ctx.game.internals.digests
-    if known is None:
+    here = digest_of(ctx.graph.columns(), ctx.graph.obstacle_columns().corners) if known is None else known()["map"]
+    if here != described.digests.get("map"):
         raise BadValue(
-            f"{file} was trained in the scenario {shown(described.scenario)}, and this game is not built of one: "
+            f"{file} was trained in the scenario {shown(described.scenario)}, which has another map than this game: "
             "rl.policy(path, other_scenario=True) lets it play all the same."
-        )
-    here: dict[str, str] = known()
-    differ = sorted(key for key in {*here, *described.digests} if here.get(key) != described.digests.get(key))
-    if differ:
-        raise BadValue(
-            f"{file} was trained in the scenario {shown(described.scenario)}, of which this one differs in "
-            f"{', '.join(differ)}: rl.policy(path, other_scenario=True) lets it play all the same."
         )
 
 
