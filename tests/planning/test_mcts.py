@@ -14,8 +14,9 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning import mcts
 from gamms.planning.mcts import _Node, _seen, _Trials
 from gamms.planning.pace import Pace
-from gamms.scenario import load
+from gamms.scenario import Scenario, load
 from gamms.sensor import SensorType
+from gamms.strategies import stay
 
 DATA = Path(gamms.__file__).parent / "data" / "gallery"
 
@@ -80,7 +81,7 @@ def test_the_same_seed_gives_the_same_actions(tag, opponents):
 def test_two_processes_play_the_same(tmp_path, monkeypatch):
     code = f"""
 from gamms.planning import mcts
-from gamms.scenario import load
+from gamms.scenario import Scenario, load
 with load({str(DATA / "grid_tag.yaml")!r}).build(5) as ctx:
     ctx.game.command("red", mcts(6, depth=5, rollout="gamms.strategies:chase"))
     ctx.record.start("game.ggr", overwrite=True)
@@ -432,3 +433,16 @@ def test_it_beats_the_script_of_a_scenario_that_comes_with_gamms():
                     ctx.game.command("red", search)
                 tags[by] += ctx.game.run().scores.get("red", 0)
     assert tags["search"] >= tags["script"] + 3
+
+
+@pytest.mark.parametrize(("options", "kind"), [({"iterations": 4}, "searched"), ({"seconds": 1e-9}, "given_up")])
+@pytest.mark.parametrize("selection", ["uct", "exp3"])
+def test_a_result_counts_the_decisions_of_searches(options, kind, selection):
+    scene = Scenario(
+        map={"grid": {"width": 3, "height": 3}}, teams={"red": {"count": 2}, "blue": {"count": 1}}, max_turns=3, seed=1
+    )
+    search = mcts(**options, depth=2, selection=selection)
+    result = scene.play(strategies={"red": search, "blue": stay})
+    counts = {name: result.timings.get(name, 0) for name in ("searched", "given_up")}
+    assert counts == {"searched": 0, "given_up": 0, kind: 6}
+    assert scene.play(strategies={"red": stay, "blue": stay}).timings.keys() == result.timings.keys() - {kind}

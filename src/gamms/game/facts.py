@@ -1,9 +1,10 @@
 """What agents know: facts that were published to all, a team or an agent, and copies of the game to look ahead."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, Literal, NamedTuple
 
 from gamms.arguments import as_choice, as_key
+from gamms.deciding import phase_of
 from gamms.errors import BadValue, IllegalMutation, UnknownName
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping
@@ -105,6 +106,18 @@ class PrivateForks:
             raise IllegalMutation("state['fork'] is of a state that was pickled, and belongs to no game any more.")
         fork: PrivateFork = game.fork_for_deciders(seed, as_choice(information, "information", INFORMATION))
         return fork
+
+    def note_search(self, decisions: Mapping[str, bool]) -> None:
+        """Count in the timings of the game for how many agents a search has decided, and for how many it had no time.
+
+        Args:
+            decisions: agent -> whether its action was searched for; False: it follows its script.
+        """
+        with phase_of(self._ctx).suspended(changes_world=False):
+            timings = self._ctx.game.internals.state.timings
+        for has_searched in decisions.values():
+            name = "searched" if has_searched else "given_up"
+            timings[name] = timings.get(name, 0.0) + 1.0
 
     def is_of(self, ctx: object) -> bool:
         """Return whether it is of the game of a context."""

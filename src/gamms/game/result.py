@@ -52,7 +52,9 @@ class Result:
         deeds: what agents did besides moving, in order: turn, agent, deed, at (the node), and its fields.
         messages: what agents sent by channels, in order: turn, channel, sender, to, body, size (bytes), heard and
             overheard (agent -> the turn in which it has the message), lost, jammed (agents).
-        timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw.
+        timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw. And where strategies search,
+            such as `gamms.planning.mcts`, two counts: `searched`, decisions of agents that a search has made, and
+            `given_up`, those for which it had no time, so that its script decided.
         seed: of the context.
         collected: name -> columns of what was collected.
         provenance: what else it takes to play it again: the versions of `gamms`, `python` and `numpy`, the `scenario`

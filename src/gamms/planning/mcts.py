@@ -12,10 +12,11 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.limits import GarbagePause
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
 from gamms.planning.pace import Pace, Timer
-from gamms.scenario.code import first_of, offered_function
+from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown, shown_as_called
 from gamms.typing import IAgent
+from gamms.typing.actions import strategy_in
 from gamms.typing.game import Action, Draws, State, Strategy
 from gamms.typing.sensor_engine import ON_GROUND
 
@@ -189,7 +190,7 @@ def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAge
     if isinstance(rollout, Mapping) and agent.team not in rollout:
         raise UnknownName("team in rollout=", agent.team, rollout)
     function = as_policy(rollout[agent.team] if isinstance(rollout, Mapping) else rollout, "rollout")
-    return cast("Strategy", function(ctx) if first_of(function) == "ctx" else function)
+    return cast("Strategy", strategy_in(ctx, function))
 
 
 def _warm_up(ctx: Context, first: IAgent, settings: _Settings, pace: Pace, *, is_plan: bool) -> None:
@@ -452,6 +453,7 @@ class _Search:
         )
         self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
         self._actions: dict[str, list[Action]] = {}
+        self._has_searched: dict[str, bool] = {}  # of agents that have more than one action
         preferred = self._model.decide()
         for name, state in self._model.states.items():
             actions = _options(settings, state)
@@ -468,6 +470,7 @@ class _Search:
     def decide(self) -> None:
         """Set the actions of all agents."""
         found = self._one_by_one() if self.settings.is_uct else self._at_once()
+        next(iter(self._model.states.values()))["fork"].note_search(self._has_searched)
         for name, action in found.items():
             self._model.states[name]["action"] = self._actions[name][action]
 
@@ -482,6 +485,8 @@ class _Search:
             chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0))
             root = self._own[name][()]
             found[name] = root.mixed(chance) if any(root.counts) else 0
+            if len(root.counts) > 1:
+                self._has_searched[name] = any(root.counts)
         return found
 
     def _one_by_one(self) -> dict[str, int]:
@@ -520,6 +525,7 @@ class _Search:
                 if base is None or other is None:
                     break
             found[name] = trials.best(self.settings.confidence)
+            self._has_searched[name] = any(trials.counts)
         return found
 
     def _iterate(self, number: int, first: Mapping[str, int]) -> float | None:

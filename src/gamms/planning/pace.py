@@ -68,6 +68,7 @@ class Pace:
         cost.note(cost.least)  # or one that took long would be the last
         for name, state in states.items():
             self._policies[name](state)
+            state["fork"].note_search({name: False})
         return True
 
 
