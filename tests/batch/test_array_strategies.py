@@ -119,11 +119,9 @@ def test_what_it_cannot_do_is_refused():
     def hunt(view):
         return view.counts
 
-    with (
-        scene().build() as ctx,
-        pytest.raises(BadType, match=r"hunt makes such a function: call it, hunt\(…\)"),
-    ):
+    with scene().build() as ctx:
         ctx.agent.get_agent("red_0").strategy = hunt
+        assert ctx.agent.get_agent("red_0").strategy is not hunt
     with scene(**SEEING).build(seed=1, strategies={"red": gamms.array_strategy(lambda view: view.counts)}) as ctx:
         with pytest.raises(BadValue, match="is not the number of a legal node"):
             ctx.game.step()

@@ -470,7 +470,8 @@ class _Search:
     def decide(self) -> None:
         """Set the actions of all agents."""
         found = self._one_by_one() if self.settings.is_uct else self._at_once()
-        next(iter(self._model.states.values()))["fork"].note_search(self._has_searched)
+        fork: Any = next(iter(self._model.states.values()))["fork"]
+        fork.note_search(self._has_searched)
         for name, action in found.items():
             self._model.states[name]["action"] = self._actions[name][action]
 

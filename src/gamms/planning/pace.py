@@ -68,7 +68,8 @@ class Pace:
         cost.note(cost.least)  # or one that took long would be the last
         for name, state in states.items():
             self._policies[name](state)
-            state["fork"].note_search({name: False})
+        fork: Any = next(iter(states.values()))["fork"]
+        fork.note_search(dict.fromkeys(states, False))
         return True
 
 
