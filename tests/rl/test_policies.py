@@ -376,7 +376,7 @@ def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
             alone = scene().play(seed=game, strategies={"red": red})
             assert games.result(game) == alone
             assert alone == scene().play(seed=game, strategies={"red": rl.policy(tmp_path / "red.safetensors")})
-    with pytest.raises(ScenarioError, match="this one differs in map"):
+    with pytest.raises(ScenarioError, match="has another map than this game"):
         scene(width=5).play(seed=1, strategies={"red": red})
     with pytest.raises(BadFile, match="has no metadata of GAMMS"):
         rl.policy(tmp_path / "net.onnx")
@@ -391,16 +391,17 @@ def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
         rl.save_policy(tmp_path / "net.onnx", tmp_path / "r.onnx", scene(width=1, sensors=False), team="red")
 
 
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")  # of PyTorch
 def test_pytorch_exports_a_network_with_what_the_extra_onnx_installs(tmp_path):
     torch = pytest.importorskip("torch", reason='torch is not installed: pip install ".[torch]"')
     pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install ".[onnx]"')
-    net = torch.nn.Sequential(torch.nn.Linear(ENTRIES, 8), torch.nn.GELU(), torch.nn.Linear(8, 5))
+    net = torch.nn.Sequential(torch.nn.Linear(ENTRIES, 8), torch.nn.GELU(), torch.nn.Linear(8, 5)).eval()
     file, given = tmp_path / "net.onnx", (torch.zeros(2, ENTRIES),)
     rows = ({0: torch.export.Dim("rows")},)
     torch.onnx.export(net, given, file, input_names=["observation"], dynamic_shapes=rows, external_data=False)
     rl.save_policy(file, tmp_path / "red.onnx", scene(), team="red")
     assert scene().play(seed=1, strategies={"red": rl.policy(tmp_path / "red.onnx")}).turns > 0
-    torch.onnx.export(net, given, file, input_names=["observation"], dynamic_shapes=rows)
+    torch.onnx.export(net, given, file, input_names=["observation"], dynamic_shapes=rows, external_data=True)
     with pytest.raises(BadFile, match="external_data=False"):
         rl.save_policy(file, tmp_path / "red.onnx", scene(), team="red")
 
