@@ -441,3 +441,100 @@ def test_the_distance_to_a_straight_line_is_that_to_its_nearest_point_and_it_may
     ends = np.array([[10.0, 0.0], [10.0, 0.0], [10.0, 0.0], [0.0, 0.0]])
     assert distances_to(points, np.zeros((4, 2)), ends).tolist() == [3.0, 5.0, 5.0, 5.0]
     assert nearest_on(np.zeros((2, 2)), (3.0, 4.0)) == (0.0, 5.0)
+
+
+def two_areas(order):
+    """Relations: a closed area, and an open one that has its rim as a hole."""
+    closed = '<member type="way" ref="101" role="outer"/><tag k="access" v="private"/>'
+    opened = '<member type="way" ref="100" role="outer"/><member type="way" ref="101" role="inner"/>'
+    parts = {7: closed, 8: opened}
+    square = '<tag k="type" v="multipolygon"/><tag k="highway" v="pedestrian"/>'
+    return "".join(f'<relation id="{id}">{parts[id]}{square}</relation>' for id in order)
+
+
+@pytest.mark.parametrize("order", [(7, 8), (8, 7)])
+@pytest.mark.parametrize("rim", [{}, {"highway": "footway", "access": "private"}])
+def test_a_hole_of_an_open_area_is_not_closed_too(make_map, cross, order, rim):
+    cross |= {5: (60.1690, 24.941), 6: (60.1700, 24.9405), 7: (60.1701, 24.941), 8: (60.1699, 24.941)}
+    street = [3, 9], {"highway": "footway"}
+    path = make_map({**cross, 9: (60.17, 24.945)}, ([1, 4, 3, 5, 1], {}), ([6, 7, 8, 6], rim), street)
+    path.write_text(path.read_text().replace("</osm>", f"{two_areas(order)}</osm>"))
+    found = report(graph_from_file(path, osm_type="walk", retain_all=True), path)
+    assert found.closed == {}
+    assert found.source_kept
+    assert found.is_faithful
+
+
+def long_streets(make_map):
+    """Streets of more than 300 m between pairs of junctions, of which each becomes one junction at 10 m."""
+    nodes, ways = {}, []
+    for i in range(6):
+        lat, lon = 60.17 + 0.0027 * (i % 2), 24.94 + 0.0054 * i
+        nodes |= {10 * i: (lat, lon), 10 * i + 1: (lat, lon + 0.0001), 10 * i + 2: (lat + 0.0027, lon)}
+        nodes[10 * i + 3] = lat - 0.0005, lon + 0.0001
+        ways += [([10 * i, 10 * i + 1], ROAD), ([10 * i + 2, 10 * i], ROAD), ([10 * i + 1, 10 * i + 3], ROAD)]
+        ways += [([10 * i + 1, 10 * i + 10], {**ROAD, "name": f"to {i + 1}"})] if i < 5 else []
+    ways.append(([2, 51], {**ROAD, "oneway": "yes", "name": "one way"}))
+    return make_map(nodes, *ways)
+
+
+def lose_a_street(graph, of_street):
+    graph.remove_edges_from([*of_street, *((v, u) for u, v in of_street)])
+
+
+def lose_a_direction(graph, of_street):
+    graph.remove_edges_from([(u, v) for u, v in of_street if u < v])
+
+
+def lengthen(graph, of_street):
+    for u, v in of_street:
+        graph.edges[u, v]["length"] *= 1.2
+
+
+def reconnect(graph, of_street):
+    u, v = of_street[0]
+    for here, there in ((u, v), (v, u)):
+        data = dict(graph.edges[here, there])
+        graph.remove_edge(here, there)
+        ends = [max(graph) if node == v else node for node in (here, there)]
+        graph.add_edge(*ends, **data)
+
+
+@pytest.mark.parametrize("resolution", [10.0, 1e6])
+@pytest.mark.parametrize("fault", [None, lose_a_street, lose_a_direction, lengthen, reconnect])
+def test_a_fault_of_one_street_is_found_where_all_junctions_are_merged(make_map, resolution, fault):
+    path = long_streets(make_map)
+    graph = graph_from_file(path, resolution, osm_type="drive")
+    assert graph.graph["merged_nodes"] > 0
+    assert abs(graph.graph["merged_length"]) > 0.001 * report(graph, path).length_before
+    street = [(u, v) for u, v, name in graph.edges(data="name") if name == "to 3"]
+    metres = sum(graph.edges[edge]["length"] for edge in street) / 2.0
+    assert metres > 250.0
+    if fault is not None:
+        fault(graph, street)
+    assert report(graph, path).is_faithful == (fault is None)
+    assert not report(graph, path, tolerance=1.0).length_kept
+
+
+def test_a_context_keeps_its_promises_where_junctions_were_merged(make_map):
+    path = long_streets(make_map)
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(graph_from_file(path, osm_type="drive"))
+        assert report(ctx.graph, path, resolution=10.0, osm_type="drive").is_faithful
+
+
+def test_the_command_ends_with_1_after_a_no(town, monkeypatch):
+    true_graph = graph_from_file
+    monkeypatch.setattr(gamms.osm, "graph_from_file", lambda *given, **more: nx.DiGraph(true_graph(*given, **more)))
+    arguments = ["osm", "report", str(town), "--json"]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+
+    def without_a_street(*given, **more):
+        graph = nx.DiGraph(true_graph(*given, **more))
+        lose_a_street(graph, [(u, v) for u, v, name in graph.edges(data="name") if name == "More"])
+        return graph
+
+    monkeypatch.setattr(gamms.osm, "graph_from_file", without_a_street)
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 1
+    assert json.loads(result.output)["is_faithful"] is False

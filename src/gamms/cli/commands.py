@@ -118,12 +118,14 @@ def report(
     retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Say how faithful the graph of a map is to the map."""
+    """Say how faithful the graph of a map is to the map; exit with 1 if it breaks a promise."""
     found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
     if as_json:
         echo(json.dumps(found.to_dict(), indent=2))
-        return
-    console().print(rich_table(("fidelity", ""), found.rows(), right=False))
+    else:
+        console().print(rich_table(("fidelity", ""), found.rows(), right=False))
+    if not found.is_faithful:
+        raise typer.Exit(1)
 
 
 def _fidelity(

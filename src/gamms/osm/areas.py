@@ -22,14 +22,14 @@ _DETOUR = 1.05  # times the straight line: as far as the way between two junctio
 
 
 def open_squares(relations: Iterable[tuple[int, Mapping[str, str], list[int]]], rule: Rule) -> Squares:
-    """Return the multipolygons that a rule takes as ways, of ids, tags and the ids of the ways around each."""
+    """Return the multipolygons that a rule takes as ways, by id, of ids, tags and the ids of the ways around each."""
     found: dict[int, tuple[dict[str, Any], list[int]]] = {}
     for id, tags, rings in relations:
         is_square = "highway" in tags and tags.get("type") == "multipolygon" and id not in found
         taken = rule(id, {**tags, "area": "yes"}) if is_square else None
         if taken is not None:
             found[id] = {**taken[0], "oneway": False}, rings
-    return found
+    return dict(sorted(found.items()))
 
 
 def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:

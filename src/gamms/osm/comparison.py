@@ -118,19 +118,22 @@ def _places_along(here: FloatArray, there: FloatArray) -> FloatArray:
     return np.asarray(here[line] + (there - here)[line] * share[:, None])
 
 
-def wrong_directions(edges: RoadNetwork, source: RoadNetwork) -> tuple[float, float]:
+def wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> tuple[float, float]:
     """Return how many metres of edges lead against the traffic, and how many are the only direction of a two-way road.
 
-    An edge is judged by the middle of its longest straight piece, if that lies on roads of the source.
+    An edge is judged by the roads that the middle of its longest straight piece lies on: those of the source, or, if
+    merging has moved it, those of the source with merged junctions.
     """
     alone = _without_way_back(edges)
     judged = np.flatnonzero(alone | ~source.two_way.all())
     if not len(judged) or not len(source.sources):
         return 0.0, 0.0
-    edge, is_open, is_two_way = _roads_below(chosen_roads(edges, judged), source)
-    found, allowed, both = (
-        np.bincount(edge[rows], minlength=len(judged)) for rows in (slice(None), is_open, is_two_way)
-    )
+    chosen = chosen_roads(edges, judged)
+    counts = _roads_below(chosen, source)
+    moved = np.flatnonzero(counts[0] == 0)
+    if len(moved):
+        counts[:, moved] = _roads_below(chosen_roads(chosen, moved), merged)
+    found, allowed, both = counts
     lengths = edges.lengths[judged]
     against, only = (found > 0) & (allowed == 0), (found > 0) & (both == found) & alone[judged]
     return float(lengths[against].sum()), float(lengths[only].sum())
@@ -150,8 +153,8 @@ def _without_way_back(edges: RoadNetwork) -> BoolArray:
     return np.asarray(~is_there[group[count:]])
 
 
-def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> tuple[IntArray, BoolArray, BoolArray]:
-    """Return pairs of an edge and a road of the source below it: the edge, if the road leads its way, and both ways."""
+def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
+    """Return (3, edges): how many roads of the source lie below each edge, lead its way, and lead both ways."""
     mine, theirs = segment_starts(edges.offsets), segment_starts(source.offsets)
     size, line = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T), _lines_of_pieces(edges)
     order = np.lexsort((size, line))
@@ -163,7 +166,8 @@ def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> tuple[IntArray, Boo
     aside = step[edge][:, 0] * steps[piece][:, 1] - step[edge][:, 1] * steps[piece][:, 0]
     alike = np.abs(aside) <= _PARALLEL * np.abs(onward)
     is_two_way = source.two_way[_lines_of_pieces(source)][piece]
-    return edge[alike], (is_two_way | (onward > 0.0))[alike], is_two_way[alike]
+    kinds = (alike, alike & (is_two_way | (onward > 0.0)), alike & is_two_way)
+    return np.stack([np.bincount(edge[rows], minlength=len(edges.sources)) for rows in kinds])
 
 
 def wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> int:

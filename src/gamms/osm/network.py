@@ -106,6 +106,7 @@ class Ways:
     nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are no numbers of OpenStreetMap
     barriers: Collection[int] = ()  # ids of nodes that no agent passes
     buildings: Buildings | None = None  # of the map; None: not known
+    ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, as far as they are known
 
 
 @dataclass(slots=True, frozen=True, eq=False)

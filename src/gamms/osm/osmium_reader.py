@@ -316,6 +316,7 @@ def read_ways(
         nodes=node_tags(marked, set(lines.refs), tags),
         barriers=barriers & set(lines.refs),
         buildings=Buildings(lambda: _read_buildings(file, source, part)) if around_buildings else None,
+        ids=[*lines.row_of],
     )
     return with_areas(ways, lines.row_of, squares) if areas else ways
 
