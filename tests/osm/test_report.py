@@ -538,3 +538,19 @@ def test_the_command_ends_with_1_after_a_no(town, monkeypatch):
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 1
     assert json.loads(result.output)["is_faithful"] is False
+
+
+def test_a_road_to_another_junction_is_found_near_merged_ones(make_map):
+    """Its end lies on the map, and where junctions were merged."""
+    path = long_streets(make_map)
+    graph = graph_from_file(path, 10.0, osm_type="drive")
+    hubs = [node for node in graph if graph.out_degree(node) > 2]
+    hubs.sort(key=lambda node: place_of(graph, node))
+    beside = next(node for node in graph.successors(hubs[1]))
+    data = {**graph.edges[hubs[1], beside], "linestring": LineString([place_of(graph, hubs[1])] * 2)}
+    graph.remove_edges_from([(hubs[1], beside), (beside, hubs[1])])
+    for number, ends in enumerate([(hubs[2], beside), (beside, hubs[2])]):
+        graph.add_edge(*ends, **{**data, "id": 10**6 + number})
+    found = report(graph, path)
+    assert found.wrong_joints > 0
+    assert not found.is_faithful

@@ -251,6 +251,8 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     merged = min(_merged(source, about), key=lambda one: abs(before - after - one.merged.length_m))
     against, alone = _directions(edges, source, merged, about)
     joints = wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
+    if "tolerance" in about:
+        joints = max(joints, wrong_joints(roads, merged, 0.0))
     off_map = surplus(roads, source)
     least, most = LEAST_PIECE - _SLACK, MOST_PIECE + _SLACK
     in_bounds = ((regular >= least) & (regular <= most)).all()
