@@ -26,7 +26,7 @@ T = TypeVar("T")
 Scalar = bool | int | float | str | None
 """The type of a value in a row of a table."""
 
-_LOCK = "lock"
+LOCK = "lock"
 _DEEPEST = 64  # levels of JSON; a scenario, which may have 40, is in a plan
 _MOST_DIGITS = 300  # of an integer, which then fits into a float
 _BYTES_PER_LETTER = 4  # of memory for each byte of JSON: a text with an emoji has four bytes for each letter
@@ -92,7 +92,7 @@ def locked(folder: Path) -> Iterator[None]:
     refusal = WriteConflict(f"Another run is writing into {str(folder)!r}: wait for it, or choose another folder.")
     if real in _held:
         raise refusal
-    file = real / _LOCK
+    file = real / LOCK
     with made_folder(folder), opened(file, "ab") as stream:
         # Another run may have deleted the file between the two calls.
         if not _locks(stream) or not (file.exists() and os.path.samestat(file.stat(), os.fstat(stream.fileno()))):

@@ -1,5 +1,6 @@
 """What an experiment plays, and the row of each game."""
 
+import json
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -7,11 +8,12 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 import small_hunts
-from small_hunts import HUNT
+from small_hunts import HUNT, wait_here
 
 from gamms import experiment, recorder
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.scenario import ScenarioError
+from gamms.experiment import Rows
+from gamms.scenario import Scenario, ScenarioError
 
 GRID = {"teams.red.count": [1, 2], "strategies.blue": ["gamms.strategies:random_walk", small_hunts.wait_here]}
 
@@ -134,10 +136,65 @@ def test_the_game_of_a_row_is_played_again_and_recorded(tmp_path):
             rows.play(number)
 
 
-def test_games_are_played_again_only_with_their_scenario(tmp_path):
+def test_games_are_played_again_by_the_plan_in_their_folder(tmp_path):
+    vary = {"teams.red.count": [1, 3], "strategies.blue": {"walking": None, "chasing": "gamms.strategies:chase"}}
+    played = experiment.run(HUNT, range(2), vary, out=tmp_path)
+    rows = experiment.load(tmp_path)
+    for row in rows:
+        assert rows.play(row["id"]) == played.play(row["id"])
+
+
+def test_a_game_is_played_again_only_with_its_code(tmp_path):
+    players = "def hide(state):\n    state['action'] = state['curr_pos']\n"
+    (tmp_path / "players.py").write_text(players)
+    scenario = Scenario(**HUNT.to_dict(), folder=tmp_path)
+    vary = {"strategies.blue": [None, "players:hide"]}
+    played = experiment.run(scenario, range(2), vary, out=tmp_path / "hunts")
+    rows = experiment.load(tmp_path / "hunts")
+    assert rows.play(0) == played.play(0)
+    with pytest.raises(ScenarioError, match=r"teams\.blue\.strategy.*'players'.*Give load\(…, folder=…\)"):
+        rows.play(2)
+    assert experiment.load(tmp_path / "hunts", folder=tmp_path).play(2) == played.play(2)
+    (tmp_path / "players.py").write_text(f"{players}\n# edited\n")
+    with pytest.raises(BadValue, match="has changed"):
+        experiment.load(tmp_path / "hunts", folder=tmp_path).play(2)
+    (tmp_path / "players.py").write_text("")
+    with pytest.raises(ScenarioError, match="no function 'hide'"):
+        experiment.load(tmp_path / "hunts", folder=tmp_path).play(2)
+
+
+def test_a_plan_of_a_stranger_says_not_where_code_is(tmp_path):
+    experiment.run(HUNT, range(1), out=tmp_path)
+    file = tmp_path / "experiment.json"
+    plan = json.loads(file.read_text())
+    (tmp_path / "players.py").write_text("raise SystemExit('was run')")
+    plan["changes"] = [{"folder": str(tmp_path), "teams.blue.strategy": "players:hide"}]
+    file.write_text(json.dumps(plan))
+    with pytest.raises(ScenarioError, match="folder: unknown key"):
+        experiment.load(tmp_path).play(0)
+
+
+def test_the_digest_of_rows_knows_neither_versions_nor_order(tmp_path, pool):
+    rows = experiment.run(HUNT, range(4), GRID)
+    others = [
+        {**row, "numpy": "1", "python": "2", "gamms": "3", "collector.none": None} for row in reversed(list(rows))
+    ]
+    assert Rows(others, rows.keys).sha256() == rows.sha256()
+    assert experiment.run(HUNT, range(4), GRID, executor=pool).sha256() == rows.sha256()
+    for number in (1, 2):
+        experiment.run(HUNT, range(4), GRID, out=tmp_path, shard=(number, 2))
+    experiment.merge(tmp_path)
+    assert experiment.load(tmp_path).sha256() == rows.sha256()
+    others[0]["turns"] += 1
+    assert Rows(others, rows.keys).sha256() != rows.sha256()
+    assert Rows(others[1:], rows.keys).sha256() != rows.sha256()
+
+
+def test_games_by_functions_are_played_again_only_with_their_scenario(tmp_path):
+    experiment.run(HUNT, range(2), {"strategies.blue": [wait_here]}, out=tmp_path / "functions")
+    with pytest.raises(BadValue, match="Give load"):
+        experiment.load(tmp_path / "functions").play(0)
     experiment.run(HUNT, range(2), out=tmp_path / "hunts")
-    with pytest.raises(BadValue, match="give load"):
-        experiment.load(tmp_path / "hunts").play(0)
     assert experiment.load(tmp_path / "hunts", scenario=HUNT).play(1) == HUNT.play(1)
     with pytest.raises(BadType, match="must be a Scenario or a file, not 5"):
         experiment.run(5, range(2))

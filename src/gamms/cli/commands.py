@@ -118,7 +118,7 @@ def report(
     retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Say how faithful the graph of a map is to the map; exit with 1 if it breaks a promise."""
+    """Say how faithful the graph of a map is; exit code 1 if it is not."""
     found = _fidelity(file, network, resolution=resolution, tolerance=tolerance, retain_all=retain_all)
     if as_json:
         echo(json.dumps(found.to_dict(), indent=2))
@@ -188,6 +188,8 @@ _EXPERIMENTS: _Commands = {
         "gamms experiment merge results",
         "gamms experiment merge results first/shard-1-of-2 second/shard-2-of-2",
     ),
+    experiments.pack: ("gamms experiment pack results study.zip",),
+    experiments.unpack: ("gamms experiment unpack study.zip restored",),
 }
 _ON_MAPS: _Commands = {report: ("gamms osm report town.osm.pbf --network walk",)}
 

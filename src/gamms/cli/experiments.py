@@ -100,7 +100,31 @@ def merge(
     """Put the rows of shards together into the files of one run."""
     from gamms import experiment
 
-    echo(f"Wrote {in_words(experiment.merge(out, shards or None))}.")
+    written = experiment.merge(out, shards or None)
+    _print_digest(experiment.load(out))
+    echo(f"\nWrote {in_words(written)}.")
+
+
+def pack(
+    folder: Annotated[Path, typer.Argument(help="The folder of the experiment.", metavar="FOLDER", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="The file to write.", metavar="FILE.zip", show_default=False)],
+) -> None:
+    """Make one file of the folder of an experiment."""
+    from gamms import experiment
+
+    count = experiment.pack(folder, file)
+    echo(f"Wrote {file}, with {count:,} files.")
+
+
+def unpack(
+    file: Annotated[Path, typer.Argument(help="A file that pack wrote.", metavar="FILE.zip", show_default=False)],
+    folder: Annotated[Path, typer.Argument(help="A new folder.", metavar="FOLDER", show_default=False)],
+) -> None:
+    """Restore the folder of an experiment. No code is run, and nothing is written outside of the folder."""
+    from gamms import experiment
+
+    count = experiment.unpack(file, folder)
+    echo(f"Wrote {count:,} files into {folder}.")
 
 
 def _print_rows(rows: "Rows") -> None:
@@ -116,10 +140,15 @@ def _print_rows(rows: "Rows") -> None:
         echo(str(table))
         if not is_few:
             echo(f"\nThis is of all {len(variants):,} variants together; experiment.load(…).summary() has each.")
+    _print_digest(rows)
     errors = rows.errors()
     if errors:
         first = errors[0]
         echo(f"\n{len(errors):,} of {len(rows):,} games have raised; row {first['id']}: {first['error']}", err=True)
+
+
+def _print_digest(rows: "Rows") -> None:
+    echo(f"\nrows sha256 (without versions) {rows.sha256()}")
 
 
 def suite(

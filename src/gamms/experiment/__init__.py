@@ -9,10 +9,10 @@ disk, `rows.py` what it gives back, `statistics.py` the intervals, `tables.py` h
 client of scenarios: May import: `scenario` and below.
 """
 
-from gamms.experiment.folders import merge
+from gamms.experiment.folders import merge, pack, unpack
 from gamms.experiment.rows import Rows, power
 from gamms.experiment.running import load, run
 from gamms.experiment.sampling import Sample, sample
 from gamms.experiment.tables import Table
 
-__all__ = ["Rows", "Sample", "Table", "load", "merge", "power", "run", "sample"]
+__all__ = ["Rows", "Sample", "Table", "load", "merge", "pack", "power", "run", "sample", "unpack"]

@@ -3,26 +3,37 @@
 `journal.jsonl` gets rows in the order in which games end; each line is written at once, and a torn last line is left
 out when the journal is read. `experiment.json` is the plan. `rows.jsonl`, `rows.csv` and `rows.parquet` are written
 when all games are played, in the order of the plan.
+
+`pack` makes one file of a folder, a ZIP file whose bytes follow from what is in it. The file that `unpack` restores may
+come from a stranger: names, kinds, sizes and counts are checked before anything is written.
 """
 
 import json
 import os
+import shutil
+import stat
 import time
-from collections.abc import Iterable, Mapping, Sequence
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any, BinaryIO, Literal, TypedDict
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO, Literal, NotRequired, TypedDict
+from unicodedata import category, normalize
 
 from gamms.arguments import as_items, as_path
 from gamms.errors import BadFile, BadValue
 from gamms.experiment.games import Row
 from gamms.folders import (
+    LOCK,
     Scalar,
     as_lines,
     cut_torn_line,
     json_in,
     lines_in,
     locked,
+    made_folder,
     naming,
     opened,
     refuse_link,
@@ -31,7 +42,8 @@ from gamms.folders import (
     write_whole,
 )
 from gamms.ir.tables import table_of
-from gamms.text import shown
+from gamms.limits import refuse_above
+from gamms.text import printable_line, shown
 
 FORMAT = "gamms experiment 1"
 PLAN, JOURNAL = "experiment.json", "journal.jsonl"
@@ -83,6 +95,8 @@ class Plan(TypedDict):
     sample: tuple[list[str], int] | None
     versions: dict[str, str]
     rows: list[str]
+    changes: NotRequired[list[dict[str, Any] | None]]
+    """What makes each variant of the scenario; None: a program gave functions for it."""
 
 
 # -- the journal --------------------------------------------------------------------------------------------------
@@ -311,3 +325,203 @@ def _numbers(column: Any) -> Any:
 
         return np.array([float("nan") if value is None else value for value in values])
     return column
+
+
+# -- one file of a folder -----------------------------------------------------------------------------------------
+
+_TIME = (1980, 1, 1, 0, 0, 0)  # the first that the format knows
+_MODE = (stat.S_IFREG | 0o644) << 16
+_UNIX = 3  # the system that the attributes of files are of
+_KINDS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_ENCRYPTED = 1
+_CHUNK = 1 << 20
+_DEEPEST = 8  # folders in each other
+_LONGEST = 200  # bytes of a name, as all systems take them
+_END, _END_SIZE = b"PK\x05\x06", 22
+_LARGE, _LARGE_SIZE = b"PK\x06\x07", 20  # before the end of a file of more than 4 GiB or 65,535 files
+_LEAST_ENTRY, _BYTES_PER_ENTRY = 46, 2_000  # in the table at the end of the file; of memory
+
+
+def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
+    """Make one file of the folder of an experiment, and return how many files are in it.
+
+    The same files make the same bytes: their times and owners are left out.
+
+    Args:
+        folder: the folder; no run may be writing into it.
+        file: the ZIP file, which is replaced if it exists.
+
+    Raises:
+        BadFile: it is not the folder of an experiment, or has links, pipes or the like.
+        BadValue: the file would be in the folder, or have more than 65,535 files or 4 GiB.
+        WriteConflict: a run is writing into the folder.
+        OSError: a file cannot be read or written.
+    """
+    source = as_path(folder, "folder")
+    target = as_path(file, "file")
+    if not any((one / PLAN).is_file() for one in (source, *source.glob("shard-*-of-*"))):
+        raise BadFile(f"{str(source)!r} is not the folder of an experiment: it has no {PLAN}.")
+    if target.resolve().is_relative_to(source.resolve()):
+        raise BadValue(f"{str(target)!r} would be in the folder that it is made of. Name a file elsewhere.")
+    with locked(source):
+        found = sorted(_files_in(source), key=lambda one: one.as_posix())
+        with whole_file(target, through_links=True) as beside:
+            try:
+                _write(found, source, beside)
+            except zipfile.LargeZipFile:
+                raise BadValue(
+                    f"{str(source)!r} has more than 65,535 files or 4 GiB, too much for one file. Leave out recordings."
+                ) from None
+    return len(found)
+
+
+def _files_in(folder: Path) -> Iterator[Path]:
+    """Yield the files in a folder and below, by their paths in it."""
+    for one in sorted(folder.rglob("*")):
+        if one.is_dir():
+            refuse_link(one)
+        elif one.name != LOCK:
+            yield one.relative_to(folder)
+
+
+def _write(found: list[Path], source: Path, target: Path) -> None:
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, allowZip64=False) as packed:
+        for name in found:
+            about = zipfile.ZipInfo(name.as_posix(), _TIME)
+            about.compress_type = zipfile.ZIP_DEFLATED
+            about.external_attr = _MODE
+            about.create_system = _UNIX
+            why = _fault(about)
+            if why is not None:
+                raise BadFile(f"{str(source)!r} holds {shown(about.filename)}, which cannot be packed: {why}.")
+            with opened(source / name, "rb") as stream:
+                about.file_size = os.fstat(stream.fileno()).st_size
+                with packed.open(about, "w") as into:
+                    shutil.copyfileobj(stream, into, _CHUNK)
+
+
+def unpack(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> int:
+    """Restore the folder of an experiment from the file that `pack` wrote, and return how many files are in it.
+
+    The file may come from a stranger: it is checked before anything is written, no code is run, and nothing is written
+    outside of the folder.
+
+    Args:
+        file: the ZIP file.
+        folder: a folder that is new, or empty.
+
+    Raises:
+        BadFile: it is not such a file, or damaged; nothing is left in the folder then.
+        BadValue: the folder is not empty.
+        TooLarge: its files would take more than is allowed, by `gamms.limits.allowing` or --max-memory.
+        OSError: a file cannot be read or written.
+    """
+    source = as_path(file, "file")
+    target = as_path(folder, "folder")
+    if target.is_symlink() or (target.is_dir() and any(target.iterdir())):
+        raise BadValue(f"{str(target)!r} is not empty, or a link to another folder. Name a new folder.")
+    with opened(Path(os.path.realpath(source)), "rb") as stream, _damage(source):
+        count = _checked_end(stream, source)
+        with zipfile.ZipFile(stream) as packed:
+            entries = packed.infolist()
+            if len(entries) != count:
+                raise zipfile.BadZipFile(f"it lists {len(entries):,} files, and should list {count:,}")
+            _check(entries, source)
+            with made_folder(target):
+                try:
+                    for one in entries:
+                        _restore(packed, one, target)
+                except BaseException:
+                    _empty(target)
+                    raise
+    return len(entries)
+
+
+@contextmanager
+def _damage(file: Path) -> Iterator[None]:
+    try:
+        yield
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, UnicodeDecodeError) as error:
+        raise BadFile(f"{str(file)!r} is not a ZIP file, or is damaged: {printable_line(str(error))}") from None
+
+
+def _checked_end(stream: BinaryIO, file: Path) -> int:
+    """Return how many files a ZIP file has by its end, which says how large the table of them is before it is read.
+
+    Raises:
+        BadFile: it is not the end of a ZIP file, or of a kind that `pack` does not write.
+        TooLarge: the table would take more memory than is allowed.
+    """
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(max(size - _END_SIZE - _LARGE_SIZE, 0))
+    data = stream.read()
+    large = data[:-_END_SIZE]
+    end = data[-_END_SIZE:]
+    if len(end) < _END_SIZE or not end.startswith(_END) or end[-2:] != b"\0\0" or large.startswith(_LARGE):
+        raise BadFile(f"{str(file)!r} is not a file that gamms experiment pack wrote. Pack the folder again.")
+    table = int.from_bytes(end[12:16], "little")
+    refuse_above(table * _BYTES_PER_ENTRY // _LEAST_ENTRY, f"Reading {str(file)!r}")
+    return int.from_bytes(end[10:12], "little")
+
+
+def _check(entries: list[zipfile.ZipInfo], file: Path) -> None:
+    """Check all names, kinds and sizes.
+
+    Raises:
+        BadFile: one of them is not what `pack` writes.
+        TooLarge: the files would take more than is allowed.
+    """
+    places = [PurePosixPath(one.filename) for one in entries]
+    if not any(PurePosixPath(PLAN) == place or place.match(f"shard-*-of-*/{PLAN}") for place in places):
+        raise BadFile(f"{str(file)!r} does not hold the folder of an experiment: it has no {PLAN}.")
+    seen, around = set[str](), set[str]()
+    for one, place in zip(entries, places, strict=True):
+        why = _fault(one)
+        key = _folded(place)
+        if why is None and key in seen:
+            why = "it is there twice"
+        seen.add(key)
+        around.update(_folded(above) for above in place.parents)
+        if why is not None:
+            raise BadFile(f"{str(file)!r} holds {shown(one.orig_filename)}, which is refused: {why}.")
+    if seen & around:
+        raise BadFile(f"{str(file)!r} holds {shown(min(seen & around))} as a file and as a folder.")
+    refuse_above(sum(one.file_size for one in entries), f"Unpacking {str(file)!r}")
+
+
+def _folded(place: PurePosixPath) -> str:
+    """Return what two names have in common that some systems take to be the same."""
+    return normalize("NFC", normalize("NFC", place.as_posix()).casefold())
+
+
+def _fault(one: zipfile.ZipInfo) -> str | None:
+    """Return why an entry of a ZIP file is refused; None: it is not."""
+    parts = one.orig_filename.split("/")
+    if "" in parts or "." in parts or ".." in parts or len(parts) > _DEEPEST:
+        return (
+            f"its name must lead to a file in the folder, or in one of at most {_DEEPEST - 1} folders within each other"
+        )
+    if any(sign in '\\:*?"<>|' or category(sign) in ("Cc", "Cs") for sign in one.orig_filename):
+        return "its name has a sign that names of files may not have"
+    if any(len(part.encode()) > _LONGEST or part.endswith((" ", ".")) for part in parts):
+        return "its name is not one that all systems take"
+    if stat.S_IFMT(one.external_attr >> 16) not in (0, stat.S_IFREG):
+        return "it is not a regular file"
+    if one.flag_bits & _ENCRYPTED or one.compress_type not in _KINDS:
+        return "it is encrypted, or compressed in another way"
+    return None
+
+
+def _restore(packed: zipfile.ZipFile, one: zipfile.ZipInfo, folder: Path) -> None:
+    file = folder.joinpath(*one.filename.split("/"))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with packed.open(one) as stream, file.open("xb") as into:
+        shutil.copyfileobj(stream, into, _CHUNK)
+
+
+def _empty(folder: Path) -> None:
+    for one in folder.iterdir():
+        if one.is_dir() and not one.is_symlink():
+            shutil.rmtree(one, ignore_errors=True)
+        else:
+            one.unlink()

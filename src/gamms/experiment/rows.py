@@ -1,7 +1,8 @@
 """What a run gives back: one row a game, as a table, and any of the games again."""
 
+import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -26,9 +27,10 @@ from gamms.experiment.statistics import (
 )
 from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
+from gamms.folders import as_lines
 from gamms.game.result import Result
 from gamms.ir.tables import frame_of
-from gamms.scenario import Scenario
+from gamms.scenario import Scenario, ScenarioError
 from gamms.visual import Engine
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _WINS = "wins."
+_VERSIONS = ("gamms", "python", "numpy")
 _METRICS = ("score.", "collector.")  # beginnings of columns that a summary has
 _TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow."
 
@@ -55,7 +58,7 @@ class Rows(Sequence[Row]):
         self,
         rows: Sequence[Row],
         keys: Sequence[str],
-        scenario: Scenario | None = None,
+        scenario: Scenario | Callable[[], Scenario] | None = None,
         variants: Sequence[Variant] = (),
         sample: tuple[Sequence[str], int] | None = None,
     ) -> None:
@@ -81,6 +84,17 @@ class Rows(Sequence[Row]):
     def table(self) -> dict[str, Any]:
         """Return all rows as a dict of columns; numbers that are missing are NaN."""
         return as_columns(self._rows, self.keys)
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of all rows without the columns of versions, in hexadecimal.
+
+        The same games have the same digest on any machine, in any order and however they were played.
+        """
+        known = [
+            {name: value for name, value in sorted(row.items()) if name not in _VERSIONS and value is not None}
+            for row in self._rows
+        ]
+        return hashlib.sha256(b"".join(sorted(as_lines([row]) for row in known))).hexdigest()
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return all rows as a data frame of pandas.
@@ -279,6 +293,7 @@ class Rows(Sequence[Row]):
             record: the file of a recording, to be replayed and rendered; None: it is not recorded.
 
         Raises:
+            BadValue, ScenarioError: the plan does not hold the game, or the code that it names is not found.
             UnknownName (KeyError): there is no such row.
         """
         scenario, seed, strategies = self._game(row)
@@ -306,9 +321,17 @@ class Rows(Sequence[Row]):
         settings = {key: row[key] for key in self.keys}
         variant = next((one for one in self._variants if one.settings == settings), None)
         if self._scenario is None or variant is None:
-            raise BadValue("These rows were read without their scenario: give load(…, scenario=…, vary=…).")
-        scenario = variant.of(self._scenario)
-        if digest_of(scenario) != row["scenario"]:
+            raise BadValue(
+                f"The plan does not say how to play row {row['id']}: a program gave functions for it, or an older "
+                "GAMMS wrote the plan. Give load(…, scenario=…, vary=…)."
+            )
+        try:
+            scenario = variant.of(self._scenario() if callable(self._scenario) else self._scenario)
+            digest = digest_of(scenario)
+        except ScenarioError as error:
+            way = "Give load(…, folder=…), the folder of its code and maps, and allow= for packages that you trust."
+            raise ScenarioError(error.path, f"{error.message} {way}", error.file, error.place) from None
+        if digest != row["scenario"]:
             raise BadValue(f"The scenario or its code has changed since the game of row {row['id']} was played.")
         return scenario, row["seed"], variant.strategies
 

@@ -3,9 +3,10 @@
 import os
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, NamedTuple
 
 from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path
@@ -18,10 +19,12 @@ from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
 from gamms.folders import locked
 from gamms.limits import max_memory, refuse_above
+from gamms.plain import as_json, to_plain
 from gamms.progress import Show
 from gamms.progress import progress as progress_line
 from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
+from gamms.scenario.scenario import from_plain
 from gamms.text import printable_line, shown, without_address
 from gamms.versions import versions
 from gamms.workers import WorkerPool, cores, first_done, refuse_in_worker
@@ -67,6 +70,7 @@ class _Plan(NamedTuple):
             "sample": self.sample,
             "versions": versions(),
             "rows": ids,
+            "changes": [None if one.strategies else as_json(to_plain(one.changes)) for one in self.variants],
         }
 
 
@@ -138,23 +142,39 @@ def load(
     *,
     scenario: Scenario | str | os.PathLike[str] | None = None,
     vary: Vary | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    allow: Iterable[str] = (),
 ) -> Rows:
     """Return the rows that are in the folder of an experiment, also of one that has not ended.
 
+    Reading them runs no code. To play a game again, the plan in the folder says how: it may name code, and only that of
+    GAMMS is used unless you allow more.
+
     Args:
         out: the folder.
-        scenario: the scenario of the experiment, to play its games again; None: they can only be read.
-        vary: likewise.
+        scenario: the scenario of the experiment, where functions were varied; None: that of the plan.
+        vary: what was varied in this scenario.
+        folder: the folder of the code and maps that the plan names; None: none.
+        allow: installed packages whose functions the plan may name.
 
     Raises:
         BadFile: it is not the folder of an experiment.
     """
-    folder = as_path(out, "out")
-    plan = folders.read_plan(folder)
-    rows = folders.rows_in(folder / folders.JOURNAL, *folders.ROW)
-    folders.refuse_incomplete(folder, rows, plan["rows"], plan["keys"])
-    own = None if scenario is None else _as_scenario(scenario)
-    variants = [] if own is None else variants_of(own, vary)
+    where = as_path(out, "out")
+    plan = folders.read_plan(where)
+    rows = folders.rows_in(where / folders.JOURNAL, *folders.ROW)
+    folders.refuse_incomplete(where, rows, plan["rows"], plan["keys"])
+    if scenario is None:
+        own: Scenario | Callable[[], Scenario] = partial(from_plain, plan["scenario"], folder, None, tuple(allow))
+        changes = plan.get("changes", ())
+        variants = [
+            Variant(settings, change, {})
+            for settings, change in zip(plan["variants"], changes, strict=False)
+            if change is not None
+        ]
+    else:
+        own = _as_scenario(scenario)
+        variants = variants_of(own, vary)
     return Rows([rows[id] for id in plan["rows"] if id in rows], plan["keys"], own, variants, plan["sample"])
 
 

@@ -101,7 +101,7 @@ class Scenario(Fixed):
         with named(self.file, self._raw):
             raw = documents.changed(self._raw, changes)
         with named(self.file, raw):
-            new = _from_plain(raw, self.folder, self.file, self.allow, self.key_variable)
+            new = from_plain(raw, self.folder, self.file, self.allow, self.key_variable)
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
         new._library = self._library
@@ -364,7 +364,7 @@ class Scenario(Fixed):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Without the map: each worker of a pool loads it once.
-        return _from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable)
+        return from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable)
 
 
 def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variable: str | None = None) -> Scenario:
@@ -381,7 +381,7 @@ def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variabl
     """
     file = as_path(path, "path")
     with named(file):
-        return _from_plain(documents.read(file), file.absolute().parent, file, allow, key_variable)
+        return from_plain(documents.read(file), file.absolute().parent, file, allow, key_variable)
 
 
 def gallery() -> dict[str, Path]:
@@ -427,7 +427,7 @@ def from_recording(
         raise ScenarioError(
             "", "this recording holds no scenario, for a program built its game: give branch(…) that as build=."
         )
-    return _from_plain(raw, folder, None, allow, key_variable)
+    return from_plain(raw, folder, None, allow, key_variable)
 
 
 @builders.register("gamms")
@@ -436,12 +436,12 @@ def _builder_of(recording: Recording) -> Callable[[], Context]:
     return from_recording(recording).build
 
 
-def _from_plain(
+def from_plain(
     raw: object,
-    folder: str | os.PathLike[str] | None,
-    file: str | os.PathLike[str] | None,
-    allow: Iterable[str],
-    key_variable: str | None,
+    folder: str | os.PathLike[str] | None = None,
+    file: str | os.PathLike[str] | None = None,
+    allow: Iterable[str] = (),
+    key_variable: str | None = None,
 ) -> Scenario:
     """Make a scenario of plain values that are data: they cannot say where code comes from."""
     if not isinstance(raw, Mapping):
