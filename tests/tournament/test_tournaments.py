@@ -17,10 +17,10 @@ import pytest
 from typer.testing import CliRunner
 
 from gamms.cli import app
-from gamms.errors import BadType, BadValue, UnknownName, WriteConflict
+from gamms.errors import BadFile, BadType, BadValue, TooLarge, UnknownName, WriteConflict
 from gamms.experiment.statistics import rate_interval
 from gamms.scenario import Scenario, ScenarioError
-from gamms.tournament import Table, run
+from gamms.tournament import Table, load, run
 from gamms.tournament.page import write_page
 from gamms.tournament.table import points_of
 
@@ -85,6 +85,53 @@ def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
     with pytest.raises(WriteConflict, match="another scenario"):
         run(Scenario(**{**GAME, "map": {"grid": {"width": 5, "height": 4}}}), entries=GIVEN, seeds=[1], out="out")
     assert {file: file.read_bytes() for file in folder.rglob("out/**/*") if file.is_file()} == before
+
+
+def same(table, other):
+    return vars(table) | {"_payoffs": None} == vars(other) | {"_payoffs": None}
+
+
+def test_the_table_of_a_folder_is_that_of_its_tournament(folder, monkeypatch):
+    played("out", seeds=[1], entries={name: GIVEN[name] for name in ("hunt", "fail")}, record=False)
+    table = played("out", record=False)
+    swiss = played("swiss", seeds=[1], rounds=2, record=False)
+    monkeypatch.setattr("gamms.tournament.running.play", None)
+    assert same(load("out"), table)
+    assert load("out").standings() == table.standings()
+    assert load("out").payoffs() == table.payoffs()
+    assert same(load("swiss"), swiss)
+    journal = folder / "swiss" / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(lines[:-1]))
+    assert [row["id"] for row in load("swiss").rows] == [row["id"] for row in swiss.rows[:-1]]
+    journal.write_bytes(b"".join(lines[1:]))  # of the first round: who meets in the second is not known
+    assert {row["round"] for row in load("swiss").rows} == {1}
+
+
+def test_a_folder_of_a_stranger_is_checked(folder):
+    with pytest.raises(BadFile, match=r"has no tournament\.json"):
+        load("nowhere")
+    played("out", seeds=[1], record=False)
+    manifest, journal = folder / "out" / "tournament.json", folder / "out" / "journal.jsonl"
+    rows = [json.loads(line) for line in journal.read_text().splitlines()]
+    for change in ({"winner": "green"}, {"seed": 9}, {"faults": {"green": "time"}}, {"scores": {"red": 1}}):
+        journal.write_text("".join(json.dumps({**row, **change}) + "\n" for row in rows))
+        with pytest.raises(BadFile, match="is not that of its game"):
+            load("out")
+    text = json.loads(manifest.read_text())
+    for change in (
+        {"sides": ["red"]},
+        {"seeds": 3},
+        {"seeds": [], "rounds": 10**9},
+        {"entries": ["hunt"]},
+        {"format": "x"},
+    ):
+        manifest.write_text(json.dumps({**text, **change}))
+        with pytest.raises(BadFile, match="tournament"):
+            load("out")
+    manifest.write_text(json.dumps({**text, "rounds": 10**9}))
+    with pytest.raises(TooLarge, match="games"):
+        load("out")
 
 
 def test_a_tournament_that_is_refused_leaves_no_folder(folder):

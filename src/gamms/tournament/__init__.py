@@ -12,7 +12,7 @@ A client of scenarios and experiments: May import: `experiment` and below.
 """
 
 from gamms.tournament.players import FAULTS
-from gamms.tournament.running import run
+from gamms.tournament.running import load, run
 from gamms.tournament.table import Cycle, Payoff, Rating, Standing, Table
 
-__all__ = ["FAULTS", "Cycle", "Payoff", "Rating", "Standing", "Table", "run"]
+__all__ = ["FAULTS", "Cycle", "Payoff", "Rating", "Standing", "Table", "load", "run"]

@@ -9,15 +9,15 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
-from gamms.errors import BadType, BadValue, GammsError, WriteConflict
+from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
 from gamms.experiment.executors import Here, executor_for
-from gamms.experiment.folders import Journal
+from gamms.experiment.folders import JOURNAL, Journal, rows_in
 from gamms.experiment.variants import digest_of, row_id
 from gamms.folders import json_in, locked, refuse_link, without_link, write_whole
-from gamms.limits import max_memory
+from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress
 from gamms.scenario import Scenario
 from gamms.text import printable_line, shown
@@ -38,8 +38,113 @@ _MAP = "map.gamms"
 _FOLDERS = (SCRATCH, "entries", "games", "logs")
 _GAMES_OF_A_TASK = 10
 _ATTEMPTS = 3  # at a task whose process dies
-_Pair = tuple[Entry, Entry]
+_BYTES = 3_000  # of a row
 T = TypeVar("T")
+
+
+class _Player(NamedTuple):
+    """An entry as its games know it."""
+
+    name: str
+    digest: str
+
+
+_Pair = tuple[_Player, _Player]
+
+
+class _Manifest(TypedDict):
+    """The file of a tournament."""
+
+    format: Literal["gamms tournament 1"]
+    scenario: str
+    sides: list[str]
+    move_seconds: float
+    memory_mb: int
+    gamms: str
+    python: str
+    numpy: str
+    entries: dict[str, str]
+    seeds: list[int]
+    rounds: int | None
+    not_enforced: list[str]
+    not_ready: dict[str, str]
+
+
+_GAME = ("scenario", "sides", "move_seconds", "memory_mb", "gamms", "python", "numpy")
+"""What a game follows from, besides its entries and its seed."""
+
+
+class _Plan(NamedTuple):
+    """Who plays whom.
+
+    Attributes:
+        entries: all entries, in the order of their names.
+        sides: the two teams that they play.
+        seeds: of the games of each two entries.
+        rounds: of a Swiss tournament; None: all play all.
+        game: the values of `_GAME`.
+    """
+
+    entries: list[_Player]
+    sides: tuple[str, str]
+    seeds: list[int]
+    rounds: int | None
+    game: dict[str, Any]
+
+    def fixtures(self, known: Mapping[str, Any], rows: list[Row]) -> Iterator[tuple[int, dict[_Pair, list[Fixture]]]]:
+        """Yield the games of each round, and then add the rows that are known of them; an unfinished round is the last.
+
+        Args:
+            known: all rows by their ids, to which the caller adds those of the games of a round.
+            rows: gets the rows in the order of the plan.
+
+        Raises:
+            BadFile: a row is not that of its game.
+        """
+        met: set[frozenset[str]] = set()
+        names = [entry.name for entry in self.entries]
+        for number in range(1, (self.rounds or 1) + 1):
+            if self.rounds is None:
+                pairs = list(combinations(self.entries, 2))
+            else:
+                pairs = _swiss(self.entries, Table(rows, names), met)
+            met |= {frozenset((first.name, second.name)) for first, second in pairs}
+            fixtures = {pair: self._of_pair(pair, number) for pair in pairs}
+            yield number, fixtures
+            games = [one for some in fixtures.values() for one in some]
+            found = [_row_of(one, known[one.id]) for one in games if one.id in known]
+            rows += found
+            if len(found) < len(games):
+                return
+
+    def _of_pair(self, pair: _Pair, number: int) -> list[Fixture]:
+        first, second = pair
+        return [self._fixture(way, seed, number) for seed in self.seeds for way in (pair, (second, first))]
+
+    def _fixture(self, pair: _Pair, seed: int, number: int) -> Fixture:
+        by_side = dict(zip(self.sides, pair, strict=True))
+        digests = {side: [one.name, one.digest] for side, one in by_side.items()}
+        id = row_id(self.game["scenario"], {**self.game, "entries": digests}, (), seed)
+        return Fixture(id, {side: one.name for side, one in by_side.items()}, seed, number)
+
+
+def _row_of(fixture: Fixture, found: Mapping[str, Any]) -> Row:
+    """Return the row of a game, in the round in which it counts.
+
+    Raises:
+        BadFile: it is that of another game.
+    """
+    row: Row = {**found, "round": fixture.round}  # type: ignore[typeddict-item] # as the journal has been checked
+    sides = fixture.entries.keys()
+    named = {*row["faults"], *([] if row["winner"] is None else [row["winner"]])}
+    if (
+        row["entries"] != fixture.entries
+        or row["seed"] != fixture.seed
+        or row["scores"].keys() != sides
+        or named - sides
+    ):
+        raise BadFile(f"The row {shown(fixture.id)} in {JOURNAL} is not that of its game. Delete its line.")
+    return row
 
 
 def run(  # noqa: PLR0913 - each option is independent of the others
@@ -108,14 +213,22 @@ def run(  # noqa: PLR0913 - each option is independent of the others
             with scenario.build(seed=numbers[0]) as ctx:
                 found = found_entries(entries, base, where, private)
                 ctx.graph.save(without_link(where / _MAP))
+            plan = _Plan([_Player(one.name, one.digest) for one in found], teams, numbers, number, manifest)
             settings = Settings(scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory())
-            plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
-            runner = _Runner(settings, chosen, workers, Journal(where, Row), manifest)
+            runner = _Runner(settings, chosen, workers, Journal(where, Row))
             (where / SCRATCH).mkdir(exist_ok=True)
             not_ready, missing = _tried(runner, found, teams, numbers[0])
-            written = {"format": _FORMAT, **manifest, **plan, "not_enforced": missing, "not_ready": not_ready}
+            written = {
+                "format": _FORMAT,
+                **manifest,
+                "entries": dict(plan.entries),
+                "seeds": numbers,
+                "rounds": number,
+                "not_enforced": missing,
+                "not_ready": not_ready,
+            }
             write_whole(where / MANIFEST, (json.dumps(written, indent=1) + "\n").encode())
-            table = runner.play(found, teams, numbers, number)
+            table = runner.play(plan, {one.name: one for one in found})
             table.not_enforced, table.not_ready = missing, not_ready
             publish(found, where)
         finally:
@@ -123,6 +236,39 @@ def run(  # noqa: PLR0913 - each option is independent of the others
                 runner.close(is_own=is_own)
             remove_folder(where / SCRATCH)
         write_page(table, where, scenario.spec.name or "Tournament")
+    return table
+
+
+def load(out: str | os.PathLike[str]) -> Table:
+    """Return the table of the tournament in a folder, also of one that has not ended. Nothing is played.
+
+    Args:
+        out: the folder.
+
+    Raises:
+        BadFile: it is not the folder of a tournament, or damaged.
+        TooLarge: the tournament would take more memory than is allowed.
+    """
+    where = as_path(out, "out")
+    try:
+        manifest = json_in(where / MANIFEST, "the file of a tournament", _Manifest)
+    except FileNotFoundError:
+        raise BadFile(f"{str(where)!r} is not the folder of a tournament: it has no {MANIFEST}.") from None
+    if len(manifest["sides"]) != 2 or len(manifest["entries"]) < 2 or not manifest["seeds"]:
+        raise BadFile(f"{str(where / MANIFEST)!r} must name two sides, two entries at least, and a seed at least.")
+    players = [_Player(name, digest) for name, digest in sorted(manifest["entries"].items())]
+    rounds = manifest["rounds"]
+    pairs = len(players) * (len(players) - 1) // 2 if rounds is None else len(players) // 2 * rounds
+    games = 2 * pairs * len(manifest["seeds"])
+    refuse_above(games * _BYTES, f"A tournament of {games:,} games")
+    game = {name: manifest[name] for name in _GAME}  # type: ignore[literal-required] # of a tuple of such
+    plan = _Plan(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
+    rows = list[Row]()
+    for _ in plan.fixtures(rows_in(where / JOURNAL, Row), rows):
+        pass
+    table = Table(rows, [one.name for one in players])
+    table.not_enforced = manifest["not_enforced"]
+    table.not_ready = manifest["not_ready"]
     return table
 
 
@@ -185,14 +331,10 @@ class _Runner:
         executor: Executor,
         workers: int | None,
         journal: Journal,
-        game: Mapping[str, Any],
     ) -> None:
-        self._settings, self._executor, self._journal, self._game = (
-            pickle.dumps(settings),
-            executor,
-            journal,
-            dict(game),
-        )
+        self._settings = pickle.dumps(settings)
+        self._executor = executor
+        self._journal = journal
         self._slots = 1 if isinstance(executor, Here) else 2 * (workers or cores())
         self._spare: WorkerPool | None = None
         self._workers = workers or cores()
@@ -206,37 +348,19 @@ class _Runner:
         }
         return {name: result_of(future) for name, future in futures.items()}
 
-    def play(self, entries: list[Entry], sides: tuple[str, str], seeds: list[int], rounds: int | None) -> Table:
+    def play(self, plan: _Plan, entries: Mapping[str, Entry]) -> Table:
         """Play all rounds, and return the table."""
-        names, rows = [entry.name for entry in entries], list[Row]()
-        met: set[frozenset[str]] = set()
+        rows = list[Row]()
         with progress() as show:
-            for number in range(1, (rounds or 1) + 1):
-                pairs = list(combinations(entries, 2)) if rounds is None else _swiss(entries, Table(rows, names), met)
-                met |= {frozenset((first.name, second.name)) for first, second in pairs}
-                fixtures = {
-                    pair: [
-                        self._fixture(way, sides, seed, number) for seed in seeds for way in (pair, (pair[1], pair[0]))
-                    ]
-                    for pair in pairs
-                }
-                for done, total in self._play(fixtures):
-                    show(f"{done:,} of {total:,} games" + (f" of round {number}" if rounds else ""))
-                known: Mapping[str, Any] = self._journal.rows
-                some = [one for fixtures_of in fixtures.values() for one in fixtures_of]
-                rows += [Row(**{**known[one.id], "round": one.round}) for one in some]  # type: ignore[typeddict-item] # as written
-        return Table(rows, names)
+            for number, fixtures in plan.fixtures(self._journal.rows, rows):
+                for done, total in self._play(fixtures, entries):
+                    show(f"{done:,} of {total:,} games" + (f" of round {number}" if plan.rounds else ""))
+        return Table(rows, [one.name for one in plan.entries])
 
-    def _fixture(self, pair: _Pair, sides: tuple[str, str], seed: int, number: int) -> Fixture:
-        by_side = dict(zip(sides, pair, strict=True))
-        digests = {side: [one.name, one.digest] for side, one in by_side.items()}
-        id = row_id(self._game["scenario"], {**self._game, "entries": digests}, (), seed)
-        return Fixture(id, {side: one.name for side, one in by_side.items()}, seed, number)
-
-    def _play(self, fixtures: Mapping[_Pair, list[Fixture]]) -> Iterator[tuple[int, int]]:
+    def _play(self, fixtures: Mapping[_Pair, list[Fixture]], entries: Mapping[str, Entry]) -> Iterator[tuple[int, int]]:
         """Play the games that have no row yet; yield how many are done."""
         total, waiting = sum(map(len, fixtures.values())), dict[Future[list[Row]], tuple[Task, int]]()
-        tasks = iter(self._tasks(fixtures))
+        tasks = iter(self._tasks(fixtures, entries))
         done = total - sum(one.id not in self._journal.rows for some in fixtures.values() for one in some)
         while True:
             while len(waiting) < self._slots and (task := next(tasks, None)) is not None:
@@ -256,8 +380,9 @@ class _Runner:
                     done += len(rows)
                     yield done, total
 
-    def _tasks(self, fixtures: Mapping[_Pair, list[Fixture]]) -> Iterator[Task]:
-        for pair, some in fixtures.items():
+    def _tasks(self, fixtures: Mapping[_Pair, list[Fixture]], entries: Mapping[str, Entry]) -> Iterator[Task]:
+        for (first_player, second_player), some in fixtures.items():
+            pair = entries[first_player.name], entries[second_player.name]
             new = [one for one in some if one.id not in self._journal.rows]
             for first in range(0, len(new), _GAMES_OF_A_TASK):
                 games = tuple(new[first : first + _GAMES_OF_A_TASK])
@@ -281,7 +406,7 @@ class _Runner:
         self._journal.close()
 
 
-def _swiss(entries: Sequence[Entry], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
+def _swiss(entries: Sequence[_Player], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
     """Return who plays whom in the next round: neighbours in the table who have not met yet, from above.
 
     With an odd number, or where all that are left have met, some do not play.
