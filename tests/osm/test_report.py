@@ -3,6 +3,7 @@
 import json
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import networkx as nx
 import numpy as np
@@ -516,11 +517,23 @@ def test_a_fault_of_one_street_is_found_where_all_junctions_are_merged(make_map,
     assert not report(graph, path, tolerance=1.0).length_kept
 
 
-def test_a_context_keeps_its_promises_where_junctions_were_merged(make_map):
-    path = long_streets(make_map)
+@pytest.mark.parametrize("mode", [None, "walk", "bike", "drive"])
+def test_a_context_keeps_its_promises_where_junctions_were_merged(mode):
+    path = Path(__file__).parents[1] / "osm_online" / "data" / "kluuvi.osm.gz"
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(graph_from_file(path, osm_type="drive"))
-        assert report(ctx.graph, path, resolution=10.0, osm_type="drive").is_faithful
+        ctx.graph.attach_networkx_graph(graph_from_file(path, osm_type=mode))
+        found = report(ctx.graph, path, resolution=10.0, osm_type=mode)
+    assert found.nodes_merged > 0
+    assert found.is_faithful, str(found)
+
+
+@pytest.mark.parametrize("mode", [None, *gamms.osm.modes()])
+def test_a_real_map_keeps_its_promises_for_every_mode(mode):
+    path = Path(__file__).parents[1] / "osm_online" / "data" / "kluuvi.osm.gz"
+    for tolerance in (None, 0.0, 10.0):
+        found = report(graph_from_file(path, osm_type=mode, tolerance=tolerance), path)
+        assert found.is_faithful, str(found)
+        assert found.length_error == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_command_ends_with_1_after_a_no(town, monkeypatch):

@@ -28,7 +28,7 @@ from gamms.osm.comparison import (
 )
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import Clip, Selection, network_in_metres, part_of, read_network, recipe_of, selection_of
-from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes
+from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes, tolerance_of
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
@@ -205,8 +205,8 @@ def report(
         graph: a graph that `gamms.osm` made, or a context's graph that it was attached to.
         source: the map file, or the uncut network: any graph that `process_osm_graph` takes, or columns.
         resolution: as it was asked for; needed where the graph does not say so itself.
-        tolerance: of junctions that became one, as it was asked for; by default as the graph says. Where neither does,
-            the graph may have merged none, or those within 10 m.
+        tolerance: of junctions that became one, as it was asked for; by default as the graph says. If neither does, the
+            graph may have merged none, or with the default of any mode of travel.
         retain_all: whether all parts of a file are compared, or the largest one; by default as the graph says.
         osm_type: for which mode of travel roads of a file are compared; by default as the graph says.
         filter: which of them, as for `graph_from_file`; by default as the graph says, unless that was a function.
@@ -327,7 +327,7 @@ def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str
         bidirectional=about.get("bidirectional"),
         mode=name,
         strong=strong,
-        around_buildings=bool(about.get("around_buildings", False)),
+        around_buildings=bool(about.get("around_buildings", True)),
     )
     if osm_type is not None:
         return selection_of(recipe, as_mode(osm_type))
@@ -414,12 +414,13 @@ def _are_equal(length: float, other: float) -> bool:
 
 
 def _merged(source: RoadNetwork, about: Mapping[str, Any]) -> list[RoadNetwork]:
-    """Return the source with the junctions merged that a graph may have merged: of its tolerance, if that is known."""
+    """Return the source with junctions merged: with the tolerance of a graph, or those that it may have by default."""
     if not len(source.sources):
         return [source]
     roads = simplify(source) if about.get("simplify", True) else source
-    tolerances = [about["tolerance"]] if "tolerance" in about else [0.0, _WIDEST_DEFAULT]
-    return [consolidate(roads, tolerance) for tolerance in tolerances]
+    defaults = {0.0, *map(tolerance_of, (None, *modes().values()))}
+    tolerances = {about["tolerance"]} if "tolerance" in about else defaults
+    return [consolidate(roads, tolerance) for tolerance in sorted(tolerances)]
 
 
 def _directions(
