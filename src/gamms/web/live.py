@@ -323,7 +323,8 @@ class Live(Handle):
             raise self._error
         if watched := self._options.get("watch"):
             source = watched if callable(watched) else partial(load, self.scenario.file or "", self.scenario.allow)
-            threading.Thread(target=self._watch_files, args=(source,), name="gamms files", daemon=True).start()
+            args = source, _stamps(self._watched_folder())  # before a program can change them
+            threading.Thread(target=self._watch_files, args=args, name="gamms files", daemon=True).start()
 
     def follow(self) -> None:
         """Show the game of a context from now on, unless it is shown, or the context is not open yet."""
@@ -332,10 +333,12 @@ class Live(Handle):
             self._context.record.follow(self)
             self._players.open(self._context)
 
-    def _watch_files(self, source: Callable[[], Scenario]) -> None:
+    def _watched_folder(self) -> Path:
+        return Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
+
+    def _watch_files(self, source: Callable[[], Scenario], known: dict[str, tuple[int, int]]) -> None:
         """Begin again whenever a file in the folder of the scenario has changed; say what is wrong with it."""
-        folder = Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
-        known = _stamps(folder)
+        folder = self._watched_folder()
         while not self._is_closed.wait(_FILES_S):
             try:
                 stamps = _stamps(folder)
