@@ -20,11 +20,14 @@ IDS = {  # environment -> its game in the gallery, and the agent that learns, un
 
 
 def register() -> None:
-    """Let Gymnasium know the environments."""
+    """Register the environments with Gymnasium."""
     for name in IDS:
         if name not in gymnasium.registry:
             gymnasium.register(
-                name, entry_point="gamms.rl.ids:make", vector_entry_point="gamms.rl.ids:make_vec", kwargs={"id": name}
+                name,
+                entry_point="gamms.rl.ids:make",
+                vector_entry_point="gamms.rl.ids:make_vec",
+                kwargs={"game": name},  # not `id`, which is an argument of `gymnasium.make` itself
             )
 
 
@@ -33,11 +36,11 @@ def scenario(name: str) -> Scenario:
     return from_gallery(IDS[name][0])
 
 
-def make(id: str, agent: str | None = None, **options: Any) -> "AgentEnv":
+def make(game: str, agent: str | None = None, **options: Any) -> "AgentEnv":
     """Return the environment of one agent; `options` are those of `single_agent_env`."""
-    return single_agent_env(scenario(id), agent=agent or IDS[id][1], **options)
+    return single_agent_env(scenario(game), agent=agent or IDS[game][1], **options)
 
 
-def make_vec(id: str, num_envs: int, agent: str | None = None, **options: Any) -> "GamesEnv":
-    """Return so many games; `options` are those of `vector_env`."""
-    return vector_env(scenario(id), num_games=num_envs, agent=agent or IDS[id][1], **options)
+def make_vec(game: str, num_envs: int, agent: str | None = None, **options: Any) -> "GamesEnv":
+    """Return `num_envs` games; `options` are those of `vector_env`."""
+    return vector_env(scenario(game), num_games=num_envs, agent=agent or IDS[game][1], **options)
