@@ -316,6 +316,42 @@ def test_rewards_and_observations_can_be_functions():
         assert reward == pytest.approx(-np.hypot(*observations[name]["observation"]))
 
 
+def remain(state):
+    state["action"] = state["legal"][0]
+
+
+def test_a_reward_knows_who_has_won_and_why():
+    told = []
+
+    def of_the_end(turn):
+        told.append((turn.winner.tolist(), turn.reason.tolist()))
+        return np.where(turn.winner == turn.team, 5.0, np.where(turn.reason == "max_turns", -1.0, 0.0))[:, None]
+
+    seeds, game = range(20, 26), scene(max_turns=6)
+    expected = [game.play(seed=seed, strategies={"red": remain}) for seed in seeds]
+    assert {result.winner for result in expected} == {"red", None}
+    for seed, result in zip(seeds, expected, strict=True):
+        for env in (
+            rl.parallel_env(game, team="red", reward=of_the_end),
+            rl.single_agent_env(game, agent="red_0", others={"red": remain}, reward=of_the_end),
+        ):
+            told.clear()
+            env.reset(seed=seed)
+            action = {} if hasattr(env, "agents") else 0
+            rewards = [env.step(action)[1] for _ in range(result.turns)]
+            assert told == [([None], [None])] * (result.turns - 1) + [([result.winner], [result.reason])]
+            paid = [sum(one.values()) / 2 if isinstance(one, dict) else one for one in rewards]
+            assert paid == [0.0] * (result.turns - 1) + [5.0 if result.winner == "red" else -1.0]
+            env.close()
+    games = rl.vector_env(game, num_games=len(seeds), team="red", reward=of_the_end)
+    games.reset(seed=seeds[0])
+    rewards = np.array([games.step(np.zeros(games.num_envs, int))[1] for _ in range(6)])[:, ::2]
+    for number, result in enumerate(expected):
+        assert rewards[result.turns - 1, number] == (5.0 if result.winner == "red" else -1.0)
+        assert not rewards[: result.turns - 1, number].any()
+    games.close()
+
+
 def test_an_observation_that_compares_games_gets_all_of_them_when_some_begin_again():
     games = rl.vector_env(
         scene(), num_games=3, observation=lambda view: np.full((*view.node.shape, 1), len(view.games))

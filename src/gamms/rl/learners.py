@@ -1,24 +1,23 @@
 """The agents that learn in the games of a batch: what all environments of this package are made of."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from functools import partial
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
-from typing import Any, NamedTuple, Self, cast
+from types import ModuleType
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
-from gamms.game.batch.given import flown
 from gamms.game.batch.view import movement_in
 from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices, choices_of
+from gamms.rl.hand import Hand
+from gamms.rl.rule_code import brings_back, gives_scores
 from gamms.scenario import Scenario
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -28,9 +27,38 @@ Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 Array = Any  # of any library: NumPy's, or tensors
 Namespace = Any  # the functions of such a library, as the array API names them
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
+ObjectArray = np.ndarray[tuple[int, ...], np.dtype[np.object_]]
 
 _MOST_OTHERS = 8
-_GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
+
+
+class Outcomes:
+    """How games have ended, read from them when it is first asked.
+
+    Args:
+        games: the batch that they are in.
+    """
+
+    def __init__(self, games: Batch) -> None:
+        self._games = games
+
+    @cached_property
+    def winner(self) -> ObjectArray:
+        """The winner of each game; None while it goes on and where nobody has won."""
+        found: ObjectArray = self._table["winner"]
+        return found
+
+    @cached_property
+    def reason(self) -> ObjectArray:
+        """Why each game has ended; None while it goes on."""
+        over = self._games.is_over
+        over = over if self._games.library is None else self._games.library.get(over)
+        found: ObjectArray = np.where(over, self._table["reason"], None)
+        return found
+
+    @cached_property
+    def _table(self) -> dict[str, Any]:
+        return self._games.table()
 
 
 class Turn(NamedTuple):
@@ -42,12 +70,24 @@ class Turn(NamedTuple):
             `turn`, (games,), are those of then.
         after: its agents now.
         gains: key -> (games,) by how much each score has changed.
+        outcomes: how the games have ended; read `winner` and `reason` of the turn.
     """
 
     team: Hashable
     before: ArrayView
     after: ArrayView
     gains: dict[Any, FloatArray]
+    outcomes: Outcomes
+
+    @property
+    def winner(self) -> ObjectArray:
+        """The winner of each game, (games,) objects of NumPy; None while it goes on and where nobody has won."""
+        return self.outcomes.winner
+
+    @property
+    def reason(self) -> ObjectArray:
+        """Why each game has ended, (games,) objects of NumPy, such as "time_limit"; None while it goes on."""
+        return self.outcomes.reason
 
 
 Observation = Callable[[ArrayView], Any]
@@ -141,7 +181,7 @@ class Learners:
         self.scenario, self.observation, self._reward = scenario, observation or default_observation, reward
         strategies, self._hand = dict(as_mapping(others or {}, "others")), None
         if agent is not None:
-            strategies[agent] = self._hand = _Hand()
+            strategies[agent] = self._hand = Hand()
         first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
             number,
@@ -195,8 +235,8 @@ class Learners:
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
         reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(members, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
-        self.may_return = any(_brings_back(one.rule) for one in game.rules)
-        if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
+        self.may_return = any(brings_back(one.rule) for one in game.rules)
+        if self._reward is None and not any(gives_scores(one.rule) for one in game.rules):
             raise BadValue(
                 "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
@@ -259,7 +299,8 @@ class Learners:
         self._remember()
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
         none = self._put(np.zeros(self._shape))
-        turns = [Turn(*given, gains) for given in zip(self.teams, before, self._now, strict=True)]
+        outcomes = Outcomes(self.games)
+        turns = [Turn(*given, gains, outcomes) for given in zip(self.teams, before, self._now, strict=True)]
         earned = []
         for turn, column in zip(turns, self._by_team(none), strict=True):
             if self._reward is None:
@@ -483,48 +524,6 @@ def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
     return found
 
 
-class _Hand:
-    """The strategy of one agent, which does in each turn of each game what it was given for it."""
-
-    def __init__(self) -> None:
-        self._games: Batch | None = None
-        self._choices: DeedChoices | None = None
-        self._taken = np.zeros((0, 0, 5))  # (turns, games, 5)  moves, deeds, and flights
-
-    def begin(self, games: Batch, choices: DeedChoices | None) -> None:
-        """Play in the games of a batch."""
-        self._games, self._choices, self._taken = games, choices, np.zeros((16, len(games), 5))
-
-    def take(self, turns: IntArray, moves: ActionArray, deeds: IntArray | None, flights: FloatArray | None) -> None:
-        """Take what is to be done in these turns of the games, (games,), as arrays (games, 1)."""
-        while turns.max() >= len(self._taken):
-            self._taken = np.concatenate((self._taken, np.zeros_like(self._taken)))
-        done = moves * 0 if deeds is None else deeds
-        flown = np.zeros((len(moves), 3)) if flights is None else flights[:, 0]
-        self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, done, flown))
-
-    def __call__(self, state: dict[str, Any]) -> None:
-        legal, games = state["legal"], cast("Batch", self._games)
-        move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
-        agent = games.game.ctx.agent.agents[state["name"]]
-        here = agent.current_node_id
-        done = {} if self._choices is None else self._choices.plain(int(deed), legal or (here,), here)
-        if "quat" in state:
-            state["action"] = flown(flight, agent.speed, done)
-            return
-        node = legal[int(move) if move < len(legal) else 0]
-        state["action"] = {"node_id": node, "do": done} if done else node
-
-    def array_form(self, view: ArrayView) -> ActionArray:
-        """Return what it is given for each game."""
-        moves, deeds = np.moveaxis(self._taken[view.turn, view.games, None, :2].astype(np.int64), -1, 0)
-        if self._choices is not None:
-            self._choices.do(deeds, view)
-        return np.where(moves < view.counts, moves, 0)
-
-    array_form.is_blind = True  # type: ignore[attr-defined] # it does not ask what sensors show
-
-
 def on_host(view: ArrayView) -> ArrayView:
     """Return a view in NumPy."""
     found: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
@@ -558,43 +557,3 @@ def _longer_side(xy: FloatArray) -> float:
 
 default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have
 default_observation.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
-
-
-def _brings_back(rule: object) -> bool:
-    """Return whether a rule says that it brings back agents that are out, or code of the caller names `respawn`."""
-    own = (code for code in _codes_of(rule, set()) if not code.co_filename.startswith(_GAMMS))
-    return getattr(rule, "brings_back", False) or any("respawn" in code.co_names for code in own)
-
-
-def _gives_scores(rule: object) -> bool:
-    """Return whether the code of a rule, or of what it calls, names the scores of the game."""
-    return any("scores" in code.co_names for code in _codes_of(rule, set()))
-
-
-def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
-    """Yield the code of a function, or of the methods of an object, and of the functions that it can reach."""
-    if id(value) in seen or isinstance(value, type | ModuleType):
-        return
-    seen.add(id(value))
-    if isinstance(value, partial):
-        yield from _codes_of(value.func, seen)
-        return
-    if not isinstance(value, FunctionType):
-        methods = (one for kind in type(value).__mro__ for one in vars(kind).values() if isinstance(one, FunctionType))
-        for method in methods:
-            yield from _codes_of(method, seen)
-        return
-    yield from _within(value.__code__)
-    for cell in value.__closure__ or ():
-        with suppress(ValueError):  # it has no value yet
-            yield from _codes_of(cell.cell_contents, seen)
-    for name in value.__code__.co_names:
-        if isinstance(value.__globals__.get(name), FunctionType):
-            yield from _codes_of(value.__globals__[name], seen)
-
-
-def _within(code: CodeType) -> Iterator[CodeType]:
-    yield code
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _within(constant)
