@@ -5,9 +5,11 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason='Stable-Baselines3 is not installed: pip install ".[train]"')
 
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks
 from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import VecMonitor
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -108,6 +110,24 @@ def test_the_turns_of_agents_that_are_out_are_not_learned_of():
     assert sum(len(batch.actions) for batch in rollouts.get(64)) == is_valid.sum()
     own = rollouts.observations["observation"]
     assert own[:, :2].any(axis=1).all()  # the place of an agent that is there; of one that is out 0, 0
+
+
+def test_a_life_is_one_episode():
+    """Of agents that are tagged out one after the other, as `gymnasium` counts them."""
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+    teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}, "blue": {"count": 4}}
+    given = scene().replace(teams=teams, sensors={}, rules=[tag, "last_team"], max_turns=30)
+    options = {"num_games": 3, "team": "blue", "reward": lambda turn: turn.before.mask * 1.0}
+    env, other = VecMonitor(rl.sb3_env(given, **options)), RecordEpisodeStatistics(rl.vector_env(given, **options), 999)
+    env.reset()
+    other.reset()
+    returns = []
+    for _ in range(80):
+        returns += [info["episode"]["r"] for info in env.step(np.zeros(12, int))[3] if "episode" in info]
+        other.step(np.zeros(12, int))
+    assert returns == list(other.return_queue)
+    assert len(returns) > 20
+    assert min(returns) > 0
 
 
 def test_a_model_that_was_loaded_needs_the_rollouts_of_its_environment(tmp_path):

@@ -75,9 +75,10 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
 class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
     """Many games at once, with a slot for each game and learning agent; made by `gamms.rl.vector_env`.
 
-    Slot `game * agents + agent`. The slots of a game end and begin together, in the step in which it ends: what was
-    observed last is in `infos["final_obs"]`. An agent that is dead while its game goes on has the reward 0 and only
-    stays; `infos["valid"]` is False for its slot.
+    Slot `game * agents + agent`. The slots of a game begin together, in the step in which the game before has ended:
+    what was observed last is in `infos["final_obs"]`. A slot is `terminated` when its agent goes out, and not again
+    when its game ends: its next episode begins with waiting for the next game. While it waits its reward is 0, it only
+    stays, and `infos["valid"]` is False.
 
     Args:
         learners: in the games.
@@ -120,16 +121,18 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         played = self.learners.step(*heads_of(self.learners, [(np.arange(self.num_agents), actions)]))
         has_ended = self.learners.is_over
         found, infos = observed(self.learners), {}
+        ends = played.terminated | played.truncated
+        if ends.any():
+            infos = {"final_obs": self._flat(found), "_final_obs": ends.ravel()}
         if has_ended.any():
             ended = np.flatnonzero(has_ended)
-            infos = {"final_obs": self._flat(found), "_final_obs": np.repeat(has_ended, self.num_agents)}
             self.learners.begin_again(ended)
             found = {key: column.copy() for key, column in found.items()}
             for key, column in observed(self.learners, ended).items():
                 found[key][ended] = column
-        terminated = played.terminated | (has_ended[:, None] & ~played.truncated)
         infos |= {**self._infos(), "valid": was_alive.ravel()}
-        return self._flat(found), played.rewards.ravel(), terminated.ravel(), played.truncated.ravel(), infos
+        ends = played.terminated.ravel(), played.truncated.ravel()
+        return self._flat(found), played.rewards.ravel(), *ends, infos
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return which actions are legal, (slots, actions)."""

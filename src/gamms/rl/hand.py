@@ -31,6 +31,7 @@ class Hand:
         self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, done, flown))
 
     def __call__(self, state: dict[str, Any]) -> None:
+        """Do what it is given for this turn of the game that is played."""
         legal, games = state["legal"], cast("Batch", self._games)
         move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
         agent = games.game.ctx.agent.agents[state["name"]]

@@ -15,7 +15,7 @@ from gamms.game.batch.view import movement_in
 from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rl.deeds import DeedChoices, choices_of
+from gamms.rl.deeds import choices_of
 from gamms.rl.hand import Hand
 from gamms.rl.rule_code import brings_back, gives_scores
 from gamms.scenario import Scenario
@@ -105,8 +105,9 @@ class Played(NamedTuple):
 
     Attributes:
         rewards: of the agents; 0 of those that were dead before.
-        terminated: whose game ended by what happened in it, or who is out of a game that goes on.
-        truncated: whose game ended because the time was up.
+        terminated: who has gone out in this turn, or took part in a game that was ended by what happened in it. Of an
+            agent that went out in an earlier turn it is not said again when its game ends.
+        truncated: who took part in a game that ended because the time was up.
     """
 
     rewards: FloatArray
@@ -313,12 +314,12 @@ class Learners:
         if self._reward is not None:
             self._refuse_no_numbers(rewards)
         counts = plays | ~was_over[:, None] if self.may_return else plays
-        is_out = ~self.alive & ~self.is_over[:, None] & (not self.may_return)
-        truncated = self.games.truncated
+        is_out = ~self.alive & (not self.may_return)
+        truncated = self.games.truncated[:, None]
         return Played(
             rewards,
-            counts & ((self.is_over & ~truncated)[:, None] | is_out),
-            counts & truncated[:, None],
+            counts & ((self.is_over[:, None] & ~truncated) | is_out),
+            counts & truncated & ~is_out,
         )
 
     def are_legal(self, actions: Array) -> BoolArray:

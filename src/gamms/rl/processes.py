@@ -84,9 +84,9 @@ class ProcessesEnv(GamesEnv):
         given, taken = as_actions(self.learners, self.num_games, np.arange(self.num_agents), actions), self._arrays
         taken["actions"][:] = given.reshape(taken["actions"].shape)
         arrays = self._ask([_STEP] * len(self._workers))
-        infos, has_ended = {}, arrays["has ended"].copy()
-        if has_ended.any():
-            infos = {"final_obs": self._observed(_LAST), "_final_obs": has_ended}
+        infos, ends = {}, arrays["ends"].copy()
+        if ends.any():
+            infos = {"final_obs": self._observed(_LAST), "_final_obs": ends}
         rewards, terminated, truncated = (arrays[name].copy() for name in ("rewards", "terminated", "truncated"))
         return self._observed(_OBSERVED), rewards, terminated, truncated, {**infos, **self._infos()}
 
@@ -127,7 +127,7 @@ class ProcessesEnv(GamesEnv):
         actions = slots + (self.single_action_space.shape or ())
         kind = "f8" if self.learners.flies.any() else "i8"
         found = [Column("actions", actions, kind), Column("rewards", slots, "f8")]
-        found += [Column(name, slots, "?") for name in ("terminated", "truncated", "valid", "has ended")]
+        found += [Column(name, slots, "?") for name in ("terminated", "truncated", "valid", "ends")]
         return found + [
             Column(prefix + key, box.shape, box.dtype.str)
             for prefix in (_OBSERVED, _LAST)
@@ -198,7 +198,7 @@ class _Share:
         )
         self._write(_OBSERVED, observed)
         self._write(_LAST, infos.get("final_obs", observed))
-        arrays["has ended"][:], arrays["valid"][:] = infos.get("_final_obs", False), infos["valid"]
+        arrays["ends"][:], arrays["valid"][:] = infos.get("_final_obs", False), infos["valid"]
 
     def _write(self, prefix: str, observed: Observed) -> None:
         for key, column in observed.items():

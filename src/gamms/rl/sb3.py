@@ -129,8 +129,8 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         for slot in np.flatnonzero(~infos["valid"]).tolist():
             of_slots[slot]["valid"] = False
         for slot in np.flatnonzero(ends).tolist():
-            last = infos["final_obs"] if "final_obs" in infos and infos["_final_obs"][slot] else observed
-            of_slots[slot]["terminal_observation"] = {key: column[slot] for key, column in last.items()}
+            last = infos["final_obs"].items()
+            of_slots[slot]["terminal_observation"] = {key: column[slot] for key, column in last}
             of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
         return dict(observed), rewards.astype(np.float32), ends, of_slots
 
