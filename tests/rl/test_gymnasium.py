@@ -6,10 +6,14 @@ import pytest
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 
 import gymnasium
-from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from gymnasium import spaces
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import vector as wrappers
 
 import gamms
 from gamms import rl
+from gamms.errors import BadType, BadValue
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -20,6 +24,15 @@ def scene(**more):
     teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}, "blue": {"count": 5}}
     given = {"teams": teams, "rules": [TAG, "last_team"], "max_turns": 40, **more}
     return Scenario(map={"grid": {"width": 4, "height": 3}}, **given)
+
+
+DEEDS = {"settings": {"deeds": {"scan": {"node": "node"}, "rest": None}}}
+FLYERS = {
+    "teams": {
+        "red": {"count": 1, "strategy": "gamms.strategies:random_walk"},
+        "blue": {"count": 2, "type": "aerial", "speed": 4},
+    }
+}
 
 
 def stay(state):
@@ -54,7 +67,9 @@ def test_gymnasium_makes_the_same_games_in_every_mode(mode):
 
 def test_a_life_is_one_episode(tmp_path):
     games, steps = 3, 150
-    env = RecordEpisodeStatistics(rl.vector_env(scene(), num_games=games, team="blue", reward=one_each_turn), 10_000)
+    env = wrappers.RecordEpisodeStatistics(
+        rl.vector_env(scene(), num_games=games, team="blue", reward=one_each_turn), 10_000
+    )
     env.reset(seed=7)
     for _ in range(steps):
         env.step(np.zeros(env.num_envs, np.int64))
@@ -68,3 +83,253 @@ def test_a_life_is_one_episode(tmp_path):
     assert len(expected) > 50
     assert sorted(env.return_queue) == sorted(expected)
     assert env.episode_count == len(expected)
+
+
+@pytest.mark.parametrize("more", [{}, DEEDS, FLYERS], ids=["moves", "deeds", "flights"])
+def test_observations_can_be_plain_numbers_with_the_mask_in_the_infos(more):
+    teams = {"team": "blue", "reward": one_each_turn}
+    made = [
+        [make(scene(**more), **given, mask=mask) for mask in ("observation", "info")]
+        for make, given in (
+            (rl.vector_env, {"num_games": 2, **teams}),
+            (rl.parallel_env, teams),
+            (rl.single_agent_env, {"agent": "blue_0", "reward": one_each_turn}),
+        )
+    ]
+    for both, plain in made:
+        (observed, infos), (numbers, told) = both.reset(seed=5), plain.reset(seed=5)
+        for _ in range(12):
+            if hasattr(both, "possible_agents"):
+                assert all(isinstance(plain.observation_space(name), spaces.Box) for name in plain.agents)
+                assert all((observed[name]["observation"] == numbers[name]).all() for name in observed)
+                actions = {
+                    name: plain.action_space(name).sample(told[name].get("action_mask")) for name in plain.agents
+                }
+            else:
+                assert isinstance(plain.observation_space, spaces.Box)
+                assert numbers in plain.observation_space
+                assert (observed["observation"] == numbers).all()
+                actions = plain.action_space.sample()
+            last, plain_last = infos.pop("final_obs", None), told.pop("final_obs", None)
+            assert last is plain_last is None or (last["observation"] == plain_last).all()
+            assert str(infos) == str(told)
+            (observed, *_, infos), (numbers, *_, told) = both.step(actions), plain.step(actions)
+        both.close()
+        plain.close()
+
+
+def test_gymnasium_finds_no_fault_in_plain_observations():
+    check_env(
+        rl.single_agent_env(scene(**DEEDS), agent="blue_1", mask="info", actions="discrete"), skip_render_check=True
+    )
+
+
+def test_moves_and_deeds_can_be_one_number():
+    pairs, numbers = (
+        rl.vector_env(scene(**DEEDS), num_games=3, team="blue", actions=form) for form in ("pair", "discrete")
+    )
+    moves, deeds = pairs.single_action_space.nvec
+    assert numbers.single_action_space == spaces.Discrete(moves * deeds)
+    (observed, infos), (_, told) = pairs.reset(seed=5), numbers.reset(seed=5)
+    random = np.random.default_rng(2)
+    done = []
+    for _ in range(15):
+        of_moves, of_deeds = np.split(infos["action_mask"], [moves], axis=1)
+        assert (told["action_mask"] == np.repeat(of_moves, deeds, axis=1) * np.tile(of_deeds, moves)).all()
+        chosen = random.integers([moves, deeds], size=(numbers.num_envs, 2))  # some are not legal
+        observed, *_, infos = pairs.step(chosen)
+        flat, *_, told = numbers.step(chosen[:, 0] * deeds + np.where(chosen[:, 0] < moves, chosen[:, 1], 0))
+        assert (observed["observation"] == flat["observation"]).all()
+        done.append([[len(env.learners.games.result(game).deeds) for game in range(3)] for env in (pairs, numbers)])
+    assert any(of_numbers != [0, 0, 0] for _, of_numbers in done)
+    legal = told["action_mask"].argmax(axis=1)
+    before = [len(numbers.learners.games.result(game).deeds) for game in range(3)]
+    numbers.step(np.full_like(legal, moves * deeds + 1))  # beyond the space: nothing is done
+    after = [len(numbers.learners.games.result(game).deeds) for game in range(3)]
+    assert all(now <= then for now, then in zip(after, before, strict=True))
+
+
+def test_too_many_moves_and_deeds_are_refused():
+    many = {"settings": {"deeds": {"paint": {"colour": [f"colour {number}" for number in range(1000)]}}}}
+    with pytest.raises(BadValue, match=r"5 moves and 1001 deeds 5005 actions, and 4096 is the limit"):
+        rl.vector_env(scene(**many), num_games=2, team="blue", actions="discrete", reward=one_each_turn)
+    with pytest.raises(BadValue, match="all that learn here fly"):
+        rl.parallel_env(scene(**FLYERS), team="blue", actions="discrete", reward=one_each_turn)
+    for wrong in ({"mask": "nowhere"}, {"actions": "flat"}, {"autoreset_mode": "LATER"}, {"autoreset_mode": []}):
+        with pytest.raises(BadValue, match=f"{next(iter(wrong))} must be "):
+            rl.vector_env(scene(), num_games=2, team="blue", **wrong)
+
+
+def alone():
+    """One agent who is hunted: its game ends with it."""
+    teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}, "blue": {"count": 1}}
+    return scene(teams=teams, max_turns=9)
+
+
+def is_same(one, other):
+    """Whether two values are the same: dicts, arrays, and arrays of arrays."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
+    return np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("mask", ["observation", "info"])
+@pytest.mark.parametrize("mode", [*AutoresetMode])
+def test_games_begin_again_as_in_the_environment_of_gymnasium(mode, mask):
+    options = {"agent": "blue_0", "reward": one_each_turn, "mask": mask}
+    ours = [rl.vector_env(alone(), num_games=1, autoreset_mode=mode, seed=seed, **options) for seed in (3, 50)]
+    theirs = SyncVectorEnv([lambda: rl.single_agent_env(alone(), **options)] * 2, autoreset_mode=mode)
+    assert ours[0].metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"] is mode
+    for env in ours:
+        env.reset(seed=[None])
+    theirs.reset(seed=[3, 50])
+    ended = np.zeros(2)
+    for turn in range(60):
+        actions = np.array([turn % 3, turn % 2])
+        played = [env.step(actions[slot : slot + 1]) for slot, env in enumerate(ours)]
+        expected, *numbers, infos = theirs.step(actions)
+        for part, column in enumerate(numbers, 1):
+            assert [one[part][0] for one in played] == column.tolist()
+        ends = numbers[1] | numbers[2]
+        ended += ends
+        for slot, one in enumerate(played):
+            assert is_same(rows(one[0], 0), rows(expected, slot))
+            told = one[4]
+            assert (told["action_mask"][0] == infos["action_mask"][slot]).all()
+            assert ("final_obs" in told) == (mode is AutoresetMode.SAME_STEP and ends[slot])
+            if "final_obs" in told:
+                assert is_same(rows(told["final_obs"], 0), infos["final_obs"][slot])
+                assert told["_final_obs"].tolist() == told["_final_info"].tolist() == [True]
+                assert (told["final_info"]["action_mask"][0] == infos["final_info"]["action_mask"][slot]).all()
+        if mode is AutoresetMode.DISABLED and ends.any():
+            for env, is_done in zip(ours, ends, strict=True):
+                if is_done:
+                    with pytest.raises(BadValue, match=r"Game 0 has ended: call reset\(options="):
+                        env.step(actions[:1])
+                    env.reset(options={"reset_mask": np.array([True])})
+            theirs.reset(options={"reset_mask": ends})
+    assert ended.min() > 2
+    for env in (*ours, theirs):
+        env.close()
+
+
+def rows(observed, slot):
+    return {key: column[slot] for key, column in observed.items()} if isinstance(observed, dict) else observed[slot]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_some_games_begin_again_with_seeds_of_their_own(workers):
+    env = rl.vector_env(alone(), num_games=3, agent="blue_0", autoreset_mode="DISABLED", workers=workers)
+    single = rl.single_agent_env(alone(), agent="blue_0")
+
+    def first_of(seed):
+        return single.reset(seed=seed)[0]["observation"]
+
+    observed, _ = env.reset(seed=[9, 4, 4])
+    assert (observed["observation"] == np.array([first_of(seed) for seed in (9, 4, 4)])).all()
+    first, *_ = env.step(np.array([1, 1, 1]))
+    observed, _ = env.reset(seed=[None, None, 77], options={"reset_mask": np.array([False, True, True])})
+    assert (observed["observation"] == np.array([first["observation"][0], first_of(4 + 3), first_of(77)])).all()
+    observed, _ = env.reset(seed=20)
+    assert (observed["observation"] == np.array([first_of(seed) for seed in (20, 21, 22)])).all()
+    env.close()
+
+
+def test_the_slots_of_a_game_begin_together():
+    env = rl.vector_env(scene(), num_games=2, team="blue", autoreset_mode="DISABLED")
+    env.reset(seed=[3, 3, 3, 3, 3, 8, 8, 8, 8, 8])
+    assert env.learners.games.seeds == (3, 8)
+    every, is_over = np.zeros(10, np.int64), False
+    while not is_over:  # a loop that asks for what has ended plays on
+        *_, terminated, truncated, _ = env.step(every)
+        ends = terminated | truncated
+        if ends.any():
+            before = env.learners.games.turn.copy()
+            over = env.learners.is_over.copy()
+            env.reset(options={"reset_mask": ends})
+            assert (env.learners.games.turn == np.where(over, 0, before)).all()
+            is_over = over.any()
+    env.reset()
+    mask = np.arange(10) == 2
+    with pytest.raises(BadValue, match="names some slots of game 0, which begin together"):
+        env.reset(options={"reset_mask": mask})
+    for wrong in ([True] * 10, np.ones(10)):
+        with pytest.raises(BadType, match="array of NumPy of booleans"):
+            env.reset(options={"reset_mask": wrong})
+    for wrong in (np.zeros(10, np.bool_), np.ones(2, np.bool_)):
+        with pytest.raises(BadValue, match="at least one of 10 slots"):
+            env.reset(options={"reset_mask": wrong})
+    with pytest.raises(BadValue, match="seed has 3 seeds, and there are 2 games and 10 slots"):
+        env.reset(seed=[1, 2, 3])
+    with pytest.raises(BadValue, match=r"slots of game 1 have the seeds \[5, 6, 7, 8, 9\]"):
+        env.reset(seed=[0] * 5 + [5, 6, 7, 8, 9])
+
+
+def size_of_plain():
+    env = rl.vector_env(scene(), num_games=1, team="blue", mask="info")
+    env.close()
+    return env.single_observation_space.shape[0]
+
+
+PLAIN = {
+    "NormalizeObservation": dict,
+    "FlattenObservation": dict,
+    "TransformObservation": lambda: {"func": np.copy},
+    "VectorizeTransformObservation": lambda: {
+        "wrapper": gymnasium.wrappers.TransformObservation,
+        "func": np.copy,
+        "observation_space": None,
+    },
+    "ReshapeObservation": lambda: {"shape": (1, size_of_plain())},
+    "RescaleObservation": lambda: {"min_obs": np.float32(-1), "max_obs": np.float32(1)},
+    "DtypeObservation": lambda: {"dtype": np.float32},
+    "TransformAction": lambda: {"func": lambda actions: actions * 0},
+    "VectorizeTransformAction": lambda: {
+        "wrapper": gymnasium.wrappers.TransformAction,
+        "func": lambda action: action,
+        "action_space": spaces.Discrete(5),
+    },
+    "TransformReward": lambda: {"func": lambda rewards: rewards * 2},
+    "VectorizeTransformReward": lambda: {
+        "wrapper": gymnasium.wrappers.TransformReward,
+        "func": lambda reward: reward / 2,
+    },
+    "ClipReward": lambda: {"max_reward": 0.5},
+    "NormalizeReward": dict,
+    "RecordEpisodeStatistics": dict,
+    "DictInfoToList": dict,
+}
+WITH_MASKS = {
+    "FilterObservation": lambda: {"filter_keys": ["observation"]},
+    "FlattenObservation": dict,
+    "RecordEpisodeStatistics": dict,
+    "DictInfoToList": dict,
+}
+
+
+CASES = [
+    (mode, mask, name)
+    for mode in ("NEXT_STEP", "DISABLED")
+    for mask, names in (("info", PLAIN), ("observation", WITH_MASKS))
+    for name in names
+    if (mode, name) != ("DISABLED", "NormalizeObservation")  # which Gymnasium refuses
+]
+
+
+@pytest.mark.parametrize(("mode", "mask", "name"), CASES)
+def test_vector_wrappers_of_gymnasium_work(mode, mask, name):
+    options = (PLAIN if mask == "info" else WITH_MASKS)[name]()
+    env = rl.vector_env(scene(), num_games=2, team="blue", reward=one_each_turn, mask=mask, autoreset_mode=mode)
+    wrapped = getattr(wrappers, name)(env, **options)
+    observed, _ = wrapped.reset(seed=1)
+    assert observed in wrapped.observation_space
+    begun = 0
+    for _ in range(60):
+        observed, _, terminated, truncated, _ = wrapped.step(np.zeros(10, np.int64))
+        assert observed in wrapped.observation_space
+        if mode == "DISABLED" and (terminated | truncated).any():
+            observed, _ = wrapped.reset(options={"reset_mask": terminated | truncated})
+            assert observed in wrapped.observation_space
+        begun += (env.learners.games.turn == 0).any()
+    assert begun
+    wrapped.close()

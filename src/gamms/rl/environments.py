@@ -1,6 +1,7 @@
 """The environments that a scenario can be made into."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,16 @@ from gamms.scenario import Scenario
 from gamms.workers import refuse_in_worker
 
 if TYPE_CHECKING:
+    from gymnasium.vector import AutoresetMode
+
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
+    from gamms.rl.interface import ActionForm, MaskPlace
     from gamms.rl.sb3 import SlotsEnv
     from gamms.rl.team_env import TeamEnv
     from gamms.rl.tensor_env import TensorEnv
 
 
-def parallel_env(
+def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what they get
     scenario: Scenario,
     *,
     team: str | Sequence[str] | None = None,
@@ -28,6 +32,8 @@ def parallel_env(
     reward: Reward | None = None,
     seed: int = 0,
     most_agents: MostAgents | None = None,
+    mask: "MaskPlace" = "observation",
+    actions: "ActionForm" = "pair",
     render_mode: RenderMode = None,
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
@@ -46,6 +52,10 @@ def parallel_env(
         seed: of the first game; each further one has the next seed.
         most_agents: how many agents each team may come to have, or team -> number or names; docs/batches.md. Those that
             a rule creates take their places by name, and learn with their team.
+        mask: "observation": observations are dicts with the mask; "info": they are the numbers alone, in a plain `Box`,
+            and masks are in the infos.
+        actions: "pair": where there are deeds, an action is a pair of a move and a deed; "discrete": it is one number,
+            `move * deeds + deed`, for at most 4,096 of them.
         render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
 
     Raises:
@@ -54,6 +64,7 @@ def parallel_env(
         MissingExtra (ImportError): PettingZoo is not installed.
     """
     with needing("An environment of PettingZoo", "rl"):
+        from gamms.rl.interface import Interface
         from gamms.rl.team_env import TeamEnv
     window = engine_of(render_mode)
     learners = Learners(
@@ -66,10 +77,11 @@ def parallel_env(
         vis_engine=window,
         most_agents=most_agents,
     )
-    return TeamEnv(learners, scenario.spec.name, render_mode)
+    with _closing_after_error(learners):
+        return TeamEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
 
 
-def single_agent_env(
+def single_agent_env(  # noqa: PLR0913 - as above
     scenario: Scenario,
     *,
     agent: str,
@@ -77,6 +89,8 @@ def single_agent_env(
     observation: Observation | None = None,
     reward: Reward | None = None,
     seed: int = 0,
+    mask: "MaskPlace" = "observation",
+    actions: "ActionForm" = "pair",
     render_mode: RenderMode = None,
 ) -> "AgentEnv":
     """Return a scenario as a `gymnasium.Env`, in which one agent learns.
@@ -88,6 +102,8 @@ def single_agent_env(
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: see `parallel_env`.
+        mask: see `parallel_env`.
+        actions: see `parallel_env`.
         render_mode: see `parallel_env`.
 
     Raises:
@@ -97,6 +113,7 @@ def single_agent_env(
     """
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import AgentEnv, spec_of
+        from gamms.rl.interface import Interface
     window = engine_of(render_mode)
     learners = Learners(
         scenario,
@@ -108,9 +125,10 @@ def single_agent_env(
         one_by_one=True,
         vis_engine=window,
     )
-    env = AgentEnv(learners, scenario.spec.name, render_mode)
+    with _closing_after_error(learners):
+        env = AgentEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
     given = {"agent": agent, "others": others, "observation": observation, "reward": reward, "seed": seed}
-    env.spec = spec_of(single_agent_env, scenario, given)
+    env.spec = spec_of(single_agent_env, scenario, given | {"mask": mask, "actions": actions})
     return env
 
 
@@ -125,6 +143,9 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     reward: Reward | None = None,
     seed: int = 0,
     most_agents: MostAgents | None = None,
+    mask: "MaskPlace" = "observation",
+    actions: "ActionForm" = "pair",
+    autoreset_mode: "AutoresetMode | str" = "SAME_STEP",
     workers: int = 1,
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
@@ -142,6 +163,10 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         reward: see `parallel_env`.
         seed: of the first game; those of the others follow.
         most_agents: see `parallel_env`.
+        mask: see `parallel_env`.
+        actions: see `parallel_env`.
+        autoreset_mode: when a game that has ended begins again, as `gymnasium.vector.AutoresetMode` or by its name:
+            "SAME_STEP", "NEXT_STEP" or "DISABLED".
         workers: how many processes play, each a share of the games; 1: this one. They are the same games. Functions
             are given to the processes by the names of their modules, and get the games of one process. What one
             raises is raised here and closes the environment, as does the end of a process (`gamms.workers.WorkerDied`).
@@ -153,8 +178,10 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         MissingExtra (ImportError): Gymnasium is not installed.
     """
     with needing("An environment of Gymnasium", "rl"):
-        from gamms.rl.gym_envs import GamesEnv
+        from gamms.rl.gym_envs import GamesEnv, mode_of
+        from gamms.rl.interface import Interface
         from gamms.rl.processes import ProcessesEnv
+    mode = mode_of(autoreset_mode)
     options: dict[str, Any] = {"agent": agent, "others": others, "observation": observation, "reward": reward}
     several = as_count(workers, "workers", least=1) > 1
     if several:
@@ -162,10 +189,14 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         if workers > as_count(num_games, "num_games"):
             raise BadValue(f"workers is {workers}, and there are {num_games} games: at most one process for each.")
     made = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, most_agents=most_agents, **options)
-    if not several:
-        return GamesEnv(made, scenario.spec.name)
-    make = partial(vector_env, scenario, team=team, most_agents=most_agents, **options)
-    return ProcessesEnv(made, scenario.spec.name, num_games=num_games, seed=seed, workers=workers, make=make)
+    with _closing_after_error(made):
+        interface = Interface(made, mask, actions)
+        if not several:
+            return GamesEnv(interface, scenario.spec.name, mode)
+        options |= {"mask": mask, "actions": actions, "autoreset_mode": mode}
+        make = partial(vector_env, scenario, team=team, most_agents=most_agents, **options)
+        counts = {"num_games": num_games, "seed": seed, "workers": workers}
+        return ProcessesEnv(interface, scenario.spec.name, mode, **counts, make=make)
 
 
 def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv":
@@ -174,7 +205,7 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
     Args:
         scenario: see `parallel_env`.
         num_games: how many.
-        options: see `vector_env`.
+        options: see `vector_env`; all but `autoreset_mode`, which Stable-Baselines3 decides.
 
     Raises:
         MissingExtra (ImportError): Stable-Baselines3 is not installed.
@@ -182,7 +213,19 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
     """
     with needing("An environment of Stable-Baselines3", "train"):
         from gamms.rl.sb3 import SlotsEnv
+    if "autoreset_mode" in options:
+        raise BadValue("sb3_env has no autoreset_mode: in a VecEnv of Stable-Baselines3, games begin in the same step.")
     return SlotsEnv(vector_env(scenario, num_games=num_games, **options))
+
+
+@contextmanager
+def _closing_after_error(learners: Learners) -> Iterator[None]:
+    """Close learners of which no environment could be made."""
+    try:
+        yield
+    except BaseException:
+        learners.close()
+        raise
 
 
 def torchrl_env(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -10,54 +10,60 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gamms.rl.heads import action_masks, are_legal, heads_of, refuse_mixed
-from gamms.rl.learners import ActionArray, Learners
+from gamms.arguments import as_int, as_items
+from gamms.errors import BadType, BadValue
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.rl.heads import are_legal, refuse_mixed
+from gamms.rl.interface import Columns, Interface, mask_in
+from gamms.rl.learners import ActionArray, Seeds
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
-from gamms.rl.spaces import action_space, observation_space, observed
 from gamms.scenario import Scenario
+from gamms.text import shown
 
 Infos = dict[str, Any]
-Observed = dict[str, Any]  # `observation` and `action_mask`
+Observed = Any  # `observation` and `action_mask`, or the observation alone
 
 
 class AgentEnv(gymnasium.Env[Observed, Any]):
     """One agent that learns in one game; made by `gamms.rl.single_agent_env`.
 
     Args:
-        learners: in one game, in a context; only the first agent of them is asked.
+        interface: of learners in one game, in a context; only the first agent of them is asked.
         name: of the scenario.
         render_mode: "human", "rgb_array" or None.
     """
 
     metadata = METADATA
 
-    def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
+    def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self.learners, self.render_mode = learners, render_mode
-        prepare(learners, render_mode)
-        self.observation_space = observation_space(learners)
-        self.action_space = action_space(learners)
+        self._interface, self.render_mode = interface, render_mode
+        self.learners = interface.learners
+        prepare(self.learners, render_mode)
+        self.observation_space = interface.observation_space()
+        self.action_space = interface.action_space()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Begin a game; without a seed, that of the next one."""
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
-        found = self._observed()
-        return found, _mask_in(found)
+        found = self._columns()
+        return self._interface.given(found), mask_in(found)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; an action that is not legal stays, and `info["is_legal"]` is False then."""
-        heads = heads_of(self.learners, [(np.array([0]), action)])
+        heads = self._interface.heads_of([(np.array([0]), action)])
         was_legal = bool(are_legal(self.learners, heads)[0, 0])
         played = self.learners.step(*heads)
-        found = self._observed()
-        infos = {**_mask_in(found), "is_legal": was_legal}
+        found = self._columns()
+        infos = {**mask_in(found), "is_legal": was_legal}
         is_out, is_late = bool(played.terminated[0, 0]), bool(played.truncated[0, 0])
-        return found, float(played.rewards[0, 0]), is_out, is_late and not is_out, infos
+        return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return which actions are legal, (actions,); `sb3_contrib.MaskablePPO` asks for it."""
-        masks: np.ndarray[Any, np.dtype[np.bool_]] = action_masks(self.learners)[0, 0]
+        masks: np.ndarray[Any, np.dtype[np.bool_]] = self._interface.masks()[0, 0]
         return masks
 
     def render(self) -> Any:
@@ -68,21 +74,42 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
         """End the game."""
         self.learners.close()
 
-    def _observed(self) -> Observed:
-        return {key: column[0, 0] for key, column in observed(self.learners).items()}
+    def _columns(self) -> Columns:
+        return {key: column[0, 0] for key, column in self._interface.columns().items()}
+
+
+class SlotsTurn(NamedTuple):
+    """A turn of all slots.
+
+    Attributes:
+        now: what is observed after it, and after games were begun again.
+        last: what was observed before games were begun again.
+        rewards: (slots,)
+        terminated: (slots,)
+        truncated: (slots,)
+        valid: (slots,) who took part in it.
+    """
+
+    now: Columns
+    last: Columns
+    rewards: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
+    valid: BoolArray
 
 
 class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
     """Many games at once, with a slot for each game and learning agent; made by `gamms.rl.vector_env`.
 
-    Slot `game * agents + agent`. The slots of a game begin together, in the step in which the game before has ended:
-    what was observed last is in `infos["final_obs"]`. A slot is `terminated` when its agent goes out, and not again
-    when its game ends: its next episode begins with waiting for the next game. While it waits its reward is 0, it only
-    stays, and `infos["valid"]` is False.
+    Slot `game * agents + agent`. The slots of a game begin together. A slot is `terminated` when its agent goes out,
+    and not again when its game ends: its next episode begins with waiting for the next game. While it waits its reward
+    is 0, it only stays, and `infos["valid"]` is False.
 
     Args:
-        learners: in the games.
+        interface: of learners in the games.
         name: of the scenario.
+        autoreset_mode: when a game begins again: in the step in which it ends, as `infos["final_obs"]` and
+            `infos["final_info"]` then say; in the next step, whose actions do not count; or by `reset` alone.
         num_games: how many games; None: those of the learners.
 
     Attributes:
@@ -91,68 +118,178 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         num_agents: how many agents learn in each.
     """
 
-    def __init__(self, learners: Learners, name: str, num_games: int | None = None) -> None:
-        self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP, "name": name or "gamms"}
-        self.learners, self.num_agents = learners, len(learners.names)
+    def __init__(
+        self, interface: Interface, name: str, autoreset_mode: AutoresetMode, num_games: int | None = None
+    ) -> None:
+        self._interface, self._autoreset_mode = interface, autoreset_mode
+        self.metadata = {"render_modes": [], "autoreset_mode": autoreset_mode, "name": name or "gamms"}
+        self.learners = learners = interface.learners
+        self.num_agents = len(learners.names)
         self.num_games = len(learners.games) if num_games is None else num_games
         self.num_envs = self.num_games * self.num_agents
         refuse_mixed(learners, range(self.num_agents), "vector_env")
-        self.single_observation_space = observation_space(learners)
-        self.single_action_space = action_space(learners)
+        self.single_observation_space = interface.observation_space()
+        self.single_action_space = interface.action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:  # noqa: ARG002 - Gymnasium's signature
-        """Begin all games: game i with the seed `seed + i`, and at each further time with one larger by `num_games`.
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
+        """Begin games: game i with the seed `seed + i`, and at each further time with one larger by `num_games`.
 
-        Without a seed all begin their next games.
+        Args:
+            seed: an integer, or a list with one for each game, or for each slot, where the slots of a game have the
+                same one. None, also in the list: games begin with their next seeds.
+            options: `{"reset_mask": booleans (slots,)}` begins only the games in which all agents that play on are
+                named. Where agents play on, the slots of those that are out go on waiting. Other options do not count.
+
+        Raises:
+            BadType, BadValue: the seeds are not of this form; a mask is not, or it names the slot of an agent that
+                plays and not the others of its game.
         """
-        self.learners.begin_all(seed)
-        return self._flat(observed(self.learners)), self._infos()
+        seeds, which = self._seeds_of(seed), np.arange(self.num_games)
+        if options is not None and "reset_mask" in options:
+            which = self._named_by(options["reset_mask"])
+        found, alive = self._begin(which, seeds)
+        return self._interface.given(found), _infos(found, alive)
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
-        """Play a turn of all games, and begin those again that have ended.
+        """Play a turn of all games, and begin games again as `autoreset_mode` says.
 
         Args:
             actions: (slots,) numbers of legal nodes, or with deeds (slots, 2); one that is not legal stays. Of agents
                 that fly, (slots, 3) and more: see `heads`.
-        """
-        was_alive = self.learners.alive
-        played = self.learners.step(*heads_of(self.learners, [(np.arange(self.num_agents), actions)]))
-        has_ended = self.learners.is_over
-        found, infos = observed(self.learners), {}
-        ends = played.terminated | played.truncated
-        if ends.any():
-            infos = {"final_obs": self._flat(found), "_final_obs": ends.ravel()}
-        if has_ended.any():
-            ended = np.flatnonzero(has_ended)
-            self.learners.begin_again(ended)
-            found = {key: column.copy() for key, column in found.items()}
-            for key, column in observed(self.learners, ended).items():
-                found[key][ended] = column
-        infos |= {**self._infos(), "valid": was_alive.ravel()}
-        ends = played.terminated.ravel(), played.truncated.ravel()
-        return self._flat(found), played.rewards.ravel(), *ends, infos
 
-    def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        Raises:
+            BadValue: these are no actions; or a game has ended, and only `reset` begins games again.
+        """
+        if self._autoreset_mode is AutoresetMode.DISABLED and self._over().any():
+            raise BadValue(
+                f"Game {int(self._over().argmax())} has ended: call reset(options={{'reset_mask': terminated | "
+                "truncated}) before step()."
+            )
+        turn = self._play(actions)
+        ends, infos = turn.terminated | turn.truncated, Infos()
+        if self._autoreset_mode is AutoresetMode.SAME_STEP and ends.any():
+            infos = {"final_obs": self._interface.given(turn.last), "final_info": _infos(turn.last, turn.valid)}
+            infos |= {"_final_obs": ends, "_final_info": ends.copy()}
+        infos |= _infos(turn.now, turn.valid)
+        return self._interface.given(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
+
+    def action_masks(self) -> BoolArray:
         """Return which actions are legal, (slots, actions)."""
-        return action_masks(self.learners).reshape(self.num_envs, -1)
+        return self._interface.masks().reshape(self.num_envs, -1)
 
     def close_extras(self, **_: object) -> None:
         """End the games."""
         self.learners.close()
 
-    def _infos(self) -> Infos:
-        masks = {} if self.learners.flies.all() else {"action_mask": self.action_masks()}
-        return {**masks, "valid": self.learners.alive.ravel()}
+    # -- inside: what several processes do in another way -------------------------------------------------------
 
-    def _flat(self, found: Observed) -> Observed:
+    def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:
+        """Begin games, by their numbers; return what is observed, and which agents are alive, (slots,)."""
+        if seeds is not None:
+            self.learners.begin_from(seeds, which)
+        self.learners.begin_again(which)
+        return self._flat(self._interface.columns()), self.learners.alive.ravel()
+
+    def _play(self, actions: ActionArray) -> SlotsTurn:
+        """Play a turn."""
+        learners, was_over, was_alive = self.learners, self.learners.is_over, self.learners.alive
+        played = learners.step(*self._interface.heads_of([(np.arange(self.num_agents), actions)]))
+        if self._autoreset_mode is AutoresetMode.NEXT_STEP and was_over.any():
+            learners.begin_again(np.flatnonzero(was_over))
+        last = now = self._interface.columns()
+        if self._autoreset_mode is AutoresetMode.SAME_STEP and (played.terminated | played.truncated).any():
+            now = {key: column.copy() for key, column in last.items()}
+        if self._autoreset_mode is AutoresetMode.SAME_STEP and learners.is_over.any():
+            ended = np.flatnonzero(learners.is_over)
+            learners.begin_again(ended)
+            for key, column in self._interface.columns(ended).items():
+                now[key][ended] = column
+        valid = (was_alive & ~was_over[:, None]).ravel()
+        return SlotsTurn(
+            self._flat(now),
+            self._flat(last),
+            played.rewards.ravel(),
+            played.terminated.ravel(),
+            played.truncated.ravel(),
+            valid,
+        )
+
+    def _over(self) -> BoolArray:
+        """Return which games have ended, (games,)."""
+        return self.learners.is_over
+
+    def _plays(self) -> BoolArray:
+        """Return which agents play on, (games, agents)."""
+        learners = self.learners
+        plays: BoolArray = (learners.alive | (learners.is_there & learners.may_return)) & ~learners.is_over[:, None]
+        return plays
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _seeds_of(self, seed: object) -> Seeds:
+        """Return one seed for all games, or a list of those of each."""
+        if seed is None or isinstance(seed, int | np.integer):
+            return None if seed is None else as_int(seed, "seed")
+        given = [None if one is None else as_int(one, "seed") for one in as_items(seed, "seed", "seeds")]
+        if len(given) == self.num_games:
+            return given
+        if len(given) != self.num_envs:
+            raise BadValue(
+                f"seed has {len(given)} seeds, and there are {self.num_games} games and {self.num_envs} slots: give "
+                "one integer, or one for each game or slot."
+            )
+        of_games = [given[first : first + self.num_agents] for first in range(0, self.num_envs, self.num_agents)]
+        for game, seeds in enumerate(of_games):
+            if len({*seeds}) > 1:
+                raise BadValue(
+                    f"The slots of game {game} have the seeds {shown(seeds)}, and a game has one: give one seed for "
+                    "each game, or the same one for its slots."
+                )
+        return [seeds[0] for seeds in of_games]
+
+    def _named_by(self, given: object) -> IntArray:
+        """Return the games that a mask of slots lets begin again."""
+        mask = given
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise BadType(f"options['reset_mask'] must be an array of NumPy of booleans, not {shown(given)}.")
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise BadValue(
+                f"options['reset_mask'] must name at least one of {self.num_envs} slots, in the shape "
+                f"({self.num_envs},), not {shown(given)}."
+            )
+        named, plays = mask.reshape(self.num_games, self.num_agents), self._plays()
+        goes_on = (plays & ~named).any(axis=1)
+        torn = goes_on & (plays & named).any(axis=1)
+        if torn.any():
+            raise BadValue(
+                f"options['reset_mask'] names some slots of game {int(torn.argmax())}, which begin together: name all "
+                "of its agents that play, or none."
+            )
+        return np.flatnonzero(named.any(axis=1) & ~goes_on)
+
+    def _flat(self, found: Columns) -> Columns:
         return {key: column.reshape(self.num_envs, *column.shape[2:]) for key, column in found.items()}
 
 
-def _mask_in(found: Observed) -> Infos:
-    """Return the mask of what was observed; of an agent that flies there is none."""
-    return {key: value for key, value in found.items() if key == "action_mask"}
+def _infos(found: Columns, valid: BoolArray) -> Infos:
+    """Return the infos of all slots, with the masks of what they observe."""
+    return {**{key: mask > 0 for key, mask in mask_in(found).items()}, "valid": valid.copy()}
+
+
+def mode_of(given: object) -> AutoresetMode:
+    """Return a mode, which is given as such or by its name.
+
+    Raises:
+        BadValue: there is no such mode.
+    """
+    known = {key: mode for mode in AutoresetMode for key in (mode, mode.name, mode.value)}
+    try:
+        return known[given]  # type: ignore[index] # whatever it is
+    except (KeyError, TypeError):
+        names = [mode.name for mode in AutoresetMode]
+        raise BadValue(f"autoreset_mode must be one of {names}, not {shown(given)}.") from None
 
 
 def spec_of(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:

@@ -1,7 +1,9 @@
 """The heads of actions: of agents on the ground a move and perhaps a deed, of those that fly a flight.
 
-An agent that flies gives numbers from -1 to 1: east, north and up, in shares of what it reaches in a turn; and, where
-there are deeds, one for each choice of a deed, of which that with the largest number is done.
+A move and a deed are given as a pair, or flat: as the number `move * choices + deed`, where `choices` is how many deeds
+there are, doing nothing included. An agent that flies gives numbers from -1 to 1: east, north and up, in shares of what
+it reaches in a turn; and, where there are deeds, one for each choice of a deed, of which that with the largest number
+is done.
 """
 
 from collections.abc import Sequence
@@ -26,13 +28,14 @@ class Heads(NamedTuple):
     flights: FloatArray | None
 
 
-def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]]) -> Heads:
+def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_flat: bool = False) -> Heads:
     """Return the heads of actions.
 
     Args:
         learners: who take them.
         given: the numbers of agents, all on the ground or all in the air, and their actions in all games, in any shape
             that has as many numbers. The others stay.
+        are_flat: whether moves and deeds are one number.
 
     Raises:
         BadValue: they are not of the action space.
@@ -44,20 +47,25 @@ def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]]) -> Heads
     for agents, actions in given:
         if not len(agents):
             continue
-        values = as_actions(learners, shape[0], agents, actions)
+        values = as_actions(learners, shape[0], agents, actions, are_flat=are_flat)
         if flights is not None and learners.flies[agents[0]]:
             flights[:, agents] = values[..., :AXES]
             if deeds is not None:
                 legal = learners.deed_masks[:, agents]
                 deeds[:, agents] = np.where(legal, np.nan_to_num(values[..., AXES:]), -np.inf).argmax(axis=2)
-        elif deeds is None:
+        elif deeds is None or learners.deeds is None:
             moves[:, agents] = values
+        elif are_flat:
+            moves[:, agents], found = np.divmod(values, len(learners.deeds))
+            deeds[:, agents] = np.where(learners.are_legal(moves)[:, agents], found, 0)
         else:
             moves[:, agents], deeds[:, agents] = values[..., 0], values[..., 1]
     return Heads(moves, deeds, flights)
 
 
-def as_actions(learners: Learners, games: int, agents: IntArray, actions: object) -> np.ndarray[Any, Any]:
+def as_actions(
+    learners: Learners, games: int, agents: IntArray, actions: object, *, are_flat: bool = False
+) -> np.ndarray[Any, Any]:
     """Return actions of some agents, all on the ground or all in the air, as an array that begins (games, agents).
 
     Raises:
@@ -69,7 +77,7 @@ def as_actions(learners: Learners, games: int, agents: IntArray, actions: object
     if learners.flies[agents[0]]:
         wide = AXES + choices
         return _numbers(actions, (*shape, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
-    if not choices:
+    if not choices or are_flat:
         return _numbers(actions, shape, "iu", "integers, one for each")
     return _numbers(actions, (*shape, 2), "iu", "integers, each a pair of a move and a deed for each")
 
@@ -97,16 +105,24 @@ def are_legal(learners: Learners, heads: Heads) -> BoolArray:
     return found
 
 
-def action_masks(learners: Learners) -> BoolArray:
+def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
     """Return which actions are legal, (games, agents, actions): moves, and behind them deeds where there are any.
+
+    Args:
+        learners: the agents.
+        are_flat: whether moves and deeds are one number: then each pair of them has a place.
 
     Raises:
         BadValue: all agents fly.
     """
     if learners.flies.all():
         raise BadValue(f"Agent {shown(learners.names[0])} flies, and what it does has no mask: learn without masks.")
-    parts = [learners.masks] if learners.deeds is None else [learners.masks, learners.deed_masks]
-    found: BoolArray = joined(np, parts, axis=2)
+    if learners.deeds is None:
+        return learners.masks
+    moves, deeds = learners.masks, learners.deed_masks
+    if are_flat:
+        return (moves[..., None] & deeds[..., None, :]).reshape(*moves.shape[:2], -1)
+    found: BoolArray = joined(np, [moves, deeds], axis=2)
     return found
 
 

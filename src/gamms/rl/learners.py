@@ -27,6 +27,7 @@ Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 Array = Any  # of any library: NumPy's, or tensors
 Namespace = Any  # the functions of such a library, as the array API names them
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
+Seeds = int | Sequence[int | None] | None  # of games: one for all, or of each
 ObjectArray = np.ndarray[tuple[int, ...], np.dtype[np.object_]]
 
 _MOST_OTHERS = 8
@@ -53,7 +54,8 @@ class Outcomes:
         """Why each game has ended; None while it goes on."""
         over = self._games.is_over
         over = over if self._games.library is None else self._games.library.get(over)
-        found: ObjectArray = np.where(over, self._table["reason"], None)
+        found: ObjectArray = self._table["reason"]
+        found[~over] = None
         return found
 
     @cached_property
@@ -195,7 +197,7 @@ class Learners:
             device=device,
             most_agents=most_agents,
         )
-        self._first, self._episodes, self.stride = first, np.zeros(number, np.int64), number
+        self._first, self._episodes, self.stride = first + np.arange(number), np.zeros(number, np.int64), number
         try:
             self._look_at((teams,) if isinstance(teams, str) else teams, agent)
         except BaseException:
@@ -333,13 +335,24 @@ class Learners:
             self.begin_from(seed)
         self.begin_again(np.arange(len(self.games)))
 
-    def begin_from(self, seed: int) -> None:
-        """Let game i have the seed `seed + i` when it begins again."""
-        self._first, self._episodes[:] = as_int(seed, "seed"), 0
+    def begin_from(self, seed: int | Sequence[int | None], which: IntArray | None = None) -> None:
+        """Set the seeds with which games begin next: game i with `seed + i`, or with the i-th of several.
+
+        Args:
+            seed: an integer, or one for each game of the batch; None: this game has its next seed.
+            which: the numbers of games; None: all.
+        """
+        games = np.arange(len(self.games)) if which is None else which
+        if isinstance(seed, Sequence):
+            games = np.array([game for game in games.tolist() if seed[game] is not None], np.int64)
+            self._first[games] = [seed[game] for game in games.tolist()]
+        else:
+            self._first[games] = as_int(seed, "seed") + games
+        self._episodes[games] = 0
 
     def begin_again(self, which: IntArray) -> None:
         """Begin games: at first with their seeds, and at each further time with one larger by `stride`."""
-        seeds = self._first + which + self._episodes[which] * self.stride
+        seeds = self._first[which] + self._episodes[which] * self.stride
         self._episodes[which] += 1
         self.begin(which, seeds.tolist())
 

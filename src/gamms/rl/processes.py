@@ -8,25 +8,28 @@ import mmap
 import os
 import tempfile
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from shutil import disk_usage
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
-from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rl.gym_envs import GamesEnv, Infos, Observed
-from gamms.rl.heads import action_masks, as_actions
-from gamms.rl.learners import ActionArray, Learners
+from gamms.rl.gym_envs import GamesEnv, SlotsTurn
+from gamms.rl.interface import Columns, Interface
+from gamms.rl.learners import ActionArray, Seeds
 from gamms.workers import Worker, WorkerDied, task_of
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 _KEYS = "observation", "action_mask"
+_OF_SLOTS = "rewards", "terminated", "truncated", "valid"  # of a `SlotsTurn`
 _MEMORY = "/dev/shm"  # noqa: S108 - where Linux has files in memory; ours have names of `mkstemp`
 _LINE = 64  # bytes at which arrays begin
 _OBSERVED, _LAST = "observed ", "observed last "  # before the names of what was observed, now and at the end of a game
@@ -44,8 +47,9 @@ class ProcessesEnv(GamesEnv):
     """The games of `GamesEnv` in several processes, each with a share of them; made by `gamms.rl.vector_env`.
 
     Args:
-        learners: in a game that is not played: they say what all observe and do.
+        interface: of learners in a game that is not played: they say what all observe and do.
         name: of the scenario.
+        autoreset_mode: see `GamesEnv`.
         num_games: how many games are played.
         seed: of the first one.
         workers: how many processes play them, at most one for each game.
@@ -53,17 +57,25 @@ class ProcessesEnv(GamesEnv):
     """
 
     def __init__(
-        self, learners: Learners, name: str, *, num_games: int, seed: int, workers: int, make: Callable[..., GamesEnv]
+        self,
+        interface: Interface,
+        name: str,
+        autoreset_mode: AutoresetMode,
+        *,
+        num_games: int,
+        seed: int,
+        workers: int,
+        make: Callable[..., GamesEnv],
     ) -> None:
         self._workers: list[Worker] = []
         self._file: Path | None = None
-        super().__init__(learners, name, num_games)
+        super().__init__(interface, name, autoreset_mode, num_games)
         self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # game of each process
         columns = self._columns()
         file = self._file = _new_file(_size(columns))
         try:
             self._memory = _mapped(file, columns)
-            shares = zip(self._first, self._first[1:], strict=False)
+            shares = pairwise(self._first)
             tasks = [self._first_task(file, columns, share, seed, make) for share in shares]
             self._workers = [Worker() for _ in tasks]
             self._ask(tasks)
@@ -72,28 +84,38 @@ class ProcessesEnv(GamesEnv):
             raise
         self._unlink()
 
-    def reset(self, *, seed: object = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:  # noqa: ARG002 - Gymnasium's signature
-        """Begin all games: game i with the seed `seed + i`; see `GamesEnv`."""
-        first = None if seed is None else as_int(seed, "seed")
-        self._ask([_task(reset, None if first is None else first + game) for game in self._first[:-1]])
-        self.learners.has_begun = True
-        return self._observed(_OBSERVED), self._infos()
-
-    def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
-        """Play a turn of all games, and begin those again that have ended; see `GamesEnv`."""
-        given, taken = as_actions(self.learners, self.num_games, np.arange(self.num_agents), actions), self._arrays
-        taken["actions"][:] = given.reshape(taken["actions"].shape)
-        arrays = self._ask([_STEP] * len(self._workers))
-        infos, ends = {}, arrays["ends"].copy()
-        if ends.any():
-            infos = {"final_obs": self._observed(_LAST), "_final_obs": ends}
-        rewards, terminated, truncated = (arrays[name].copy() for name in ("rewards", "terminated", "truncated"))
-        return self._observed(_OBSERVED), rewards, terminated, truncated, {**infos, **self._infos()}
-
     def action_masks(self) -> BoolArray:
         """Return which actions are legal, (slots, actions)."""
         key = f"{_OBSERVED}action_mask"
-        return self._arrays[key] > 0 if key in self._arrays else action_masks(self.learners)
+        return self._arrays[key] > 0 if key in self._arrays else self._interface.masks()
+
+    def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:
+        """Begin games; see `GamesEnv`."""
+        tasks = []
+        for first, last in pairwise(self._first):
+            games = which[(which >= first) & (which < last)] - first
+            of_games = seeds[first:last] if isinstance(seeds, Sequence) else seeds
+            tasks.append(_task(begin_games, games, of_games + first if isinstance(of_games, int) else of_games))
+        self._ask(tasks)
+        self.learners.has_begun = True
+        return self._observed(_OBSERVED), self._arrays["valid"].copy()
+
+    def _play(self, actions: ActionArray) -> SlotsTurn:
+        """Play a turn; see `GamesEnv`."""
+        given = self._interface.as_actions(self.num_games, np.arange(self.num_agents), actions)
+        taken = self._arrays["actions"]
+        taken[:] = given.reshape(taken.shape)
+        arrays = self._ask([_STEP] * len(self._workers))
+        of_slots = (arrays[name].copy() for name in _OF_SLOTS)
+        return SlotsTurn(self._observed(_OBSERVED), self._observed(_LAST), *of_slots)
+
+    def _over(self) -> BoolArray:
+        over: BoolArray = self._arrays["over"][:: self.num_agents]
+        return over
+
+    def _plays(self) -> BoolArray:
+        plays: BoolArray = self._arrays["plays"].reshape(self.num_games, self.num_agents)
+        return plays
 
     def close_extras(self, **_: object) -> None:
         """End the games and the processes."""
@@ -115,23 +137,19 @@ class ProcessesEnv(GamesEnv):
         share_of_games = partial(make, num_games=last - first, seed=seed + first)
         return _task(begin, file, columns, slice(first * agents, last * agents), self.num_games, share_of_games)
 
-    def _infos(self) -> Infos:
-        masks = {} if self.learners.flies.all() else {"action_mask": self.action_masks()}
-        return {**masks, "valid": self._arrays["valid"].copy()}
-
-    def _observed(self, prefix: str) -> Observed:
+    def _observed(self, prefix: str) -> Columns:
         return {key: self._arrays[prefix + key].copy() for key in _KEYS if prefix + key in self._arrays}
 
     def _columns(self) -> list[Column]:
-        slots, spaces = (self.num_envs,), self.observation_space
+        slots = (self.num_envs,)
         actions = slots + (self.single_action_space.shape or ())
         kind = "f8" if self.learners.flies.any() else "i8"
         found = [Column("actions", actions, kind), Column("rewards", slots, "f8")]
-        found += [Column(name, slots, "?") for name in ("terminated", "truncated", "valid", "ends")]
+        found += [Column(name, slots, "?") for name in (*_OF_SLOTS[1:], "over", "plays")]
         return found + [
-            Column(prefix + key, box.shape, box.dtype.str)
+            Column(prefix + key, slots + column.shape[2:], column.dtype.str)
             for prefix in (_OBSERVED, _LAST)
-            for key, box in cast("Mapping[str, Any]", spaces).items()
+            for key, column in self._interface.columns().items()
         ]
 
     def _ask(self, tasks: Sequence[bytes]) -> Arrays:
@@ -186,21 +204,24 @@ class _Share:
     def __init__(self, games: GamesEnv, arrays: Arrays) -> None:
         self._games, self._arrays = games, arrays
 
-    def reset(self, seed: int | None) -> None:
-        observed, infos = self._games.reset(seed=seed)
+    def begin(self, which: IntArray, seeds: Seeds) -> None:
+        observed, self._arrays["valid"][:] = self._games._begin(which, seeds)
         self._write(_OBSERVED, observed)
-        self._arrays["valid"][:] = infos["valid"]
+        self._write_state()
 
     def step(self) -> None:
-        arrays, games = self._arrays, self._games
-        observed, arrays["rewards"][:], arrays["terminated"][:], arrays["truncated"][:], infos = games.step(
-            arrays["actions"]
-        )
-        self._write(_OBSERVED, observed)
-        self._write(_LAST, infos.get("final_obs", observed))
-        arrays["ends"][:], arrays["valid"][:] = infos.get("_final_obs", False), infos["valid"]
+        turn = self._games._play(self._arrays["actions"])
+        self._write(_OBSERVED, turn.now)
+        self._write(_LAST, turn.last)
+        for name in _OF_SLOTS:
+            self._arrays[name][:] = getattr(turn, name)
+        self._write_state()
 
-    def _write(self, prefix: str, observed: Observed) -> None:
+    def _write_state(self) -> None:
+        self._arrays["over"][:] = np.repeat(self._games._over(), self._games.num_agents)
+        self._arrays["plays"][:] = self._games._plays().ravel()
+
+    def _write(self, prefix: str, observed: Columns) -> None:
         for key, column in observed.items():
             self._arrays[prefix + key][:] = column
 
@@ -216,10 +237,10 @@ def begin(file: Path, columns: Sequence[Column], slots: slice, num_games: int, m
     _here = _Share(games, {name: array[slots] for name, array in arrays.items()})
 
 
-def reset(seed: int | None) -> None:
-    """Begin the games of this process; see `ProcessesEnv.reset`."""
+def begin_games(which: IntArray, seeds: Seeds) -> None:
+    """Begin games of this process, by their numbers in it; see `GamesEnv`."""
     if _here is not None:
-        _here.reset(seed)
+        _here.begin(which, seeds)
 
 
 def step() -> None:

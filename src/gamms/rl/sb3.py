@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer
+from gymnasium import spaces
+from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer, MaskableRolloutBuffer
 from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -41,18 +43,18 @@ class Validity:
         return Validity, ()
 
 
-class LivingRollouts(MaskableDictRolloutBuffer):  # type: ignore[misc] # as above
-    """Rollouts without the turns of agents that were out of their games: nothing is learned of them.
+class _Living(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
+    """The part of rollouts that leaves out the turns of agents that were out of their games.
 
     Args:
-        given: see `sb3_contrib.common.maskable.buffers.MaskableDictRolloutBuffer`.
+        given: see `sb3_contrib.common.maskable.buffers`.
         validity: of the environment.
         more: see `given`.
     """
 
     buffer_size: int
     n_envs: int
-    observations: dict[str, Any]
+    observations: Any
 
     def __init__(self, *given: object, validity: Validity, **more: object) -> None:
         super().__init__(*given, **more)
@@ -80,8 +82,19 @@ class LivingRollouts(MaskableDictRolloutBuffer):  # type: ignore[misc] # as abov
         rows = np.flatnonzero(self.swap_and_flatten(self._is_valid))
         for name in ("actions", "values", "log_probs", "advantages", "returns", "action_masks"):
             setattr(self, name, self.swap_and_flatten(getattr(self, name))[rows])
-        self.observations = {key: self.swap_and_flatten(one)[rows] for key, one in self.observations.items()}
+        if isinstance(self.observations, dict):
+            self.observations = {key: self.swap_and_flatten(one)[rows] for key, one in self.observations.items()}
+        else:
+            self.observations = self.swap_and_flatten(self.observations)[rows]
         self.buffer_size, self.n_envs, self.generator_ready = len(rows), 1, True
+
+
+class LivingRollouts(_Living, MaskableDictRolloutBuffer):  # type: ignore[misc] # as above
+    """Rollouts of dicts without the turns of agents that were out of their games: nothing is learned of them."""
+
+
+class LivingBoxRollouts(_Living, MaskableRolloutBuffer):  # type: ignore[misc] # as above
+    """Rollouts of arrays without the turns of agents that were out of their games: nothing is learned of them."""
 
 
 class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
@@ -98,19 +111,20 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         self._games, self.learners, self._actions = games, games.learners, np.zeros(games.num_envs, np.int64)
         self._seed: int | None = None
         self._validity = Validity()
+        is_dict = isinstance(games.single_observation_space, spaces.Dict)
         self.rollouts: dict[str, Any] = {
-            "rollout_buffer_class": LivingRollouts,
+            "rollout_buffer_class": LivingRollouts if is_dict else LivingBoxRollouts,
             "rollout_buffer_kwargs": {"validity": self._validity},
         }
         if games.learners.flies.any():  # without masks there is no such buffer
             self.rollouts = {}
         super().__init__(games.num_envs, games.single_observation_space, games.single_action_space)
 
-    def reset(self) -> dict[str, Any]:
+    def reset(self) -> Any:
         """Begin all games."""
         observed, _ = self._games.reset(seed=self._seed)
         self._seed = None
-        return dict(observed)
+        return observed
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Let the games begin with this seed at the next `reset`."""
@@ -129,10 +143,9 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         for slot in np.flatnonzero(~infos["valid"]).tolist():
             of_slots[slot]["valid"] = False
         for slot in np.flatnonzero(ends).tolist():
-            last = infos["final_obs"].items()
-            of_slots[slot]["terminal_observation"] = {key: column[slot] for key, column in last}
+            of_slots[slot]["terminal_observation"] = _row(infos["final_obs"], slot)
             of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
-        return dict(observed), rewards.astype(np.float32), ends, of_slots
+        return observed, rewards.astype(np.float32), ends, of_slots
 
     def close(self) -> None:
         """End the games."""
@@ -156,3 +169,8 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     def env_is_wrapped(self, wrapper_class: object, indices: Any = None) -> list[bool]:  # noqa: ARG002 - the signature of SB3
         """Return that no slot is wrapped."""
         return [False for _ in self._get_indices(indices)]
+
+
+def _row(observed: Any, slot: int) -> Any:
+    """Return what a slot observes."""
+    return {key: column[slot] for key, column in observed.items()} if isinstance(observed, dict) else observed[slot]

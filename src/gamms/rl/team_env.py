@@ -10,12 +10,12 @@ from pettingzoo import ParallelEnv
 
 from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
-from gamms.rl.heads import action_masks, are_legal, heads_of
-from gamms.rl.learners import Float32Array, Learners
+from gamms.rl.heads import are_legal
+from gamms.rl.interface import Interface, mask_in
+from gamms.rl.learners import Float32Array
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
-from gamms.rl.spaces import action_space, observation_space, observed
 
-Observed = dict[str, dict[str, Any]]  # agent -> `observation` and `action_mask`
+Observed = dict[str, Any]  # agent -> `observation` and `action_mask`, or the observation alone
 
 
 class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # PettingZoo has no types
@@ -26,24 +26,25 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
     join when they come.
 
     Args:
-        learners: in one game, in a context.
+        interface: of learners in one game, in a context.
         name: of the scenario.
         render_mode: "human", "rgb_array" or None.
     """
 
-    def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
+    def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self.learners, self.render_mode = learners, render_mode
+        self._interface, self.render_mode = interface, render_mode
+        self.learners = learners = interface.learners
         prepare(learners, render_mode)
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
-        kinds = {flies: observation_space(learners, number) for number, flies in enumerate(learners.flies.tolist())}
+        kinds = {flies: interface.observation_space(number) for number, flies in enumerate(learners.flies.tolist())}
         of_agents = list(zip(self.possible_agents, learners.flies.tolist(), strict=True))
         self.observation_spaces = {
             agent: deepcopy(kinds[flies]) for agent, flies in of_agents
         }  # each samples by itself
-        self.action_spaces = {agent: action_space(learners, self._number[agent]) for agent in self.possible_agents}
+        self.action_spaces = {agent: interface.action_space(self._number[agent]) for agent in self.possible_agents}
         self._parts = [np.flatnonzero(learners.flies == flies) for flies in (False, True)]
         self._idle = {agent: 0 * space.sample() for agent, space in self.action_spaces.items()}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
@@ -81,7 +82,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         for name in as_mapping(actions, "actions"):
             self._known(name)
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
-        heads = heads_of(self.learners, [(agents, [given[number] for number in agents]) for agents in self._parts])
+        heads = self._interface.heads_of([(agents, [given[number] for number in agents]) for agents in self._parts])
         is_legal, alive = are_legal(self.learners, heads)[0].tolist(), self.learners.alive[0].tolist()
         was_legal = {
             name: legal and (name in actions or not lives)
@@ -104,7 +105,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         """Return which actions are legal: agent on the ground -> (actions,) booleans."""
         if self.learners.flies.all():
             return {}
-        masks = zip(self.possible_agents, action_masks(self.learners)[0], self.learners.flies, strict=True)
+        masks = zip(self.possible_agents, self._interface.masks()[0], self.learners.flies, strict=True)
         return {name: mask for name, mask, flies in masks if not flies}
 
     def state(self) -> Float32Array:
@@ -136,10 +137,11 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return what these agents observe, and their infos."""
-        found = observed(self.learners)
-        values = {
-            name: {key: found[key][0, self._number[name]] for key in self.observation_spaces[name].spaces}
-            for name in names
-        }
-        infos = {name: {key: one[key] for key in ("action_mask",) if key in one} for name, one in values.items()}
+        columns, values, infos = self._interface.columns(), {}, {}
+        for name in names:
+            number = self._number[name]
+            found = {key: column[0, number] for key, column in columns.items()}
+            if self.learners.flies[number]:
+                found.pop("action_mask", None)
+            values[name], infos[name] = self._interface.given(found), mask_in(found)
         return values, infos
