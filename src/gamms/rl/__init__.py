@@ -4,7 +4,8 @@
 
 `learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
 `team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games, which
-`processes.py` plays in several processes);
+`processes.py` plays in several processes); `interface.py` has what environments have in common: spaces,
+pictures and copies; `turns.py` has turns for rewards and for copies,
 `heads.py` has what their actions mean, `deeds.py` what they may do besides moving, `sb3.py` is for Stable-Baselines3,
 `tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves and plays what was
 trained, `networks.py` evaluates it; `environments.py` has the functions that users call, `ids.py` the names that
@@ -15,10 +16,11 @@ reward write a function of arrays: see docs/learning.md.
 from importlib.util import find_spec
 
 from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
-from gamms.rl.learners import Learners, Observation, Reward, Turn, default_observation
+from gamms.rl.learners import Learners, Observation, Reward, default_observation
 from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
 from gamms.rl.policies import policy, save_policy
+from gamms.rl.turns import Turn
 
 __all__ = [
     "Learners",

@@ -10,7 +10,6 @@ from gamms.errors import BadValue
 from gamms.extras import needing
 from gamms.game.batch import MostAgents
 from gamms.rl.learners import Learners, Observation, Reward
-from gamms.rl.rendering import RenderMode, engine_of
 from gamms.scenario import Scenario
 from gamms.workers import refuse_in_worker
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from gymnasium.vector import AutoresetMode
 
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
-    from gamms.rl.interface import ActionForm, MaskPlace
+    from gamms.rl.interface import ActionForm, MaskPlace, RenderMode
     from gamms.rl.sb3 import SlotsEnv
     from gamms.rl.team_env import TeamEnv
     from gamms.rl.tensor_env import TensorEnv
@@ -34,7 +33,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     most_agents: MostAgents | None = None,
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
-    render_mode: RenderMode = None,
+    render_mode: "RenderMode" = None,
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
 
@@ -64,21 +63,16 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         MissingExtra (ImportError): PettingZoo is not installed.
     """
     with needing("An environment of PettingZoo", "rl"):
-        from gamms.rl.interface import Interface
+        from gamms.rl.interface import Interface, Recipe, engine_of
         from gamms.rl.team_env import TeamEnv
     window = engine_of(render_mode)
-    learners = Learners(
-        scenario,
-        teams=team,
-        observation=observation,
-        reward=reward,
-        seed=seed,
-        one_by_one=True,
-        vis_engine=window,
-        most_agents=most_agents,
-    )
+    games: dict[str, Any] = {"observation": observation, "reward": reward, "seed": seed, "most_agents": most_agents}
+    learners = Learners(scenario, teams=team, one_by_one=True, vis_engine=window, **games)
     with _closing_after_error(learners):
-        return TeamEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
+        env = TeamEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
+    form: dict[str, Any] = {"mask": mask, "actions": actions, "render_mode": render_mode}
+    env.recipe = Recipe(parallel_env, scenario, {"team": team, **games, **form})
+    return env
 
 
 def single_agent_env(  # noqa: PLR0913 - as above
@@ -91,7 +85,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
     seed: int = 0,
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
-    render_mode: RenderMode = None,
+    render_mode: "RenderMode" = None,
 ) -> "AgentEnv":
     """Return a scenario as a `gymnasium.Env`, in which one agent learns.
 
@@ -113,22 +107,21 @@ def single_agent_env(  # noqa: PLR0913 - as above
     """
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import AgentEnv, spec_of
-        from gamms.rl.interface import Interface
+        from gamms.rl.interface import Interface, Recipe, engine_of
     window = engine_of(render_mode)
-    learners = Learners(
-        scenario,
-        agent=agent,
-        others=others,
-        observation=observation,
-        reward=reward,
-        seed=seed,
-        one_by_one=True,
-        vis_engine=window,
-    )
+    games: dict[str, Any] = {
+        "agent": agent,
+        "others": others,
+        "observation": observation,
+        "reward": reward,
+        "seed": seed,
+    }
+    learners = Learners(scenario, one_by_one=True, vis_engine=window, **games)
     with _closing_after_error(learners):
         env = AgentEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
-    given = {"agent": agent, "others": others, "observation": observation, "reward": reward, "seed": seed}
-    env.spec = spec_of(single_agent_env, scenario, given | {"mask": mask, "actions": actions})
+    options: dict[str, Any] = {**games, "mask": mask, "actions": actions}
+    env.spec = spec_of(single_agent_env, scenario, options)
+    env.recipe = Recipe(single_agent_env, scenario, {**options, "render_mode": render_mode})
     return env
 
 
@@ -179,24 +172,33 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     """
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import GamesEnv, mode_of
-        from gamms.rl.interface import Interface
+        from gamms.rl.interface import Interface, Recipe
         from gamms.rl.processes import ProcessesEnv
     mode = mode_of(autoreset_mode)
-    options: dict[str, Any] = {"agent": agent, "others": others, "observation": observation, "reward": reward}
     several = as_count(workers, "workers", least=1) > 1
     if several:
         refuse_in_worker()
         if workers > as_count(num_games, "num_games"):
             raise BadValue(f"workers is {workers}, and there are {num_games} games: at most one process for each.")
-    made = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, most_agents=most_agents, **options)
-    with _closing_after_error(made):
-        interface = Interface(made, mask, actions)
-        if not several:
-            return GamesEnv(interface, scenario.spec.name, mode)
-        options |= {"mask": mask, "actions": actions, "autoreset_mode": mode}
-        make = partial(vector_env, scenario, team=team, most_agents=most_agents, **options)
-        counts = {"num_games": num_games, "seed": seed, "workers": workers}
-        return ProcessesEnv(interface, scenario.spec.name, mode, **counts, make=make)
+    games: dict[str, Any] = {
+        "agent": agent,
+        "others": others,
+        "observation": observation,
+        "reward": reward,
+        "most_agents": most_agents,
+    }
+    learners = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, **games)
+    options: dict[str, Any] = {"team": team, **games, "mask": mask, "actions": actions, "autoreset_mode": mode}
+    counts: dict[str, Any] = {"num_games": num_games, "seed": seed, "workers": workers}
+    with _closing_after_error(learners):
+        interface = Interface(learners, mask, actions)
+        if several:
+            make = partial(vector_env, scenario, **options)
+            env: GamesEnv = ProcessesEnv(interface, scenario.spec.name, mode, **counts, make=make)
+        else:
+            env = GamesEnv(interface, scenario.spec.name, mode)
+    env.recipe = Recipe(vector_env, scenario, {**options, **counts})
+    return env
 
 
 def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv":

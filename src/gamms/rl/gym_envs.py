@@ -15,9 +15,8 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.heads import are_legal, refuse_mixed
-from gamms.rl.interface import Columns, Interface, mask_in
+from gamms.rl.interface import METADATA, Columns, Copyable, Interface, RenderMode, mask_in, prepare, rendered
 from gamms.rl.learners import ActionArray, Seeds
-from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.scenario import Scenario
 from gamms.text import shown
 
@@ -25,7 +24,7 @@ Infos = dict[str, Any]
 Observed = Any  # `observation` and `action_mask`, or the observation alone
 
 
-class AgentEnv(gymnasium.Env[Observed, Any]):
+class AgentEnv(Copyable, gymnasium.Env[Observed, Any]):
     """One agent that learns in one game; made by `gamms.rl.single_agent_env`.
 
     Args:
@@ -35,6 +34,7 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
     """
 
     metadata = METADATA
+    _own = "spec", "observation_space", "action_space"
 
     def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
@@ -98,7 +98,7 @@ class SlotsTurn(NamedTuple):
     valid: BoolArray
 
 
-class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
+class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
     """Many games at once, with a slot for each game and learning agent; made by `gamms.rl.vector_env`.
 
     Slot `game * agents + agent`. The slots of a game begin together. A slot is `terminated` when its agent goes out,
@@ -117,6 +117,8 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         num_games: how many games.
         num_agents: how many agents learn in each.
     """
+
+    _own = "spec", "observation_space", "action_space", "single_observation_space", "single_action_space"
 
     def __init__(
         self, interface: Interface, name: str, autoreset_mode: AutoresetMode, num_games: int | None = None
@@ -218,7 +220,8 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
 
     def _over(self) -> BoolArray:
         """Return which games have ended, (games,)."""
-        return self.learners.is_over
+        over: BoolArray = self.learners.is_over
+        return over
 
     def _plays(self) -> BoolArray:
         """Return which agents play on, (games, agents)."""

@@ -1,7 +1,10 @@
-"""What an environment makes of learners: its spaces, the observations and masks that it gives, the actions it takes."""
+"""What environments have in common: spaces, observations, masks and actions, pictures, and copies.
 
-from collections.abc import Sequence
-from typing import Any, Literal, get_args
+A game follows from its seed and the actions of its agents, so these are all that a copy or a pickle carries of it.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from gymnasium import spaces
@@ -12,11 +15,17 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl import heads
 from gamms.rl.learners import Learners
+from gamms.scenario import Scenario
+from gamms.text import shown
+from gamms.visual import Engine
 
 Columns = dict[str, Any]  # `observation` and `action_mask`, (games, agents, …)
 MaskPlace = Literal["observation", "info"]
 ActionForm = Literal["pair", "discrete"]
+RenderMode = Literal["human", "rgb_array"] | None
+METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 5, "is_parallelizable": True}
 _MOST = 4096  # actions of a discrete space
+_SIZE = 480, 480  # of pictures, pixels
 
 
 class MovesAndDeeds(spaces.MultiDiscrete):
@@ -126,3 +135,79 @@ class Interface:
 def mask_in(columns: Columns) -> dict[str, Any]:
     """Return the infos with the mask of columns; agents that fly have none."""
     return {key: value for key, value in columns.items() if key == "action_mask"}
+
+
+def engine_of(mode: object) -> Engine | None:
+    """Return the visual engine for a render mode.
+
+    Raises:
+        BadValue: there is no such mode.
+    """
+    if mode not in (None, *METADATA["render_modes"]):
+        raise BadValue(f"render_mode must be None, 'human' or 'rgb_array', not {shown(mode)}.")
+    return Engine.PYGAME if mode == "human" else None
+
+
+def prepare(learners: Learners, mode: RenderMode) -> None:
+    """Let a window show a turn as long as `render_fps` says, not as long as for people who watch a game."""
+    if mode == "human":
+        learners.games.context(0).visual.turn_seconds = 1.0 / METADATA["render_fps"]
+
+
+def rendered(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
+    """Return a picture of the first game as it is now, (height, width, 3), or show it in its window."""
+    if mode is None:
+        learners.games.game.ctx.logger.warning(
+            "render() shows nothing: make the environment with render_mode='rgb_array' or 'human'."
+        )
+        return None
+    visual = learners.games.context(0).visual
+    if mode == "human":
+        visual.update()
+        return None
+    pixels: np.ndarray[Any, np.dtype[np.uint8]] = visual.frame(*_SIZE)
+    return pixels
+
+
+class Recipe(NamedTuple):
+    """How an environment was made: `make(scenario, **options)`."""
+
+    make: Callable[..., Any]
+    scenario: Scenario
+    options: dict[str, Any]
+
+
+class Copyable:
+    """The part of environments that copies and pickles them; see `made_again`.
+
+    Attributes:
+        recipe: how the environment was made.
+    """
+
+    recipe: Recipe
+    learners: Any
+    _own: tuple[str, ...] = ()  # the names of attributes that are carried as they are
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return made_again, (self.recipe, {name: getattr(self, name) for name in self._own}, self._carried())
+
+    def _carried(self) -> Any:
+        """Return what says where the games are."""
+        return self.learners.carried()
+
+    def _restore(self, carried: Any) -> None:
+        """Play the games to where they were."""
+        self.learners.restore(carried)
+
+
+def made_again(recipe: Recipe, own: dict[str, Any], carried: object) -> Any:
+    """Return an environment like one that was copied or pickled, with its games where they were."""
+    env = recipe.make(recipe.scenario, **recipe.options)
+    try:
+        env._restore(carried)
+    except BaseException:
+        env.close()
+        raise
+    for name, value in own.items():
+        setattr(env, name, value)
+    return env

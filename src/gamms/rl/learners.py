@@ -1,9 +1,11 @@
 """The agents that learn in the games of a batch: what all environments of this package are made of."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from itertools import pairwise
-from types import ModuleType
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -16,8 +18,7 @@ from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import choices_of
-from gamms.rl.hand import Hand
-from gamms.rl.rule_code import brings_back, gives_scores
+from gamms.rl.turns import Hand, Outcomes, Played, Prefix, Turn
 from gamms.scenario import Scenario
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -28,68 +29,9 @@ Array = Any  # of any library: NumPy's, or tensors
 Namespace = Any  # the functions of such a library, as the array API names them
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
 Seeds = int | Sequence[int | None] | None  # of games: one for all, or of each
-ObjectArray = np.ndarray[tuple[int, ...], np.dtype[np.object_]]
 
 _MOST_OTHERS = 8
-
-
-class Outcomes:
-    """How games have ended, read from them when it is first asked.
-
-    Args:
-        games: the batch that they are in.
-    """
-
-    def __init__(self, games: Batch) -> None:
-        self._games = games
-
-    @cached_property
-    def winner(self) -> ObjectArray:
-        """The winner of each game; None while it goes on and where nobody has won."""
-        found: ObjectArray = self._table["winner"]
-        return found
-
-    @cached_property
-    def reason(self) -> ObjectArray:
-        """Why each game has ended; None while it goes on."""
-        over = self._games.is_over
-        over = over if self._games.library is None else self._games.library.get(over)
-        found: ObjectArray = self._table["reason"]
-        found[~over] = None
-        return found
-
-    @cached_property
-    def _table(self) -> dict[str, Any]:
-        return self._games.table()
-
-
-class Turn(NamedTuple):
-    """A turn that was played, for `reward=`.
-
-    Attributes:
-        team: whose reward it is.
-        before: its agents before the turn; of this view only the attributes `node` and `mask`, (games, agents), and
-            `turn`, (games,), are those of then.
-        after: its agents now.
-        gains: key -> (games,) by how much each score has changed.
-        outcomes: how the games have ended; read `winner` and `reason` of the turn.
-    """
-
-    team: Hashable
-    before: ArrayView
-    after: ArrayView
-    gains: dict[Any, FloatArray]
-    outcomes: Outcomes
-
-    @property
-    def winner(self) -> ObjectArray:
-        """The winner of each game, (games,) objects of NumPy; None while it goes on and where nobody has won."""
-        return self.outcomes.winner
-
-    @property
-    def reason(self) -> ObjectArray:
-        """Why each game has ended, (games,) objects of NumPy, such as "time_limit"; None while it goes on."""
-        return self.outcomes.reason
+_GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
 
 
 Observation = Callable[[ArrayView], Any]
@@ -102,19 +44,22 @@ Reward = Callable[[Turn], Any]
 """Gives numbers for the agents of a team, (games, agents), or alike for all, (games, 1)."""
 
 
-class Played(NamedTuple):
-    """What a turn came to, each (games, agents).
+class Carried(NamedTuple):
+    """Where games are, for copies: their seeds, and the actions since they began.
 
     Attributes:
-        rewards: of the agents; 0 of those that were dead before.
-        terminated: who has gone out in this turn, or took part in a game that was ended by what happened in it. Of an
-            agent that went out in an earlier turn it is not said again when its game ends.
-        truncated: who took part in a game that ended because the time was up.
+        seeds: of the games that are played; None: none has begun.
+        first: (games,) the seeds that the games have had first.
+        episodes: (games,) how many games have begun since.
+        seed: of the game that `begin_next` began last.
+        prefix: the actions.
     """
 
-    rewards: FloatArray
-    terminated: BoolArray
-    truncated: BoolArray
+    seeds: tuple[int, ...] | None
+    first: IntArray
+    episodes: IntArray
+    seed: int | None
+    prefix: Prefix
 
 
 class Learners:
@@ -236,10 +181,12 @@ class Learners:
         game = self.games.game
         members = [views[0].roster.agents[number] for view in views for number in on_host(view).agents]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
+        num_heads = 1 if self.deeds is None else 2
+        self._prefix = Prefix(self._shape, num_heads, flies=bool(self.flies.any()))
         reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(members, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
-        self.may_return = any(brings_back(one.rule) for one in game.rules)
-        if self._reward is None and not any(gives_scores(one.rule) for one in game.rules):
+        self.may_return = any(_brings_back(one.rule) for one in game.rules)
+        if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
                 "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
@@ -286,7 +233,7 @@ class Learners:
         """
         self._refuse_closed()
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
-        chosen = self._own(actions)
+        chosen = given_moves = self._own(actions)
         done = flown = None
         if deeds is not None and self.deeds is not None:
             done = self._on_host(self._own(deeds))
@@ -299,6 +246,8 @@ class Learners:
             chosen = self._xp.where(self.are_legal(chosen), chosen, 0)
             self._hand.take(self._on_host(self.games.turn), self._on_host(chosen), done, flown)
             self.games.step()
+        if self.games.library is None:
+            self._prefix.add(~was_over, [given_moves] if done is None else [given_moves, done], flights)
         self._remember()
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
         none = self._put(np.zeros(self._shape))
@@ -373,7 +322,34 @@ class Learners:
         self._refuse_closed()
         self.games.reset(which, seeds=seeds)
         self.has_begun = True
+        self._prefix.begin(which)
         self._remember()
+
+    def carried(self) -> Carried:
+        """Return where the games are, for `restore` in learners of the same scenario and options; not on a device."""
+        self._refuse_closed()
+        seeds = tuple(self.games.seeds) if self.has_begun else None
+        return Carried(seeds, self._first.copy(), self._episodes.copy(), self._seed, self._prefix.cut())
+
+    def restore(self, carried: Carried) -> None:
+        """Play games again to where others were, all to their last turns at once.
+
+        A game that is behind the others begins when they have played as many turns as it is behind.
+        """
+        if carried.seeds is not None:
+            seeds, steps = np.array(carried.seeds, object), carried.prefix.steps
+            behind = steps.max() - steps
+            self.begin(np.arange(len(steps)), seeds.tolist())
+            for turn in range(int(steps.max()) + 1):
+                which = np.flatnonzero(behind == turn)
+                if turn and len(which):
+                    self.begin(which, seeds[which].tolist())
+                self.observe()  # an observation may remember
+                if turn < steps.max():
+                    self.step(*carried.prefix.at(turn - behind))
+        self._first[:] = carried.first
+        self._episodes[:] = carried.episodes
+        self._seed = carried.seed
 
     def whole(self) -> Float32Array:
         """Return the whole games as numbers, (games, entries): what no agent knows, but a critic may.
@@ -571,3 +547,43 @@ def _longer_side(xy: FloatArray) -> float:
 
 default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have
 default_observation.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
+
+
+def _brings_back(rule: object) -> bool:
+    """Return whether a rule declares that it brings agents back, or code of the caller names `respawn`."""
+    own = (code for code in _codes_of(rule, set()) if not code.co_filename.startswith(_GAMMS))
+    return getattr(rule, "brings_back", False) or any("respawn" in code.co_names for code in own)
+
+
+def _gives_scores(rule: object) -> bool:
+    """Return whether the code of a rule, or of a function that it calls, names the scores of the game."""
+    return any("scores" in code.co_names for code in _codes_of(rule, set()))
+
+
+def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
+    """Yield the code of a function or of the methods of an object, and of the functions that it can reach."""
+    if id(value) in seen or isinstance(value, type | ModuleType):
+        return
+    seen.add(id(value))
+    if isinstance(value, partial):
+        yield from _codes_of(value.func, seen)
+        return
+    if not isinstance(value, FunctionType):
+        methods = (one for kind in type(value).__mro__ for one in vars(kind).values() if isinstance(one, FunctionType))
+        for method in methods:
+            yield from _codes_of(method, seen)
+        return
+    yield from _within(value.__code__)
+    for cell in value.__closure__ or ():
+        with suppress(ValueError):  # it has no value yet
+            yield from _codes_of(cell.cell_contents, seen)
+    for name in value.__code__.co_names:
+        if isinstance(value.__globals__.get(name), FunctionType):
+            yield from _codes_of(value.__globals__[name], seen)
+
+
+def _within(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _within(constant)

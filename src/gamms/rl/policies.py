@@ -20,8 +20,9 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.rl.deeds import choices_of
 from gamms.rl.heads import AXES, refuse_mixed
-from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation, within_reach
+from gamms.rl.learners import Float32Array, Learners, Observation, default_observation, within_reach
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
+from gamms.rl.turns import Turn
 from gamms.scenario import Scenario
 from gamms.scenario.maps import digest_of
 from gamms.text import module_of, shown

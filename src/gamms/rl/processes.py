@@ -105,9 +105,18 @@ class ProcessesEnv(GamesEnv):
         given = self._interface.as_actions(self.num_games, np.arange(self.num_agents), actions)
         taken = self._arrays["actions"]
         taken[:] = given.reshape(taken.shape)
-        arrays = self._ask([_STEP] * len(self._workers))
-        of_slots = (arrays[name].copy() for name in _OF_SLOTS)
+        self._ask([_STEP] * len(self._workers))
+        of_slots = (self._arrays[name].copy() for name in _OF_SLOTS)
         return SlotsTurn(self._observed(_OBSERVED), self._observed(_LAST), *of_slots)
+
+    def _carried(self) -> list[Any]:
+        """Return where the games of each process are."""
+        return self._ask([_task(carried) for _ in self._workers])
+
+    def _restore(self, carried: list[Any]) -> None:
+        """Let each process play its games to where they were."""
+        self._ask([_task(restore, one) for one in carried])
+        self.learners.has_begun = carried[0].seeds is not None
 
     def _over(self) -> BoolArray:
         over: BoolArray = self._arrays["over"][:: self.num_agents]
@@ -152,28 +161,28 @@ class ProcessesEnv(GamesEnv):
             for key, column in self._interface.columns().items()
         ]
 
-    def _ask(self, tasks: Sequence[bytes]) -> Arrays:
-        """Let each process do a task, all at once, and return the arrays, to which they have written.
+    def _ask(self, tasks: Sequence[bytes]) -> list[Any]:
+        """Let each process do a task, all at once, and return what the tasks give; arrays are written meanwhile.
 
         Raises:
             BadValue: the environment is closed.
             WorkerDied: a process has ended; the environment is closed then.
             Exception: what one of them has raised; likewise.
         """
-        arrays = self._arrays  # it is open
+        self._refuse_closed()
         try:
             for number, task in enumerate(tasks):
                 self._of(number, Worker.send, task)
-            errors = [self._of(number, Worker.receive)[1] for number in range(len(tasks))]
+            answers = [self._of(number, Worker.receive)[1] for number in range(len(tasks))]
         except BaseException:
             self.close()  # after Ctrl-C, too: answers still to come would be taken for those of the next turn
             raise
-        for number, error in enumerate(errors):
-            if error is not None:
+        for number, answer in enumerate(answers):
+            if isinstance(answer, Exception):
                 self.close()
-                error.add_note(f"{self._named(number)}; the environment was closed.")
-                raise error
-        return arrays
+                answer.add_note(f"{self._named(number)}; the environment was closed.")
+                raise answer
+        return answers
 
     def _of(self, number: int, call: Callable[..., Any], *given: object) -> Any:
         try:
@@ -184,9 +193,12 @@ class ProcessesEnv(GamesEnv):
     @property
     def _arrays(self) -> Arrays:
         """The arrays of all slots."""
+        self._refuse_closed()
+        return self._memory
+
+    def _refuse_closed(self) -> None:
         if not self._workers:
             raise BadValue("This environment is closed: make another one with gamms.rl.vector_env.")
-        return self._memory
 
     def _named(self, number: int) -> str:
         first, last = self._first[number : number + 2]
@@ -207,6 +219,15 @@ class _Share:
     def begin(self, which: IntArray, seeds: Seeds) -> None:
         observed, self._arrays["valid"][:] = self._games._begin(which, seeds)
         self._write(_OBSERVED, observed)
+        self._write_state()
+
+    def carried(self) -> Any:
+        return self._games._carried()
+
+    def restore(self, carried: object) -> None:
+        games = self._games
+        games._restore(carried)
+        self._write(_OBSERVED, games._flat(games._interface.columns()))
         self._write_state()
 
     def step(self) -> None:
@@ -243,23 +264,33 @@ def begin_games(which: IntArray, seeds: Seeds) -> None:
         _here.begin(which, seeds)
 
 
+def carried() -> Any:
+    """Return where the games of this process are; see `Learners.carried`."""
+    return None if _here is None else _here.carried()
+
+
+def restore(carried: object) -> None:
+    """Play the games of this process to where others were."""
+    if _here is not None:
+        _here.restore(carried)
+
+
 def step() -> None:
     """Play a turn of the games of this process."""
     if _here is not None:
         _here.step()
 
 
-def answer(function: Callable[..., None], given: tuple[Any, ...]) -> Exception | None:
-    """Call a function in this process; return what it raises."""
+def answer(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+    """Call a function in this process; return what it gives, or what it raises."""
     try:
-        function(*given)
+        return function(*given)
     except Exception as error:  # noqa: BLE001 - raised by the process that has asked
         error.add_note(f"In another process:\n{traceback.format_exc()}")
         return error
-    return None
 
 
-def _task(function: Callable[..., None], *given: object) -> bytes:
+def _task(function: Callable[..., Any], *given: object) -> bytes:
     """Return a call as a task for a process."""
     try:
         return task_of(answer, function, given)

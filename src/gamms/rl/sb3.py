@@ -120,6 +120,9 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
             self.rollouts = {}
         super().__init__(games.num_envs, games.single_observation_space, games.single_action_space)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SlotsEnv, (self._games,), {"_seed": self._seed, "_actions": self._actions}
+
     def reset(self) -> Any:
         """Begin all games."""
         observed, _ = self._games.reset(seed=self._seed)
@@ -171,6 +174,6 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         return [False for _ in self._get_indices(indices)]
 
 
-def _row(observed: Any, slot: int) -> Any:
+def _row(observed: dict[str, Any] | np.ndarray[Any, Any], slot: int) -> Any:
     """Return what a slot observes."""
     return {key: column[slot] for key, column in observed.items()} if isinstance(observed, dict) else observed[slot]

@@ -11,14 +11,13 @@ from pettingzoo import ParallelEnv
 from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
 from gamms.rl.heads import are_legal
-from gamms.rl.interface import Interface, mask_in
+from gamms.rl.interface import METADATA, Copyable, Interface, RenderMode, mask_in, prepare, rendered
 from gamms.rl.learners import Float32Array
-from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 
 Observed = dict[str, Any]  # agent -> `observation` and `action_mask`, or the observation alone
 
 
-class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # PettingZoo has no types
+class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # PettingZoo has no types
     """The agents of some teams in one game; made by `gamms.rl.parallel_env`.
 
     Agents that are dead leave `agents`. Where a rule brings agents back, they stay there and wait, with no reward and
@@ -29,7 +28,12 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         interface: of learners in one game, in a context.
         name: of the scenario.
         render_mode: "human", "rgb_array" or None.
+
+    Attributes:
+        np_random: random numbers for wrappers, which `reset` seeds; games do not use them.
     """
+
+    _own = "agents", "observation_spaces", "action_spaces", "np_random"
 
     def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
@@ -38,6 +42,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         prepare(learners, render_mode)
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []
+        self.np_random = np.random.default_rng()
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
         kinds = {flies: interface.observation_space(number) for number, flies in enumerate(learners.flies.tolist())}
         of_agents = list(zip(self.possible_agents, learners.flies.tolist(), strict=True))
@@ -64,6 +69,8 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
             What each agent observes, and the infos of each.
         """
         self.learners.begin_next(seed)
+        if seed is not None:
+            self.np_random = np.random.default_rng(abs(int(seed)))  # which has no negative seeds
         self.agents = self._those_in()
         return self._answers(self.agents)
 

@@ -10,7 +10,8 @@ from torchrl.data import Binary, Bounded, Categorical, Composite, MultiCategoric
 from torchrl.envs import EnvBase
 
 from gamms.rl.heads import heads_of, refuse_mixed
-from gamms.rl.learners import Learners, Played
+from gamms.rl.learners import Learners
+from gamms.rl.turns import Played
 
 _ENDS = ("done", "terminated", "truncated")
 
