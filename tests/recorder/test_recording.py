@@ -39,6 +39,10 @@ def fly(state):
     state["action"] = (1.0, 2.0, 0.5)
 
 
+def lead(states):
+    """The plan of a team, which stays."""
+
+
 def tag(ctx):
     """Now and then: an event, a point, something to remember, an end."""
     if ctx.game.turn % 3 == 0:
@@ -534,7 +538,7 @@ def test_the_deciders_of_agents_are_recorded_turn_by_turn():
             lambda: anna.register_strategy(wander),
             lambda: None,
             lambda: setattr(anna, "strategy", fly),
-            lambda: ctx.game.command("blue", tag),
+            lambda: ctx.game.command("blue", lead),
             lambda: setattr(anna, "team", "blue"),
             lambda: ctx.game.configure({"plans": {}}),
         ):
@@ -543,7 +547,7 @@ def test_the_deciders_of_agents_are_recorded_turn_by_turn():
         ctx.record.stop()
     rec = recorder.open(io.BytesIO(stream.getvalue()))
     names = [str(rec[turn].agents["strategy"][0]).rpartition(":")[2] for turn in range(1, 7)]
-    assert names == ["wander", "wander", "fly", "fly", "tag", "fly"]
+    assert names == ["wander", "wander", "fly", "fly", "lead", "fly"]
     assert [sum(type(entry) is tuple for entry in log) for log in rec.logs()] == [1, 0, 1, 0, 2, 1]
 
 
