@@ -77,7 +77,7 @@ class ReadOnlyMapping(Mapping[Any, Any]):
         return ReadOnlyMapping(deepcopy(self._values, memo))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ReadOnlyMapping, (dict(self._values),)  # a copy, for whoever copies may write to what this returns
+        return ReadOnlyMapping, (dict(self._values),)  # a copy, which the caller may write to
 
     def get(self, key: object, default: object = None) -> Any:
         """Return the value of a key, or the default."""

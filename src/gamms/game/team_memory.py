@@ -32,7 +32,7 @@ def copier_of(memory: Memory) -> Callable[[], Memory]:
 
 
 def why_not_copied(memory: Memory) -> str | None:
-    """Return why a team's memory cannot be copied, as a sentence for whoever wrote into it; None: it can."""
+    """Return why a team's memory cannot be copied, as a sentence for the agent that wrote into it; None: it can."""
     try:
         copier_of(memory)()
     except Exception as error:  # noqa: BLE001 - whatever the classes of strategies raise

@@ -38,7 +38,8 @@ class AgentEnv(Copyable, gymnasium.Env[Observed, Any]):
 
     def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self._interface, self.render_mode = interface, render_mode
+        self._interface = interface
+        self.render_mode = render_mode
         self.learners = interface.learners
         prepare(self.learners, render_mode)
         self.observation_space = interface.observation_space()
@@ -123,7 +124,8 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
     def __init__(
         self, interface: Interface, name: str, autoreset_mode: AutoresetMode, num_games: int | None = None
     ) -> None:
-        self._interface, self._autoreset_mode = interface, autoreset_mode
+        self._interface = interface
+        self._autoreset_mode = autoreset_mode
         self.metadata = {"render_modes": [], "autoreset_mode": autoreset_mode, "name": name or "gamms"}
         self.learners = learners = interface.learners
         self.num_agents = len(learners.names)

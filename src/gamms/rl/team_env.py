@@ -37,7 +37,8 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
 
     def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self._interface, self.render_mode = interface, render_mode
+        self._interface = interface
+        self.render_mode = render_mode
         self.learners = learners = interface.learners
         prepare(learners, render_mode)
         self.possible_agents = list(learners.names)

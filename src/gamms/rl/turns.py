@@ -28,7 +28,7 @@ class Outcomes:
 
     @cached_property
     def winner(self) -> ObjectArray:
-        """The winner of each game; None while it goes on and where nobody has won."""
+        """The winner of each game; None while a game goes on, or if no team has won."""
         found: ObjectArray = self._table["winner"]
         return found
 
@@ -66,7 +66,7 @@ class Turn(NamedTuple):
 
     @property
     def winner(self) -> ObjectArray:
-        """The winner of each game, (games,) objects of NumPy; None while it goes on and where nobody has won."""
+        """The winner of each game, (games,) objects of NumPy; None while a game goes on, or if no team has won."""
         return self.outcomes.winner
 
     @property
@@ -151,7 +151,9 @@ class Hand:
 
     def begin(self, games: Batch, choices: DeedChoices | None) -> None:
         """Play in the games of a batch."""
-        self._games, self._choices, self._taken = games, choices, np.zeros((16, len(games), 5))
+        self._games = games
+        self._choices = choices
+        self._taken = np.zeros((16, len(games), 5))
 
     def take(self, turns: IntArray, moves: IntArray, deeds: IntArray | None, flights: FloatArray | None) -> None:
         """Take what is to be done in these turns of the games, (games,), as arrays (games, 1)."""

@@ -394,7 +394,8 @@ class Library:
     """
 
     def __init__(self, sources: Sources) -> None:
-        self.sources, self.folder = sources, sources.folder
+        self.sources = sources
+        self.folder = sources.folder
         self._known: dict[str, Function] = {}
 
     def get(self, text: str, path: str, short: str | None = None) -> Function:

@@ -92,7 +92,10 @@ class DoubleOracle:
     information = "full"
 
     def __init__(self, game: "_Game", payoffs: FloatArray, gaps: Sequence[float], bounds: tuple[float, float]) -> None:
-        self._game, self.payoffs, self.gaps, self.bounds = game, payoffs, tuple(gaps), bounds
+        self._game = game
+        self.payoffs = payoffs
+        self.gaps = tuple(gaps)
+        self.bounds = bounds
         self.teams: tuple[str, ...] = game.table.setup.teams
         self.team = self.teams[0]
         self.value, rows, columns = matrix_game(payoffs)

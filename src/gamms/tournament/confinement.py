@@ -202,7 +202,7 @@ class ControlGroups:
 
     Args:
         memory_bytes: of all processes in the groups together.
-        threads: likewise.
+        threads: of all processes in the groups together.
     """
 
     def __init__(self, memory_bytes: int, threads: int) -> None:

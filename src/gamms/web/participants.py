@@ -313,7 +313,8 @@ class TakenOut:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._file, self._size = folder / _TAKEN_OUT, 0
+        self._file = folder / _TAKEN_OUT
+        self._size = 0
         self._patterns: list[str] = []
 
     def is_read_again(self) -> bool:

@@ -306,7 +306,8 @@ class GameArrays:
         self.noted, self.now = dict[int, list[str]](), dict[Hashable, Any]()
         self.headings: Headings | None = None
         self.drawn, self.looks = np.zeros((2, *shape), np.int64)
-        self.memory_of, self.part_of = locked(np.arange(len(roster.names))), np.zeros(len(roster.names), np.int64)
+        self.memory_of = locked(np.arange(len(roster.names)))
+        self.part_of = np.zeros(len(roster.names), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None

@@ -309,7 +309,8 @@ class _Polygons:
     """Polygons of one style; opaque ones are filled together, others one by one, for they show through each other."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
-        self.color, self.width = _rgba(commands, int(rows[0])), float(commands.width[rows[0]])
+        self.color = _rgba(commands, int(rows[0]))
+        self.width = float(commands.width[rows[0]])
         take, self.offsets = kernels.chosen_runs(commands.offsets, rows)
         self.points, self.shifts = commands.points[take], np.zeros((len(take), 2))  # world units, and pixels
         first = self.offsets[:-1]
