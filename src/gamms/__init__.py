@@ -19,7 +19,7 @@ from gamms import _legacy
 if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names come on first use
     # ruff: isort: off
     from gamms import agent, graph, memory, sensor, typing, visual
-    from gamms import belief as belief, bridge as bridge, context as context, errors as errors
+    from gamms import belief as belief, bridge as bridge, context as context, core as core, errors as errors
     from gamms import experiment as experiment, game as game
     from gamms import limits as limits, llm as llm, osm as osm, planning as planning
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rl as rl, rules as rules
@@ -53,6 +53,7 @@ _MODULES = {
         "belief",
         "bridge",
         "context",
+        "core",
         "errors",
         "experiment",
         "game",

@@ -1,0 +1,22 @@
+cimport cython
+
+ctypedef unsigned long long u64
+ctypedef long long i64
+
+cdef u64 MASK, GAMMA, FACTOR_1, FACTOR_2, SIP_0, SIP_1, SIP_2, SIP_3, EIGHT_BYTES
+
+cpdef u64 mix(u64 bits) noexcept nogil
+cpdef u64 rotated(u64 bits, int places) noexcept nogil
+@cython.locals(v0=u64, v1=u64, v2=u64, v3=u64, number=int)
+cpdef u64 siphash(u64 key_0, u64 key_1, u64 word) noexcept nogil
+cpdef u64 first_key(u64 purpose, u64 name) noexcept nogil
+cpdef u64 turn_key(u64 first, i64 turn) noexcept nogil
+cpdef u64 bits_at(u64 key, i64 k) noexcept nogil
+cpdef u64 below(u64 bits, u64 n) noexcept nogil
+cpdef double fraction(u64 bits) noexcept nogil
+@cython.locals(i=Py_ssize_t)
+cpdef int fill_first_keys(const u64[::1] purposes, const u64[::1] names, u64[::1] out) except -1 nogil
+@cython.locals(i=Py_ssize_t)
+cpdef int fill_turn_keys(const u64[::1] first, const i64[::1] turns, u64[::1] out) except -1 nogil
+@cython.locals(i=Py_ssize_t)
+cpdef int fill_bits(const u64[::1] keys, const i64[::1] counts, u64[::1] out) except -1 nogil

@@ -1,0 +1,110 @@
+"""Keyed draws: random bits that follow from a seed, a purpose, a name, a turn and a count, and from nothing else.
+
+A further agent, sensor, thread or game therefore never changes the draws of others. All numbers are 64-bit integers
+without sign, so the same text gives the same bits compiled and interpreted, on every machine:
+
+    first = SipHash-2-4 of the name under the key of the purpose
+    turn  = mix(first + turn * GAMMA)
+    bits  = mix(turn + (k + 1) * GAMMA)
+
+`mix` and GAMMA are those of SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators",
+OOPSLA 2014). They can be inverted: an agent that sees its own bits can compute its own first key. SipHash (Aumasson and
+Bernstein, "SipHash: a fast short-input PRF", INDOCRYPT 2012) keeps it from computing the key of its purpose, and so the
+draws of other agents.
+"""
+
+from __future__ import annotations
+
+MASK = 0xFFFFFFFFFFFFFFFF
+GAMMA = 0x9E3779B97F4A7C15
+FACTOR_1 = 0xBF58476D1CE4E5B9
+FACTOR_2 = 0x94D049BB133111EB
+SIP_0 = 0x736F6D6570736575
+SIP_1 = 0x646F72616E646F6D
+SIP_2 = 0x6C7967656E657261
+SIP_3 = 0x7465646279746573
+EIGHT_BYTES = 0x0800000000000000
+
+
+def mix(bits: int) -> int:
+    """Return the finalizer of SplitMix64."""
+    bits = ((bits ^ (bits >> 30)) * FACTOR_1) & MASK
+    bits = ((bits ^ (bits >> 27)) * FACTOR_2) & MASK
+    return bits ^ (bits >> 31)
+
+
+def rotated(bits: int, places: int) -> int:
+    """Return the bits rotated to the left by 1 to 63 places."""
+    return ((bits << places) & MASK) | (bits >> (64 - places))
+
+
+def siphash(key_0: int, key_1: int, word: int) -> int:
+    """Return SipHash-2-4 of the eight bytes of a word, under a key of two words."""
+    v0 = key_0 ^ SIP_0
+    v1 = key_1 ^ SIP_1
+    v2 = key_0 ^ SIP_2
+    v3 = key_1 ^ SIP_3 ^ word
+    for number in range(8):
+        if number == 2:
+            v0 ^= word
+            v3 ^= EIGHT_BYTES
+        elif number == 4:
+            v0 ^= EIGHT_BYTES
+            v2 ^= 0xFF
+        v0 = (v0 + v1) & MASK
+        v1 = rotated(v1, 13) ^ v0
+        v0 = rotated(v0, 32)
+        v2 = (v2 + v3) & MASK
+        v3 = rotated(v3, 16) ^ v2
+        v0 = (v0 + v3) & MASK
+        v3 = rotated(v3, 21) ^ v0
+        v2 = (v2 + v1) & MASK
+        v1 = rotated(v1, 17) ^ v2
+        v2 = rotated(v2, 32)
+    return v0 ^ v1 ^ v2 ^ v3
+
+
+def first_key(purpose: int, name: int) -> int:
+    """Return the key from which all draws of one purpose and name follow."""
+    return siphash(purpose, mix(purpose), name)
+
+
+def turn_key(first: int, turn: int) -> int:
+    """Return the key from which all draws of a `first_key` in one turn follow; a turn may be negative."""
+    return mix((first + turn * GAMMA) & MASK)
+
+
+def bits_at(key: int, k: int) -> int:
+    """Return draw number `k`, from 0, of a `turn_key`: 64 random bits."""
+    return mix((key + (k + 1) * GAMMA) & MASK)
+
+
+def below(bits: int, n: int) -> int:
+    """Return a number from 0 to `n - 1` that random bits choose; `n` is from 1 to 2 ** 32."""
+    return ((bits >> 32) * n) >> 32
+
+
+def fraction(bits: int) -> float:
+    """Return a number in [0, 1) that random bits choose, a multiple of 2 ** -53."""
+    return (bits >> 11) * 2.0**-53
+
+
+def fill_first_keys(purposes: memoryview[int], names: memoryview[int], out: memoryview[int]) -> int:
+    """Write the `first_key` of each row; all three have as many rows."""
+    for i in range(len(out)):
+        out[i] = first_key(purposes[i], names[i])
+    return 0
+
+
+def fill_turn_keys(first: memoryview[int], turns: memoryview[int], out: memoryview[int]) -> int:
+    """Write the `turn_key` of each row; all three have as many rows."""
+    for i in range(len(out)):
+        out[i] = turn_key(first[i], turns[i])
+    return 0
+
+
+def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[int]) -> int:
+    """Write draw number `counts[i]` of each `turn_key`; all three have as many rows."""
+    for i in range(len(out)):
+        out[i] = bits_at(keys[i], counts[i])
+    return 0
