@@ -13,10 +13,10 @@ demo: $(VENV)/.demo
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -n 3 --dist worksteal
 
-# Batches in arrays of PyTorch, and of the strict library of the array API, and learning with PyTorch: on the CPU.
+# Learning with PyTorch, on the CPU.
 test-torch: $(VENV)/.dev
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch,torchrl,train,onnx]' onnx array-api-strict
-	$(BIN)/python -m pytest -q tests/batch/test_array_libraries.py tests/rl
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch,torchrl,train,onnx]' onnx
+	$(BIN)/python -m pytest -q tests/rl
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

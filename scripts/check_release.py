@@ -84,7 +84,7 @@ PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "sides = {'a': walk, 'b': walk}\n"
     "gamms.solve.openspiel(gamms.scenario.Scenario(map=field, max_turns=2, teams=sides), reward='turns')",
     "torch": _HUNT + "try: import torch\nexcept ImportError: raise gamms.errors.MissingExtra('', 'torch') from None\n"
-    "with hunt.batch(2, xp=torch) as games: games.run()",
+    "with hunt.batch(2) as games: torch.from_dlpack(games.observe('pursuers').vector().values)",
     "torchrl": _HUNT + "gamms.rl.torchrl_env(hunt, num_games=2).rollout(2)",
     "train": _HUNT + "gamms.rl.sb3_env(hunt, num_games=2, team='pursuers').reset()",
     "onnx": "import gamms\ntry: gamms.rl.networks.onnx_logits(b'', 'a.onnx')\nexcept gamms.errors.BadFile: pass",

@@ -27,7 +27,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import testing as testing
     from gamms import tournament as tournament, web as web
     from gamms.context import Context, InternalContext, create_context
-    from gamms.game.batch import array_rule, array_strategy, portable_form
+    from gamms.game.batch import array_rule, array_strategy
     from gamms.typing import logger
     from gamms.versions import __version__ as __version__
 
@@ -41,7 +41,6 @@ __all__ = [
     "graph",
     "logger",
     "memory",
-    "portable_form",
     "sensor",
     "typing",
     "visual",
@@ -84,7 +83,7 @@ _MODULES = {
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
-    **dict.fromkeys(("array_rule", "array_strategy", "portable_form"), "gamms.game.batch"),
+    **dict.fromkeys(("array_rule", "array_strategy"), "gamms.game.batch"),
     "logger": "gamms.typing",
     "__version__": "gamms.versions",
 }

@@ -80,10 +80,10 @@ def test_integers_of_all_sizes_are_actions_where_some_agents_are_not_asked(kind)
 
 def test_numbers_of_nodes_that_are_kept_take_a_byte_each():
     moves = np.ones((2, 3), np.int64)
-    assert as_kept(moves, np).dtype == np.uint8
-    assert as_kept(moves * 300, np).tolist() == [[300] * 3] * 2
-    assert as_kept(-moves, np).tolist() == [[-1] * 3] * 2
-    assert as_kept(-moves, np).base is None
+    assert as_kept(moves).dtype == np.uint8
+    assert as_kept(moves * 300).tolist() == [[300] * 3] * 2
+    assert as_kept(-moves).tolist() == [[-1] * 3] * 2
+    assert as_kept(-moves).base is None
 
 
 def test_a_team_that_is_given_no_moves_stays():
@@ -123,9 +123,8 @@ def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind
         assert games.turn.tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("xp", [None, np])
-def test_deeds_and_messages_from_outside_are_those_that_the_game_declares(xp):
-    with scene().batch(2, xp=xp) as games:
+def test_deeds_and_messages_from_outside_are_those_that_the_game_declares():
+    with scene().batch(2) as games:
         with pytest.raises(BadValue, match=r"Channel 'radio' .* the game has no channels"):
             games.step({"red": {"messages": {"radio": (True, 1)}}})
         with pytest.raises(UnknownName, match=r"Unknown deed, as ctx\.game\.deeds declares none: 'scan'"):

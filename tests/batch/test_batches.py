@@ -447,21 +447,20 @@ def test_an_error_of_a_strategy_names_game_agent_and_turn():
         assert "turn 2" in notes
 
 
-@pytest.mark.parametrize("more", [{}, {"xp": np}])
-def test_an_error_of_an_array_form_names_it_and_the_turn(more):
+def test_an_error_of_an_array_form_names_it_and_the_turn():
     @gamms.array_strategy
     def fall(view):
         if (view.turn == 2).any():
             raise ZeroDivisionError("fell")
         return view.counts * 0
 
-    with scene().batch(3, strategies={"red": fall}, **more) as games:
+    with scene().batch(3, strategies={"red": fall}) as games:
         with pytest.raises(ZeroDivisionError) as caught:
             games.run()
         assert caught.value.__notes__ == ["In the strategy fall of a batch, in turn 2."]
     with scene().build(seed=1) as ctx:
         ctx.game.add(gamms.array_rule(lambda turn: 1 // int(turn.turn[0] != 2)), name="falls")
-        with ctx.game.batch(3, **more) as games:
+        with ctx.game.batch(3) as games:
             games.step()
             games.reset([2])
             with pytest.raises(ZeroDivisionError) as caught:

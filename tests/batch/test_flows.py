@@ -90,7 +90,7 @@ def test_walks_go_along_edges_and_do_not_depend_on_others():
 
 
 def test_walks_of_as_many_turns_as_are_said_to_fit_do():
-    with scene().batch(2) as games, limits.allowing(6 * 16 * 11):
+    with scene().batch(2) as games, limits.allowing(6 * 8 * 11):
         found, nodes = games.observe("red").flows(), games.observe("red").node
         with pytest.raises(TooLarge, match="6 walks of 11 turns, of which 10 would fit"):
             found.walks(nodes, 11)

@@ -27,7 +27,7 @@ def arrays_in(path, thing, seen):
             yield from arrays_in(f"{path}[{key!r}]", value, seen)
     elif isinstance(thing, OPENED) or "view" in type(thing).__name__.lower():
         for name in dir(thing):
-            if name[0] != "_" and not callable(getattr(type(thing), name, None)) and name not in ("xp", "agents_of"):
+            if name[0] != "_" and not callable(getattr(type(thing), name, None)) and name != "agents_of":
                 yield from arrays_in(f"{path}.{name}", getattr(thing, name, None), seen)
 
 

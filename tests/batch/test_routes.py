@@ -236,12 +236,3 @@ def test_what_is_no_name_of_a_weight_is_refused():
         for ask in (view.routes, lambda weight: view.flows().within(np.array([0]), 10.0, weight)):
             with pytest.raises(BadType, match="weight must be"):
                 ask({})
-
-
-def test_rows_that_are_not_asked_for_may_be_any():
-    with scene().batch(2) as games:
-        routes = games.observe("red").routes()
-        found = routes.distances(np.array([-1, 0]), np.array([99, 0]), asked=np.array([False, True]))
-        assert found.tolist() == [0.0, 0.0]
-        with pytest.raises(BadType, match="asked must be an array of booleans"):
-            routes.distances(0, 0, asked=[1])

@@ -52,18 +52,6 @@ def test_numbers_below_n_and_fractions_agree_in_both_forms(pairs):
     assert all(0.0 <= one < 1.0 for one in fractions)
 
 
-@given(st.lists(st.tuples(WORDS, st.integers(0, 2**31), st.integers(0, 2**20), st.integers(1, 2**32)), min_size=1))
-def test_signed_forms_for_any_array_library_give_the_same_bits(draws):
-    words = np.array([draw[0] for draw in draws], np.uint64)
-    turns, counts, n = np.array([draw[1:] for draw in draws]).T
-    signed, k = kernels.as_signed(words), int(counts[0])
-    assert (kernels.later_keys_signed(signed, turns).view(np.uint64) == kernels.later_key_rows(words, turns)).all()
-    for count in (counts, k):
-        assert (kernels.bits_at_signed(signed, count).view(np.uint64) == kernels.bits_at_rows(words, count)).all()
-    assert (kernels.below_signed(signed, n) == kernels.below_many(words, n)).all()
-    assert (kernels.fraction_signed(signed, np) == kernels.fraction_many(words)).all()
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 10])
 def test_every_number_below_n_is_drawn_equally_often(n):
     bits = [kernels.draw_bits(KEY, kernels.name_key("anna"), turn, k) for turn in range(200) for k in range(50)]

@@ -109,25 +109,55 @@ def test_transforms_of_torchrl_choose_legal_actions():
     assert chosen.all()
 
 
-def test_observations_of_tensors_stay_where_they_are():
+def test_tensors_share_the_memory_of_what_an_observation_gives():
+    given = []
+
     def place(view):
-        xy = view.xp.stack((view.streets.x[view.node], view.streets.y[view.node]), axis=-1)
-        return view.xp.astype(xy, view.xp.float32)
+        given.append(view["xy"].astype(np.float32))
+        return given[-1]
 
-    def near_centre(turn):
-        assert isinstance(turn.after.node, torch.Tensor)
-        return -turn.after.node.to(torch.float32)
+    def far_from_the_first_node(turn):
+        return turn.after["xy"].sum(axis=-1)
 
-    env = rl.torchrl_env(scene(), num_games=3, team="red", observation=place, reward=near_centre)
+    env = rl.torchrl_env(scene(), num_games=3, team="red", observation=place, reward=far_from_the_first_node)
     check_env_specs(env)
-    assert env.reset()["red", "observation"].shape == (3, 2, 2)
+    begun = env.reset()["red", "observation"]
+    assert begun.shape == (3, 2, 2)
+    assert np.shares_memory(np.from_dlpack(begun), given[-1])
+
+
+def test_observations_that_must_not_be_written_are_copied():
+    nodes = np.arange(6.0).reshape(3, 2, 1)
+    nodes.flags.writeable = False
+    env = rl.torchrl_env(scene(), num_games=3, team="red", observation=lambda _: nodes)
+    env.reset()["red", "observation"][:] = 0.0
+    assert nodes.max() == 5.0
+
+
+def test_what_is_written_into_tensors_does_not_change_the_games():
+    played, changed = (rl.torchrl_env(scene(), num_games=4, seed=3) for _ in range(2))
+    states = [played.reset(), changed.reset()]
+    for _ in range(12):
+        for tensor in states[1].values(include_nested=True, leaves_only=True):
+            tensor.fill_(1)
+        for state in states:
+            for team in ("red", "blue"):
+                state[team, "action"] = torch.ones(state[team, "mask"].shape, dtype=torch.int64)
+        states = [env.step(state)["next"] for env, state in zip((played, changed), states, strict=True)]
+        for key in states[0].keys(include_nested=True, leaves_only=True):
+            assert torch.equal(states[0][key], states[1][key]), key
+
+
+def test_an_environment_that_is_put_elsewhere_gives_tensors_there():
+    env = rl.torchrl_env(scene(), num_games=3).to("cpu:0")
+    check_env_specs(env)
+    assert env.device == torch.device("cpu:0")
+    assert env.rollout(3, break_when_any_done=False).device == torch.device("cpu:0")
 
 
 def test_wrong_arguments_are_refused_by_name():
     with pytest.raises(UnknownName, match="red"):
         rl.torchrl_env(scene(), num_games=2, team="rde")
-    with pytest.raises(BadValue, match="device='gpu'"):
-        rl.torchrl_env(scene(), num_games=2, device="gpu")
     with pytest.raises(BadValue, match="give reward="):
         rl.torchrl_env(scene(rules=["last_team"]), num_games=2)
 

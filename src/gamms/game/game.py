@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable
 from time import perf_counter
-from types import EllipsisType, ModuleType
+from types import EllipsisType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from gamms import kernels
@@ -482,8 +482,6 @@ class Game(RuleVerbs):
         seed: int = 0,
         seeds: Iterable[int] | None = None,
         record: bool = False,
-        xp: ModuleType | None = None,
-        device: object = None,
         most_agents: "MostAgents | None" = None,
     ) -> "Batch":
         """Return many games that go on from here, each with another seed: game i is that of `reset(seed=seeds[i])`.
@@ -495,31 +493,24 @@ class Game(RuleVerbs):
             seed: of the first game; those of the others follow.
             seeds: of each game, instead of both.
             record: only batches of scenarios can be recorded, `scenario.batch(…, record=True)`: True is refused.
-            xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
-            device: where it keeps them, such as "cuda"; None: its default.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
 
         Raises:
-            BadType, BadValue: there is no game, a seed is no integer, no such library or device is there, or `record`
-                is True.
-            MissingExtra: array-api-compat is not installed, which `xp` needs.
+            BadType, BadValue: there is no game, a seed is no integer, or `record` is True.
             SnapshotError: a turn is being played.
         """
         from gamms.game.batch.columns import as_seeds  # which few programs need
         from gamms.game.batch.games import Batch, BatchSource
-        from gamms.game.batch.libraries import as_library
 
         if as_bool(record, "record"):
             raise BadValue(
                 "Games that go on from here cannot be recorded, for recordings begin at the start: leave record= out, "
                 "or play scenario.batch(…, record=True)."
             )
-        chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
+        chosen = as_seeds(num_games, seed, seeds)
         self._ruleset.warn()
-        return Batch(
-            BatchSource(self.fork(0), None, None, None), chosen, record=False, library=library, most_agents=most_agents
-        )
+        return Batch(BatchSource(self.fork(0), None, None, None), chosen, record=False, most_agents=most_agents)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -270,8 +270,6 @@ class ViewDraws(ArrayDraws):
     They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
     """
 
-    _later_keys, _bits_at = staticmethod(kernels.later_key_rows), staticmethod(kernels.bits_at_rows)
-
     def __init__(self, first: BitArray, turns: IntArray, count: IntArray | int = 0) -> None:
         self._of = first, turns
         self._keys: BitArray | None = None
@@ -301,9 +299,9 @@ class ViewDraws(ArrayDraws):
             return self._among[0].bits_of(counted)
         if self._keys is None:
             first, turns = self._of
-            self._keys = self._later_keys(first, turns[:, None])
+            self._keys = kernels.later_key_rows(first, turns[:, None])
         count, self._count = self._count, self._count + counted
-        return self._bits_at(self._keys, count)
+        return kernels.bits_at_rows(self._keys, count)
 
 
 def _draws_at(first: int, name: str, turn: int, count: int) -> Draws:

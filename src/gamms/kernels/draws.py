@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
-SignedArray = Any  # 64 random bits each as int64, in an array of any library that has the array API
 _MASK = (1 << 64) - 1
 _GAMMA = 0x9E3779B97F4A7C15
 _FACTORS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
@@ -116,32 +115,6 @@ def bits_at_rows(keys: BitArray, k: IntArray | int) -> BitArray:
     return _mix_many(keys + (k + 1).astype(np.uint64) * np.array([_GAMMA], np.uint64))
 
 
-def as_signed(bits: BitArray) -> IntArray:
-    """Return the same bits as int64, which all array libraries have; the functions below take such."""
-    return bits.view(np.int64)
-
-
-def later_keys_signed(first: SignedArray, turns: SignedArray) -> SignedArray:
-    """Return what `later_key_rows` returns, in an array of the library of these: int64, which wraps as uint64 does."""
-    return _mix_signed(first + turns * _signed(_GAMMA))
-
-
-def bits_at_signed(keys: SignedArray, k: SignedArray) -> SignedArray:
-    """Return what `bits_at_rows` returns, in an array of the library of these; `k` is one number, or one for each."""
-    offsets = _signed((k + 1) * _GAMMA) if isinstance(k, int) else (k + 1) * _signed(_GAMMA)
-    return _mix_signed(keys + offsets)
-
-
-def below_signed(bits: SignedArray, n: SignedArray) -> SignedArray:
-    """Return what `below_many` returns, in an array of the library of these."""
-    return _shifted(_shifted(bits, 32) * n, 32)
-
-
-def fraction_signed(bits: SignedArray, xp: Any) -> Any:
-    """Return what `fraction_many` returns, in an array of a library, the namespace `xp`."""
-    return xp.astype(_shifted(bits, 11), xp.float64) * 2.0**-53
-
-
 def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
     """Return 64 random bits for each name, (names,): for few names faster than arrays."""
     return [draw_bits(purpose, name_key(name), turn) for name in names]
@@ -208,22 +181,6 @@ def _mix_many(bits: BitArray) -> BitArray:
     np.right_shift(bits, np.uint64(31), out=shifted)
     bits ^= shifted
     return bits
-
-
-def _mix_signed(bits: SignedArray) -> SignedArray:
-    bits = (bits ^ _shifted(bits, 30)) * _signed(_FACTORS[0])
-    bits = (bits ^ _shifted(bits, 27)) * _signed(_FACTORS[1])
-    return bits ^ _shifted(bits, 31)
-
-
-def _shifted(bits: SignedArray, places: int) -> SignedArray:
-    """Return bits that are shifted to the right, with zeros from the left."""
-    return (bits >> places) & ((1 << (64 - places)) - 1)
-
-
-def _signed(number: int) -> int:
-    """Return the signed integer with the lowest 64 bits of a number."""
-    return ((number + (1 << 63)) & _MASK) - (1 << 63)
 
 
 def _hash(text: str) -> int:

@@ -239,12 +239,12 @@ def torchrl_env(
     reward: Reward | None = None,
     seed: int = 0,
     most_agents: MostAgents | None = None,
-    device: object = "cpu",
 ) -> "TensorEnv":
-    """Return many games of a scenario as an `EnvBase` of TorchRL, in tensors that stay on a device.
+    """Return many games of a scenario as an `EnvBase` of TorchRL.
 
-    Teams are groups: `(team, "observation")`, (games, agents, …), `(team, "action_mask")`, and so on. Observations and
-    rewards of your own get views in tensors; see docs/batches.md.
+    Teams are groups: `(team, "observation")`, (games, agents, …), `(team, "action_mask")`, and so on. The tensors are
+    on the CPU and share the memory of the arrays of the games; `env.to("cuda")` copies them to a GPU in each turn.
+    Functions that you give as `observation` and `reward` get and return arrays of NumPy.
 
     Args:
         scenario: see `parallel_env`.
@@ -254,17 +254,14 @@ def torchrl_env(
         reward: see `parallel_env`.
         seed: of the first game; those of the others follow.
         most_agents: see `parallel_env`.
-        device: that the tensors are on, such as "cuda".
 
     Raises:
         UnknownName (KeyError): there is no such team.
-        BadType, BadValue: see `parallel_env`; there is no such device.
+        BadType, BadValue: see `parallel_env`.
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): TorchRL is not installed.
     """
     with needing("An environment of TorchRL", "torchrl"):
-        import torch
-
         from gamms.rl.tensor_env import TensorEnv
     return TensorEnv(
         Learners(
@@ -274,8 +271,6 @@ def torchrl_env(
             observation=observation,
             reward=reward,
             seed=seed,
-            xp=torch,
-            device=device,
             most_agents=most_agents,
         )
     )

@@ -14,7 +14,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rl.learners import Learners, are_in, joined
+from gamms.rl.learners import Learners, are_in
 from gamms.text import shown
 
 AXES = 3  # of flights
@@ -122,7 +122,7 @@ def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
     moves, deeds = learners.masks, learners.deed_masks
     if are_flat:
         return (moves[..., None] & deeds[..., None, :]).reshape(*moves.shape[:2], -1)
-    found: BoolArray = joined(np, [moves, deeds], axis=2)
+    found: BoolArray = np.concatenate((moves, deeds), axis=2)
     return found
 
 

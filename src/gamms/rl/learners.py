@@ -25,8 +25,6 @@ from gamms.typing import AgentType
 from gamms.visual import Engine
 
 Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
-Array = Any  # of any library: NumPy's, or tensors
-Namespace = Any  # the functions of such a library, as the array API names them
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
 Seeds = int | Sequence[int | None] | None  # of games: one for all, or of each
 
@@ -77,8 +75,6 @@ class Learners:
         one_by_one: play the games in contexts, not in arrays; see `Batch.context`.
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
-        xp: the array library of all arrays, such as `torch`; None: NumPy. See docs/batches.md.
-        device: where it keeps them.
         most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.
 
     Attributes:
@@ -117,8 +113,6 @@ class Learners:
         one_by_one: bool = False,
         vis_engine: Engine | None = None,
         record: bool = False,
-        xp: ModuleType | None = None,
-        device: object = None,
         most_agents: MostAgents | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
@@ -138,8 +132,6 @@ class Learners:
             record=record,
             one_by_one=one_by_one,
             vis_engine=vis_engine,
-            xp=xp,
-            device=device,
             most_agents=most_agents,
         )
         self._first, self._episodes, self.stride = first + np.arange(number), np.zeros(number, np.int64), number
@@ -163,23 +155,23 @@ class Learners:
                 )
         self.agent = agent
         views = self._views()
-        self.num_actions, self._xp = movement_in(views[0]).width, views[0].xp
-        self._numbers = self._put(np.arange(self.num_actions))
+        self.num_actions = movement_in(views[0]).width
+        self._numbers = np.arange(self.num_actions)
         declared = self.games.game.settings()["deeds"].items()
         fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
-        self.deeds = choices_of(on_host(views[0]), fields)
+        self.deeds = choices_of(views[0], fields)
         if self._hand is not None:
             self._hand.begin(self.games, self.deeds)
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
         self._columns = [slice(first, last) for first, last in pairwise(ends)]  # of the agents of each team
-        self.is_there: BoolArray = self._put(np.ones(self._shape, np.bool_))
+        self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
         self._remember()
         self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
         game = self.games.game
-        members = [views[0].roster.agents[number] for view in views for number in on_host(view).agents]
+        members = [views[0].roster.agents[number] for view in views for number in view.agents]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
         num_heads = 1 if self.deeds is None else 2
         self._prefix = Prefix(self._shape, num_heads, flies=bool(self.flies.any()))
@@ -213,11 +205,11 @@ class Learners:
     def observe(self, which: IntArray | None = None) -> Any:
         """Return what all agents observe, (games, agents, …); of some games, by their numbers, or of all."""
         if which is None:
-            return joined(self._xp, [self._observed(view) for view in self._now])
-        are_alike = all(type(view) is ArrayView for view in self._now)  # on one map, in arrays of NumPy
+            return joined([self._observed(view) for view in self._now])
+        are_alike = all(type(view) is ArrayView for view in self._now)  # on one map
         if not are_alike or not getattr(self.observation, "of_each", False):  # it may need all games
             return self.observe()[which]
-        return joined(self._xp, [self._observed(view.in_games(which)) for view in self._now])
+        return joined([self._observed(view.in_games(which)) for view in self._now])
 
     def _observed(self, view: ArrayView) -> Any:
         return self._checked(self.observation(view), view, "observation")
@@ -233,24 +225,23 @@ class Learners:
         """
         self._refuse_closed()
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
-        chosen = given_moves = self._own(actions)
+        chosen = given_moves = self._numbers_of(actions)
         done = flown = None
         if deeds is not None and self.deeds is not None:
-            done = self._on_host(self._own(deeds))
-            done = np.where(are_in(self._legal_deed_masks(), done), done, 0)
+            done = self._numbers_of(deeds)
+            done = np.where(are_in(self.deed_masks, done), done, 0)
         if flights is not None and self.flies.any():
             flown = within_reach(np.asarray(flights), self.reach_m, self._shape)
         if self._hand is None:
             self.games.step(self._given(chosen, done, flown), on_illegal="stay")
         else:
-            chosen = self._xp.where(self.are_legal(chosen), chosen, 0)
-            self._hand.take(self._on_host(self.games.turn), self._on_host(chosen), done, flown)
+            chosen = np.where(self.are_legal(chosen), chosen, 0)
+            self._hand.take(self.games.turn, chosen, done, flown)
             self.games.step()
-        if self.games.library is None:
-            self._prefix.add(~was_over, [given_moves] if done is None else [given_moves, done], flights)
+        self._prefix.add(~was_over, [given_moves] if done is None else [given_moves, done], flights)
         self._remember()
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
-        none = self._put(np.zeros(self._shape))
+        none = np.zeros(self._shape)
         outcomes = Outcomes(self.games)
         turns = [Turn(*given, gains, outcomes) for given in zip(self.teams, before, self._now, strict=True)]
         earned = []
@@ -261,7 +252,7 @@ class Learners:
                 given = self._checked(self._reward(turn), turn.after, "reward")
             earned.append(column + given)
         plays = was_alive & ~was_over[:, None]
-        rewards = self._xp.where(plays, joined(self._xp, earned), 0.0)
+        rewards = np.where(plays, joined(earned), 0.0)
         if self._reward is not None:
             self._refuse_no_numbers(rewards)
         counts = plays | ~was_over[:, None] if self.may_return else plays
@@ -273,7 +264,7 @@ class Learners:
             counts & truncated & ~is_out,
         )
 
-    def are_legal(self, actions: Array) -> BoolArray:
+    def are_legal(self, actions: ActionArray) -> BoolArray:
         """Return which actions are legal, (games, agents)."""
         found: BoolArray = (actions >= 0) & (actions < self._counts)
         return found
@@ -326,7 +317,7 @@ class Learners:
         self._remember()
 
     def carried(self) -> Carried:
-        """Return where the games are, for `restore` in learners of the same scenario and options; not on a device."""
+        """Return where the games are, for `restore` in learners of the same scenario and options."""
         self._refuse_closed()
         seeds = tuple(self.games.seeds) if self.has_begun else None
         return Carried(seeds, self._first.copy(), self._episodes.copy(), self._seed, self._prefix.cut())
@@ -390,12 +381,11 @@ class Learners:
     def _remember(self) -> None:
         """Look at the games as they are now."""
         self._now, self._scores, self.is_over = self._views(), self.games.scores, self.games.is_over
-        self.alive: BoolArray = joined(self._xp, [view.mask for view in self._now])
+        self.alive: BoolArray = joined([view.mask for view in self._now])
         if self._can_come:
-            hosts = [on_host(view) for view in self._now]
-            self.is_there = self._put(np.concatenate([one.is_there[:, one.agents] for one in hosts], axis=1))
+            self.is_there = np.concatenate([view.is_there[:, view.agents] for view in self._now], axis=1)
         plays = self.alive & ~self.is_over[:, None]
-        self._counts = self._xp.where(plays, joined(self._xp, [view.counts for view in self._now]), 1)
+        self._counts = np.where(plays, joined([view.counts for view in self._now]), 1)
         self.masks: BoolArray = self._numbers < self._counts[..., None]
 
     @property
@@ -404,17 +394,13 @@ class Learners:
 
         A rule may refuse a deed all the same.
         """
-        found = self._legal_deed_masks()
-        return self._put(found)  # type: ignore[no-any-return] # of any library
-
-    def _legal_deed_masks(self) -> BoolArray:
         if self.deeds is None:
             return np.ones((*self._shape, 1), np.bool_)
-        masks = np.concatenate([self.deeds.masks(on_host(view)) for view in self._now], axis=1)
-        masks[..., 1:] &= ~self._on_host(self.is_over)[:, None, None]
+        masks = np.concatenate([self.deeds.masks(view) for view in self._now], axis=1)
+        masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
-    def _given(self, chosen: Array, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
+    def _given(self, chosen: IntArray, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
         """Return what the agents of each team do, as `Batch.step` takes it."""
         given: dict[Hashable, Any] = dict(zip(self.teams, self._by_team(chosen), strict=True))
         if done is None and flown is None:
@@ -422,73 +408,58 @@ class Learners:
         given = {team: {"moves": moves} for team, moves in given.items()}
         if done is not None and self.deeds is not None:
             for team, choices, view in zip(self.teams, self._by_team(done), self._now, strict=True):
-                given[team]["deeds"] = self.deeds.given(choices, on_host(view))
+                given[team]["deeds"] = self.deeds.given(choices, view)
         if flown is not None:
             for team, columns, flights in zip(self.teams, self._columns, self._by_team(flown), strict=True):
                 if self.flies[columns].any():
                     given[team]["flights"] = flights
         return given
 
-    def _on_host(self, array: Array) -> Any:
-        """Return an array of the library of the games as one of NumPy."""
-        return array if self.games.library is None else self.games.library.get(array)
-
     @property
     def _shape(self) -> tuple[int, int]:
         return len(self.games), self._columns[-1].stop
 
-    def _put(self, array: Array) -> Any:
-        """Return an array of NumPy as one of the library of the games."""
-        return array if self.games.library is None else self.games.library.put(array)
-
-    def _own(self, given: Array) -> Any:
-        """Return what a caller gave as an array of the library of the games."""
-        library = self.games.library
-        found = np.asarray(given) if library is None else library.own(given, "Actions")
-        is_integer = found.dtype.kind in "iu" if library is None else self._xp.isdtype(found.dtype, "integral")
-        if tuple(found.shape) != self._shape or not is_integer:
+    def _numbers_of(self, given: ActionArray) -> IntArray:
+        """Return the numbers of actions, (games, agents), that a caller gave."""
+        found: IntArray = np.asarray(given)
+        if found.shape != self._shape or found.dtype.kind not in "iu":
             raise BadValue(
                 f"Actions are integers, one for each of {self._shape[0]} games and {self._shape[1]} agents, not "
-                f"{found.dtype} of the shape {tuple(found.shape)}."
+                f"{found.dtype} of the shape {found.shape}."
             )
         return found
 
-    def _by_team(self, of_all: Array) -> list[Any]:
+    def _by_team(self, of_all: np.ndarray[Any, Any]) -> list[Any]:
         """Return the columns of each team, views of an array (games, agents)."""
         return [of_all[:, columns] for columns in self._columns]
 
-    def _checked(self, given: Array, view: ArrayView, what: str) -> Any:
-        """Return what a function of the caller gave, if it fits, as an array of the library of the games."""
-        games, agents, library = len(view.games), len(view.agents), self.games.library
-        found = np.asarray(given) if library is None else library.own(given, f"What {what} gives")
-        shape = tuple(found.shape)
-        is_number = (
-            found.dtype.kind in "biuf" if library is None else not self._xp.isdtype(found.dtype, "complex floating")
-        )
+    def _checked(self, given: object, view: ArrayView, what: str) -> Any:
+        """Return what a function of the caller gave, if it fits, as an array."""
+        games, agents = len(view.games), len(view.agents)
+        found = np.asarray(given)
+        is_number = found.dtype.kind in "biuf"
         wanted = [(games, agents)] + [(games, 1)] * (what == "reward")
-        if shape[:2] not in wanted or not is_number or (what == "reward" and found.ndim > 2):
+        if found.shape[:2] not in wanted or not is_number or (what == "reward" and found.ndim > 2):
             raise BadValue(
                 f"{what} must give numbers for {games} games and {agents} agents, an array ({games}, {agents}"
-                f"{'' if what == 'reward' else ', …'}), not {found.dtype} of the shape {shape}."
+                f"{'' if what == 'reward' else ', …'}), not {found.dtype} of the shape {found.shape}."
             )
         return found
 
-    def _refuse_no_numbers(self, rewards: Array) -> None:
-        """Refuse rewards of agents that play that are not finite; on a device one number is read."""
-        wrong = ~self._xp.isfinite(rewards)
-        if bool(self._xp.any(wrong)):
-            found, (game, agent) = self._on_host(rewards), np.argwhere(self._on_host(wrong))[0].tolist()
+    def _refuse_no_numbers(self, rewards: FloatArray) -> None:
+        """Refuse rewards of agents that play that are not finite."""
+        wrong = ~np.isfinite(rewards)
+        if wrong.any():
+            game, agent = np.argwhere(wrong)[0].tolist()
             raise BadValue(
-                f"reward must give finite numbers, not {found[game, agent]} for agent {self.names[agent]!r} in game "
+                f"reward must give finite numbers, not {rewards[game, agent]} for agent {self.names[agent]!r} in game "
                 f"{game}."
             )
 
 
-def joined(xp: Namespace, columns: Sequence[Any], axis: int = 1) -> Any:
-    """Return arrays of a library one after the other, as they are if there is one."""
-    if len(columns) == 1:
-        return columns[0]
-    return (np.concatenate if xp is np else xp.concat)(columns, axis=axis)
+def joined(columns: Sequence[Any]) -> Any:
+    """Return arrays (games, agents, …) one after the other, as they are if there is one."""
+    return columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
 
 
 def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int]) -> FloatArray:
@@ -514,30 +485,18 @@ def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
     return found
 
 
-def on_host(view: ArrayView) -> ArrayView:
-    """Return a view in NumPy."""
-    found: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
-    return found
-
-
 def default_observation(view: ArrayView) -> Float32Array:
     """Return what agents observe unless a function is given: (games, agents, entries).
 
     These are the entries of `ArrayView.vector`, of up to 8 other agents; where an agent of the game flies, `z`; and as
     the last one `turn`: the share n / (n + 100) after n turns.
     """
-    xp, vectors = view.xp, view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
-    turn = xp.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)[..., None]
-    turn = turn.astype(np.float32) if xp is np else xp.astype(turn, xp.float32)
+    vectors = view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
+    turn = np.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)[..., None]
     if not any(agent.type is AgentType.AERIAL for agent in view.roster.agents):
-        found: Float32Array = joined(xp, (vectors.values, turn), axis=2)
-        return found
-    host = on_host(view)
-    z = np.where(host.mask, host["z"] * (2.0 / _longer_side(host.streets.columns.xy)), 0.0)[..., None]
-    z = z.astype(np.float32)
-    parts = (vectors.values, z if xp is np else view.library.put(z), turn)  # type: ignore[attr-defined] # of a device
-    clipped: Float32Array = xp.clip(joined(xp, parts, axis=2), -2.0, 2.0)
-    return clipped
+        return np.concatenate((vectors.values, turn), axis=2, dtype=np.float32)
+    z = np.where(view.mask, view["z"] * (2.0 / _longer_side(view.streets.columns.xy)), 0.0)[..., None]
+    return np.concatenate((vectors.values, z, turn), axis=2, dtype=np.float32).clip(-2.0, 2.0)
 
 
 def _longer_side(xy: FloatArray) -> float:

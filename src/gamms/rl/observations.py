@@ -15,7 +15,7 @@ from gamms.game.batch.roads import StreetsOfMaps
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
-from gamms.rl.learners import Array, Float32Array, on_host
+from gamms.rl.learners import Float32Array
 
 NEAR = ("is_there", "dx", "dy", "hops", "action", "mates", "enemies")
 """The entries of each node of `neighbourhood`."""
@@ -40,31 +40,29 @@ class Neighbourhood:
         self.hops, self._most = hops, nodes
         self._tables: WeakKeyDictionary[Streets, tuple[IntArray, IntArray, Float32Array]] = WeakKeyDictionary()
 
-    def __call__(self, view: ArrayView) -> Array:
+    def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of the nodes around the agents of a view."""
-        host = on_host(view)
-        if isinstance(host.streets, StreetsOfMaps):
-            parts = [(places, self(part)) for places, part in views_by_map(host)]
+        if isinstance(view.streets, StreetsOfMaps):
+            parts = [(places, self(part)) for places, part in views_by_map(view)]
             order = np.argsort(np.concatenate([places for places, _ in parts]))
             most = max(part.shape[2] for _, part in parts)
             padded = [np.pad(part, ((0, 0), (0, 0), (0, most - part.shape[2]), (0, 0))) for _, part in parts]
-            found = np.concatenate(padded)[order]
-            return found if view.xp is np else view.library.put(found)  # type: ignore[attr-defined]
-        streets = host.streets
+            return np.concatenate(padded)[order]
+        streets = view.streets
         if streets not in self._tables:
             self._tables[streets] = self._table(streets)
         rows, far, offsets = self._tables[streets]
-        near, is_there = rows[host.node], far[host.node] >= 0  # (games, agents, nodes)
+        near, is_there = rows[view.node], far[view.node] >= 0  # (games, agents, nodes)
         found = np.zeros((*near.shape, len(NEAR)), np.float32)
         found[..., 0] = is_there
-        found[..., 1:3] = offsets[host.node]
-        found[..., 3] = np.maximum(far[host.node], 0) / self.hops
-        found[..., 4] = np.where(is_there, _actions(host, near), -1)
-        for entry, (at, viewers, nodes) in zip((5, 6), _mates_and_enemies(host), strict=True):
+        found[..., 1:3] = offsets[view.node]
+        found[..., 3] = np.maximum(far[view.node], 0) / self.hops
+        found[..., 4] = np.where(is_there, _actions(view, near), -1)
+        for entry, (at, viewers, nodes) in zip((5, 6), _mates_and_enemies(view), strict=True):
             pairs, places = np.nonzero((near[at, viewers] == nodes[:, None]) & is_there[at, viewers])
             np.add.at(found[..., entry], (at[pairs], viewers[pairs], places), 1)
-        found[~host.mask] = 0.0
-        return found if view.xp is np else view.library.put(found)  # type: ignore[attr-defined]
+        found[~view.mask] = 0.0
+        return found
 
     def _table(self, streets: Streets) -> tuple[IntArray, IntArray, Float32Array]:
         """Return of each node the rows of those around it, how far they are, -1 behind the last one, and offsets."""
@@ -105,28 +103,27 @@ class MapGraph:
             raise BadValue("The edges of the map are known when it was observed: reset the environment first.")
         return self._edges
 
-    def __call__(self, view: ArrayView) -> Array:
+    def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of all nodes."""
-        host = on_host(view)
-        streets, (games, agents) = host.streets, host.node.shape
+        streets, (games, agents) = view.streets, view.node.shape
         columns = (streets.whole if isinstance(streets, StreetsOfMaps) else streets).columns
         self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
         nodes = len(columns.node_ids)
         refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")
         found = np.zeros((games, agents, nodes, len(NODE)), np.float32)
-        found[..., :2] = _places(host.streets)
+        found[..., :2] = _places(view.streets)
         game, agent = np.indices((games, agents))
-        found[game, agent, host.node, 2] = 1.0
+        found[game, agent, view.node, 2] = 1.0
         found[..., 3] = -1.0
-        legal, is_legal = host.legal_rows()
+        legal, is_legal = view.legal_rows()
         at, who, action = (column[::-1] for column in np.nonzero(is_legal))  # of several, the first one counts
         found[at, who, legal[at, who, action], 3] = action
-        for entry, (at, viewers, rows) in zip((4, 5), _mates_and_enemies(host), strict=True):
+        for entry, (at, viewers, rows) in zip((4, 5), _mates_and_enemies(view), strict=True):
             np.add.at(found[..., entry], (at, viewers, rows), 1)
-        found[~host.mask] = 0.0
-        return found if view.xp is np else view.library.put(found)  # type: ignore[attr-defined]
+        found[~view.mask] = 0.0
+        return found
 
-    def data(self, observation: Array) -> dict[str, Array]:
+    def data(self, observation: Float32Array) -> dict[str, Float32Array | IntArray]:
         """Return graphs as PyTorch Geometric has them: `Data(**graph.data(observation))`, after `torch.as_tensor`.
 
         Args:

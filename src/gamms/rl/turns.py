@@ -35,10 +35,8 @@ class Outcomes:
     @cached_property
     def reason(self) -> ObjectArray:
         """Why each game has ended; None while it goes on."""
-        over = self._games.is_over
-        over = over if self._games.library is None else self._games.library.get(over)
         found: ObjectArray = self._table["reason"]
-        found[~over] = None
+        found[~self._games.is_over] = None
         return found
 
     @cached_property
@@ -66,12 +64,12 @@ class Turn(NamedTuple):
 
     @property
     def winner(self) -> ObjectArray:
-        """The winner of each game, (games,) objects of NumPy; None while a game goes on, or if no team has won."""
+        """The winner of each game, (games,) objects; None while a game goes on, or if no team has won."""
         return self.outcomes.winner
 
     @property
     def reason(self) -> ObjectArray:
-        """Why each game has ended, (games,) objects of NumPy, such as "time_limit"; None while it goes on."""
+        """Why each game has ended, (games,) objects, such as "time_limit"; None while it goes on."""
         return self.outcomes.reason
 
 

@@ -14,13 +14,11 @@ from gamms.agent import BaseAgent
 from gamms.arguments import as_array, as_choice, as_flag, as_int, as_key, as_known, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
-from gamms.game.batch.device import DeviceTurn
-from gamms.game.batch.libraries import Tensor
 from gamms.graph import Graph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays, MovesTurn, may_conflict
+from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays, MovesTurn
 from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import EdgePlace, Move
 
@@ -144,13 +142,6 @@ class Conflicts:
             limits, least, _ = turn.shared(("capacity", id(known)), lambda: (*self._rows(turn, known), known))
             moves.stop_overflow(limits, least)
         return moves.stays
-
-    def array_trigger(self, turn: DeviceTurn) -> Tensor:
-        """Return in which games of a batch on a device agents may be in the way of others, (games,)."""
-        known, graph = self._limits, turn.streets.columns
-        limits = np.zeros(0, np.int64) if known is None else known.rows(graph.node_ids, graph.node_attributes)
-        least = int(limits.min(initial=UNLIMITED))
-        return may_conflict(turn, least, per_team=self._per_team, swaps=not self.allow_swaps)
 
     def _rows(self, turn: MovesTurn, limits: "_Limits") -> tuple[IntArray | BoolArray, int]:
         """Return the capacities of all nodes, in games by metres of all edges behind them, and the least of these.

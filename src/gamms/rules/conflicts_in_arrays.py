@@ -6,8 +6,6 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from gamms.game.batch.device import DeviceTurn
-from gamms.game.batch.libraries import Tensor
 from gamms.game.streets import Streets
 from gamms.ir.graph import GraphColumns, IntArray, RowArray
 from gamms.ir.obstacles import BoolArray
@@ -79,31 +77,6 @@ class MovesTurn(Protocol):
 ArrayResolver = Callable[[MovesTurn, IntArray, IntArray], Any]
 """Returns ranks of agents in contests, given the games of the turn and their numbers: those with the smallest win, of
 equals the first by name; None: no agent wins."""
-
-
-def may_conflict(turn: DeviceTurn, least: int, *, per_team: bool, swaps: bool) -> Tensor:
-    """Return in which games agents may be in the way of others, (games,), on the device.
-
-    Args:
-        turn: before agents move to its `ends`.
-        least: the smallest capacity of a node.
-        per_team: whether teams do not count for each other.
-        swaps: whether agents may not exchange nodes.
-    """
-    xp, team_of, nodes = turn.xp, turn.roster.team_of, len(turn.roster.names) and len(turn.streets.columns.node_ids)
-    of_team = turn.put(team_of * nodes if per_team else team_of * 0)
-    starts, ends, found = turn.node + of_team, turn.ends + of_team, []
-    moves = turn.alive & (starts != ends)
-    if swaps:
-        low, high = xp.where(starts < ends, starts, ends), xp.where(starts < ends, ends, starts)
-        ways = (low * (nodes * len(turn.roster.teams)) + high) * 2
-        keys = xp.sort(xp.where(moves, ways + xp.astype(starts < ends, xp.int64), -2), axis=1)
-        found.append((keys[:, 1:] == keys[:, :-1] + 1) & (keys[:, 1:] % 2 == 1))
-    if least < len(team_of):
-        absent = turn.put(-1 - np.arange(len(team_of)))
-        places = xp.sort(xp.where(turn.alive, ends, absent), axis=1)
-        found.append(places[:, least:] == places[:, : len(team_of) - least])
-    return turn.any_of(found)
 
 
 class MovesInArrays:

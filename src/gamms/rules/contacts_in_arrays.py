@@ -3,14 +3,12 @@
 Where agents go one edge a turn at most, the moments of a turn are 0 and 1; `_met_on_paths` is for all others.
 """
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.device import DeviceTurn
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Paths
 from gamms.game.batch.turn import ArrayTurn, part_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -78,39 +76,6 @@ def _may_meet_on_paths(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearne
     left, right = (passed[:, side].reshape(len(passed), -1) for side in (ours, theirs))
     found: BoolArray = (left[:, :, None] == right[:, None]).any(axis=(1, 2))
     return found
-
-
-def may_meet(us: Hashable, them: Hashable, nearness: Nearness, turn: DeviceTurn) -> Tensor:
-    """Return in which games of a turn without an order of play agents of two teams may be in contact, (games,).
-
-    Nearness counts on one node, or in a straight line.
-    """
-    ours, theirs = (np.flatnonzero(turn.roster.plays_for([team])) for team in (us, them))
-    xp, nodes = turn.xp, len(turn.streets.columns.node_ids)
-    if nearness.unit is None:
-        near = _equal(turn, turn.node, turn.node, (ours, theirs))
-    else:
-        node, other = turn.of(turn.node, ours), turn.of(turn.node, theirs)
-        x, y = turn.streets.x, turn.streets.y
-        dx, dy = x[node][:, :, None] - x[other][:, None, :], y[node][:, :, None] - y[other][:, None, :]
-        near = dx * dx + dy * dy <= nearness.limit * nearness.limit
-        near = near & turn.of(turn.alive, ours)[:, :, None] & turn.of(turn.alive, theirs)[:, None, :]
-    if nearness.crossing:
-        is_moving, nowhere = turn.starts != turn.ends, nodes * nodes
-        ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
-        ways, back = xp.where(is_moving, ways, nowhere), xp.where(is_moving, back, nowhere + 1)
-        near = near | _equal(turn, ways, back, (ours, theirs))
-    is_other = ours[:, None] != theirs
-    if not is_other.all():
-        near = near & turn.put(is_other)
-    return xp.any(xp.reshape(near, (near.shape[0], -1)), axis=1)
-
-
-def _equal(turn: DeviceTurn, keys: Tensor, others: Tensor, sides: Sides) -> Tensor:
-    """Return which living agents of two sides have equal keys, none negative, (games, agents, agents)."""
-    xp, (ours, theirs) = turn.xp, sides
-    left, right = turn.of(xp.where(turn.alive, keys, -1), ours), turn.of(xp.where(turn.alive, others, -2), theirs)
-    return left[:, :, None] == right[:, None, :]
 
 
 def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[Met]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from enum import IntEnum
-from functools import partial
 from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
@@ -10,8 +9,6 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.device import DeviceTurn, in_all_games
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
@@ -58,8 +55,6 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[..., object] | None
     """The same for many games at once, of a check too, see `gamms.array_rule`; None: they are played one by one."""
-    array_trigger: Callable[[DeviceTurn], Tensor] | None
-    """Says for arrays of any library in which games there may be something to do, (games,); None: in all."""
     why_not_in_arrays: Callable[[Sequence[IAgent]], str | None]
     """Returns what of these agents the array form cannot deal with, in words; None: nothing."""
     prepare_arrays: Callable[[GameArrays], object]
@@ -173,7 +168,6 @@ def reach(
         drawer=render_goals,
         teams=named,
         array_form=in_arrays,
-        array_trigger=partial(_may_arrive, goals),
     )
 
 
@@ -223,7 +217,6 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
         drawer=render_goals,
         teams=list(goals),
         array_form=in_arrays,
-        array_trigger=partial(_may_arrive, goals),
     )
 
 
@@ -253,9 +246,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
             winners = _leaders(turn, at) if winner is LEADER else [winner] * len(at)
             turn.end(at, "time limit", winners, truncated=True)
 
-    return with_hooks(
-        time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays, array_trigger=in_all_games
-    )
+    return with_hooks(time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays)
 
 
 @shown_as_called
@@ -282,11 +273,7 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         if len(at):
             turn.end(at, _none_in_play(team), _leaders(turn, at) if winner is LEADER else [winner] * len(at))
 
-    def may_be_gone(turn: DeviceTurn) -> Tensor:
-        members = np.flatnonzero(turn.roster.plays_for([team]))
-        return ~turn.any_of([turn.of(turn.alive, members)])
-
-    return with_hooks(none_left, teams=named, rank=Rank.END, array_form=in_arrays, array_trigger=may_be_gone)
+    return with_hooks(none_left, teams=named, rank=Rank.END, array_form=in_arrays)
 
 
 def _none_in_play(team: Team) -> str:
@@ -316,12 +303,7 @@ def last_team() -> Rule:
         left = [names[row.argmax()] if row.any() else None for row in alive[at]]
         turn.end(at, "last team", left)
 
-    def may_be_left(turn: DeviceTurn) -> Tensor:
-        playing = [number for number, team in enumerate(turn.roster.teams) if team is not None]
-        living = [turn.of(turn.alive, np.flatnonzero(turn.roster.team_of == number)) for number in playing]
-        return sum((turn.xp.astype(turn.any_of([one]), turn.xp.int64) for one in living), turn.nothing) <= 1
-
-    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays, array_trigger=may_be_left)
+    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays)
 
 
 def _named_winner(winner: Team) -> list[Hashable]:
@@ -442,21 +424,6 @@ def _are_starts(turn: ArrayTurn, visits: Visits, team: str) -> BoolArray:
     starts = turn.start_of(np.flatnonzero(theirs))
     are_starts: BoolArray = (visits.nodes[:, None] == starts[visits.at]).any(axis=1)
     return are_starts
-
-
-def _may_arrive(goals: Mapping[Any, frozenset[int] | str], turn: DeviceTurn) -> Tensor:
-    """Return in which games of a batch on a device an agent is at a goal of its team, (games,)."""
-    return turn.any_of([_may_be_there(turn, team, goal) for team, goal in goals.items()])
-
-
-def _may_be_there(turn: DeviceTurn, team: Hashable, goal: frozenset[int] | str) -> Tensor:
-    """Return which agents of a team are alive and at its goal, (games, agents of the team)."""
-    members = np.flatnonzero(turn.roster.plays_for([team]))
-    node, alive = turn.of(turn.node, members), turn.of(turn.alive, members)
-    if not isinstance(goal, str):
-        return turn.are_nodes(goal)[node] & alive
-    theirs = np.flatnonzero(turn.roster.plays_for([one for one in turn.roster.teams if str(one) == goal]))
-    return turn.xp.any(node[:, :, None] == turn.start_of(theirs)[:, None, :], axis=2) & alive
 
 
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:

@@ -10,8 +10,6 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
-from gamms.game.batch.device import DeviceTurn
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
@@ -94,7 +92,6 @@ def capture_flag(
         disclose=all_know(game.key),
         key=game.key,
         array_form=in_arrays,
-        array_trigger=game.may_change,
         prepare_arrays=game.prepare_arrays,
         begin_arrays=game.begin_arrays,
         facts_in_game=game.facts_in_game,
@@ -146,11 +143,6 @@ class _Flags(NamedTuple):
         pairs = zip(self.bases.items(), rows, strict=True)
         flags = {team: {"node": base, "carrier": None if row < 0 else names[row]} for (team, base), row in pairs}
         return {self.key: published(self.key, flags)}
-
-    def may_change(self, turn: DeviceTurn) -> Tensor:
-        """Return in which games of a batch on a device a flag is carried, or an agent is at a base, (games,)."""
-        are_carried = turn.put(turn.kept(("capture_flag", self.key))["carriers"] >= 0)
-        return turn.any_of([turn.are_nodes(frozenset(self.bases.values()))[turn.node] & turn.alive, are_carried])
 
     def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
         """Return what makes the state of the rule in many games; see `_FlagsInArrays`."""

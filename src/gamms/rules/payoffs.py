@@ -8,7 +8,6 @@ import numpy as np
 from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.device import in_all_games
 from gamms.game.batch.state import Arrays, Emitted, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
@@ -73,7 +72,6 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         key=state_key,
         disclose=all_know(_PAYOFFS, state_key),
         array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
-        array_trigger=in_all_games,
         begin_arrays=begin_arrays,
     )
 

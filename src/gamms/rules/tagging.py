@@ -10,12 +10,10 @@ from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
-from gamms.game.batch.device import DeviceTurn
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
-from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, may_meet, one_to_one_in_arrays
+from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, one_to_one_in_arrays
 from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
@@ -127,7 +125,6 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         sides=sides if ground is None else None,
         warn_after=partial(_why_unfair_after, sides if ground is None else None),
         array_form=in_arrays if has_form else None,
-        array_trigger=partial(may_meet, taggers, tagged, nearness) if nearness.unit in {None, "euclid"} else None,
     )
 
 
@@ -215,11 +212,6 @@ def respawn(
         kept["out"][turn.games] = out
         turn.respawn(at, agents)
 
-    def may_come_back(turn: DeviceTurn) -> Tensor:
-        members = np.flatnonzero(turn.roster.plays_for(those))
-        is_out, known = ~turn.of(turn.alive, members), turn.kept(("respawn", key))
-        return turn.any_of([is_out | turn.put(known["out"][:, members] >= 0) if known else is_out])
-
     return with_hooks(
         respawn,
         teams=named,
@@ -228,6 +220,5 @@ def respawn(
         brings_back=True,
         disclose=all_know("respawns", key),
         array_form=in_arrays,
-        array_trigger=may_come_back,
         begin_arrays=begin_arrays,
     )

@@ -9,7 +9,6 @@ import numpy as np
 from gamms.arguments import as_choice, as_int, as_known, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.device import in_all_games
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know, with_hooks
@@ -116,7 +115,6 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         drawer=TerritoryDrawer(fact, colors),
         disclose=all_know(TERRITORIES, fact),
         array_form=in_arrays,
-        array_trigger=in_all_games,
     )
 
 

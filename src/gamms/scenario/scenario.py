@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path, as_text
@@ -13,7 +12,6 @@ from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.columns import as_seeds
 from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents
-from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import GraphColumns, IntArray
@@ -297,7 +295,7 @@ class Scenario(Fixed):
                 ctx.record.start(record, overwrite=True)
             return ctx.game.run()
 
-    def batch(  # noqa: PLR0913 - each option is independent of the others
+    def batch(
         self,
         num_games: int | None = None,
         *,
@@ -307,8 +305,6 @@ class Scenario(Fixed):
         record: bool = False,
         one_by_one: bool = False,
         vis_engine: Engine | None = None,
-        xp: ModuleType | None = None,
-        device: object = None,
         most_agents: MostAgents | None = None,
     ) -> Batch:
         """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
@@ -324,18 +320,15 @@ class Scenario(Fixed):
             record: keep the actions that are given to `step`, so that games can be recorded.
             one_by_one: play them so also where they could be played in arrays, as `batch.context` needs.
             vis_engine: shows the games in turn, one by one; see `build`.
-            xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
-            device: where it keeps them, such as "cuda"; None: its default.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
 
         Raises:
             ScenarioError: something cannot be done as it is written.
-            BadType, BadValue: there is no game, a seed is no integer, or no such library or device is there.
-            MissingExtra: array-api-compat is not installed, which `xp` needs.
+            BadType, BadValue: there is no game, or a seed is no integer.
             TooLarge: the games would not fit into memory; the message says what they need.
         """
-        chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
+        chosen = as_seeds(num_games, seed, seeds)
         reason = ONE_BY_ONE if as_bool(one_by_one, "one_by_one") or vis_engine is not None else None
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         ctx, builder = self._built(chosen[0], strategies, vis_engine)
@@ -348,7 +341,7 @@ class Scenario(Fixed):
                 ctx.game, Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None, reason, build
             )
             ctx.game.internals.parts.rules.warn()
-            return Batch(source, chosen, record=record, library=library, most_agents=most_agents)
+            return Batch(source, chosen, record=record, most_agents=most_agents)
         except BaseException:
             ctx.terminate()
             raise

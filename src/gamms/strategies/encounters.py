@@ -13,8 +13,6 @@ from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import begins_of
-from gamms.game.batch.device_view import DeviceView, nodes_of_all, sees_enemies
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
@@ -73,13 +71,11 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         nearest = ctx.graph.routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
-    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True, is_portable=True)
+    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True)
     return strategy
 
 
 def _chase_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    if isinstance(view, DeviceView):
-        return moves_to(view, _nearest_on_device(view), fallback)
     seen = on_ground(view).enemies()
     return moves_to_agents(view, seen, nearest_seen(view, seen), fallback)
 
@@ -107,21 +103,12 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         else:
             fallback(state)
 
-    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True, is_portable=True)
+    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True)
     return strategy
 
 
-def _nearest_on_device(view: DeviceView) -> Tensor:
-    """Return what `nearest_seen` returns of enemies."""
-    xp, seen, node = view.xp, sees_enemies(on_ground(view)), nodes_of_all(view)
-    far = view.routes().distances(view.node[..., None], node[:, None, :], asked=seen)
-    far = xp.where(seen, far, inf)
-    is_it = xp.arange(far.shape[2], device=view.library.device) == xp.argmin(far, axis=2, keepdims=True)
-    return xp.max(xp.where(is_it & (far < inf), node[:, None, :], -1), axis=2)
-
-
 def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    actions = _farthest_on_device(view) if isinstance(view, DeviceView) else _farthest_in_arrays(view)
+    actions = _farthest_in_arrays(view)
     return asked(view, actions, fallback, actions < 0)
 
 
@@ -140,21 +127,9 @@ def _farthest_in_arrays(view: ArrayView) -> IntArray:
     return actions
 
 
-def _farthest_on_device(view: DeviceView) -> Tensor:
-    """Return the same, computed for all agents."""
-    xp, (legal, is_legal) = view.xp, view.legal_rows()
-    seen, node = sees_enemies(on_ground(view)), nodes_of_all(view)
-    is_asked = seen[..., None] & is_legal[:, :, None, :]
-    far = view.routes().distances(node[:, None, :, None], legal[:, :, None, :], asked=is_asked)
-    safety = xp.where(is_legal, xp.min(xp.where(seen[..., None], far, inf), axis=2), -inf)
-    is_best = is_legal & (safety == xp.max(safety, axis=2, keepdims=True))
-    return xp.where(xp.any(seen, axis=2), _lowest(view, legal, is_best), -1)
-
-
 def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
     """Return the number of the legal node with the lowest id of those that are chosen, on the last axis."""
-    ids = view.xp.where(is_chosen, view.streets.ids_of(legal), np.iinfo(np.int64).max)
-    lowest: IntArray = view.xp.argmin(ids, axis=-1)
+    lowest: IntArray = np.where(is_chosen, view.streets.ids_of(legal), np.iinfo(np.int64).max).argmin(axis=-1)
     return lowest
 
 

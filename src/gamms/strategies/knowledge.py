@@ -18,25 +18,21 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.begun import Begins, begins_of
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.forms import BEGINS
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
     BOARDS,
     IS_BLIND,
-    IS_LEGAL,
     MAY_SKIP,
-    PORTABLE,
     REFUSES,
     ArrayStrategy,
     ArrayView,
     movement_in,
     numbers_in,
 )
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.memories import Kept
 from gamms.typing import IAgent, IContext
@@ -341,12 +337,11 @@ def _pass(_: object) -> None:
 
 def offer_form(
     strategy: Callable[..., None],
-    form: Callable[..., IntArray],
+    form: Callable[..., IntArray | FloatArray],
     *values: Hashable,
     parts: Collection[object] = (),
     looks: bool = False,
     may_skip: bool | None = None,
-    is_portable: bool = False,
     kept: Kept | None = None,
     refuses: Refusing | None = None,
 ) -> None:
@@ -359,7 +354,6 @@ def offer_form(
         parts: the strategies that it calls.
         looks: whether it asks what sensors show, or have in view, besides its parts.
         may_skip: whether it may set no action; None: where one of its parts may.
-        is_portable: whether the form is that for other array libraries, too; its actions are legal.
         kept: what it remembers, besides its parts; None: nothing.
         refuses: says in words why the form is not for an agent of a game; None: it is for all.
     """
@@ -376,18 +370,10 @@ def offer_form(
     refusing = [one for form in forms for one in getattr(form, REFUSES, ())]
     if refusing := refusing if refuses is None else [*refusing, refuses]:
         setattr(made, REFUSES, tuple(refusing))
-    others = [getattr(one, PORTABLE, None) for one in forms]
-    if is_portable and None not in others:
-        setattr(made, PORTABLE, partial(form, *values, *others))
-        setattr(getattr(made, PORTABLE), IS_LEGAL, True)
     strategy.__dict__["array_form"] = made
     begun: list[Begins] = [getattr(part, BEGINS) for part in parts if hasattr(part, BEGINS)]
     if len(begun) == len(forms):
         setattr(strategy, BEGINS, begins_of(begun if kept is None else [*begun, kept.begins]))
-
-
-# Forms for any array library call functions of `view.xp`, and what follows. On a device they compute for all agents:
-# looking for those that need an answer would read it. Draws count for these alone.
 
 
 def no_actions(view: ArrayView) -> IntArray:
@@ -397,56 +383,33 @@ def no_actions(view: ArrayView) -> IntArray:
 
 def filled(view: ArrayView, number: int) -> IntArray:
     """Return a number for each agent of a view."""
-    found: IntArray = view.xp.full_like(view.node, number)
-    return found
+    return np.full_like(view.node, number)
 
 
 _pass_in_arrays = partial(no_actions)
 setattr(_pass_in_arrays, IS_BLIND, True)
 setattr(_pass_in_arrays, MAY_SKIP, True)
-setattr(_pass_in_arrays, PORTABLE, no_actions)
 _pass.__dict__["array_form"] = _pass_in_arrays
 setattr(_pass, BEGINS, begins_of(()))
-
-
-def put(view: ArrayView, rows: IntArray) -> Tensor:
-    """Return an array of NumPy in the library of a view."""
-    return view.library.put(rows) if isinstance(view, DeviceView) else rows
-
-
-def places_of(view: ArrayView, axes: int = 2) -> IntArray | None:
-    """Return the places of the games of a view, for arrays of so many axes; None: on a device."""
-    return None if isinstance(view, DeviceView) else np.arange(len(view.games)).reshape(-1, *(1,) * (axes - 1))
-
-
-def may_hold(view: ArrayView, which: Tensor) -> bool:
-    """Return whether something is true of an agent of a view; yes on a device, which is not read for that."""
-    return isinstance(view, DeviceView) or bool(which.any())
 
 
 def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:
     """Return the actions with those of a form for some agents, (games, agents); it is not asked if there are none."""
     some = view.only(which)
-    return view.xp.where(some.mask, form(some), actions) if may_hold(view, some.mask) else actions
+    return np.where(some.mask, form(some), actions) if some.mask.any() else actions
 
 
-def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy, known: IntArray | None = None) -> IntArray:
+def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy) -> IntArray:
     """Return what `move_to` does for all agents of a view.
 
     Args:
         view: of the agents.
         targets: rows of nodes (games, agents), -1: none.
         fallback: decides where there is none, or no path.
-        known: those that targets can be, in NumPy; None: any.
     """
-    goes = view.mask & (targets >= 0)
-    if isinstance(view, DeviceView):
-        found = view.routes().actions(view.node, targets, among=known, asked=goes)
-        actions: IntArray = view.xp.where(goes, found, -1)
-    else:
-        actions, going = no_actions(view), np.nonzero(goes)
-        if len(going[0]):
-            actions[going] = view.towards(targets[going], going)
+    actions, going = no_actions(view), np.nonzero(view.mask & (targets >= 0))
+    if len(going[0]):
+        actions[going] = view.towards(targets[going], going)
     return asked(view, actions, fallback, actions < 0)
 
 

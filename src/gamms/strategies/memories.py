@@ -8,10 +8,9 @@ import numpy as np
 
 from gamms.context import Context
 from gamms.game.batch.begun import Begins
-from gamms.game.batch.device_view import DeviceView, columns_of, with_others
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
+from gamms.ir.graph import IntArray
 from gamms.text import shown
 
 
@@ -28,23 +27,16 @@ class Kept(NamedTuple):
     board: str | None = None
 
 
-def remembered(view: ArrayView, key: str, **first: int) -> dict[str, Tensor]:
+def remembered(view: ArrayView, key: str, **first: int) -> dict[str, IntArray]:
     """Return what agents remember under a key of `state["memory"]`: name -> (games, agents), at first these numbers."""
     agents = len(view.roster.names)
     kept = view.keep(("memory", key), lambda games: {name: np.full((games, agents), n) for name, n in first.items()})
-    if isinstance(view, DeviceView):
-        return {name: columns_of(column, view.agents, view.library) for name, column in kept.items()}
     return {name: column[np.ix_(view.games, view.agents)] for name, column in kept.items()}
 
 
-def remember(view: ArrayView, key: str, **values: Tensor) -> None:
+def remember(view: ArrayView, key: str, **values: IntArray) -> None:
     """Keep what those agents remember from now on that are in the mask of a view."""
     kept = view.keep(("memory", key), lambda _: {})
-    if isinstance(view, DeviceView):
-        for name, column in values.items():
-            own = view.xp.where(view.mask, column, columns_of(kept[name], view.agents, view.library))
-            kept[name] = with_others(kept[name], view.agents, own, 1, view.library)
-        return
     at, agents = np.nonzero(view.mask)
     for name, column in values.items():
         kept[name][view.games[at], view.agents[agents]] = column[at, agents]

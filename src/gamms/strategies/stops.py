@@ -19,13 +19,10 @@ from gamms.strategies.knowledge import (
     has_speed,
     known_nodes,
     legal_on_map,
-    may_hold,
     move_to,
     moves_to,
     node_of,
     offer_form,
-    places_of,
-    put,
     required,
 )
 from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
@@ -77,7 +74,7 @@ def route(
     values = key, stops, repeat, is_nearest_first
     kept = Kept(partial(_route_begun, key, len(stops)))
     parts = [fallback]
-    offer_form(strategy, _route_in_arrays, *values, parts=parts, is_portable=True, kept=kept, refuses=_why_not)
+    offer_form(strategy, _route_in_arrays, *values, parts=parts, kept=kept, refuses=_why_not)
     return strategy
 
 
@@ -197,18 +194,16 @@ def _route_begun(key: str, stops: int, ctx: Context, arrays: GameArrays) -> dict
 def _route_in_arrays(
     key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    xp, at, rows = view.xp, remembered(view, key, at=-1)["at"], movement_in(view).streets.rows(stops)
-    begins, first, stop_rows = view.mask & (at < 0), 0, put(view, np.append(rows, -1))
-    if is_nearest_first and may_hold(view, begins):
-        ends = put(view, rows)[None, None, :]
-        far = view.routes().distances(
-            view.node[..., None], ends, among=rows, asked=begins[..., None], at=places_of(view, 3)
-        )
-        first = xp.argmin(far, axis=2)
-    at = xp.where(at < 0, first, at)
-    at = xp.where(stop_rows[at] == view.node, put(view, _following(stops, repeat=repeat))[at], at)
+    known, rows = remembered(view, key, at=-1)["at"], movement_in(view).streets.rows(stops)
+    begins = np.nonzero(view.mask & (known < 0))
+    at = np.maximum(known, 0)
+    if is_nearest_first and len(begins[0]):
+        here, games = view.node[begins][:, None], begins[0][:, None]
+        at[begins] = view.routes().distances(here, rows, at=games).argmin(axis=1)
+    stop_rows = np.append(rows, -1)
+    at = np.where(stop_rows[at] == view.node, _following(stops, repeat=repeat)[at], at)
     remember(view, key, at=at)
-    return moves_to(view, stop_rows[at], fallback, rows)
+    return moves_to(view, stop_rows[at], fallback)
 
 
 @lru_cache(maxsize=256)

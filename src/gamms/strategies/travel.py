@@ -10,12 +10,11 @@ import numpy as np
 from gamms.arguments import as_array, as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.forms import FLIES, flies
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -27,14 +26,11 @@ from gamms.strategies.knowledge import (
     is_aerial,
     known_nodes,
     legal_nodes,
-    may_hold,
     move_to,
     moves_to,
     no_actions,
     node_of,
     offer_form,
-    places_of,
-    put,
     required,
 )
 from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
@@ -102,7 +98,7 @@ def _no_state(given: object, name: str) -> BadType:
     )
 
 
-def _stay_in_arrays(view: ArrayView) -> Tensor:
+def _stay_in_arrays(view: ArrayView) -> IntArray | FloatArray:
     return np.zeros((*view.node.shape, 3)) if view.flies else filled(view, movement_in(view).idle)
 
 
@@ -114,7 +110,7 @@ def _fly_in_arrays(view: ArrayView) -> FloatArray:
     return ways * [[[ldexp(1.0, min(frexp(speed)[1] + 1, _MOST_BITS))] for speed in speeds]]  # farther than they fly
 
 
-def _walk_in_arrays(view: ArrayView) -> Tensor:
+def _walk_in_arrays(view: ArrayView) -> IntArray | FloatArray:
     if view.flies:
         return _fly_in_arrays(view)
     by, agents = movement_in(view), np.s_[:, :]
@@ -128,8 +124,8 @@ def _walk_in_arrays(view: ArrayView) -> Tensor:
     return actions
 
 
-offer_form(stay, _stay_in_arrays, is_portable=True)
-offer_form(random_walk, _walk_in_arrays, is_portable=True)
+offer_form(stay, _stay_in_arrays)
+offer_form(random_walk, _walk_in_arrays)
 for _one in (stay, random_walk):
     setattr(_one, FLIES, True)
 
@@ -158,7 +154,7 @@ def goto(
         move_to(ctx, state, None if node is None else as_known_node(ctx, node, "target of goto"), fallback, "goto")
 
     if fixed is not None:
-        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback], is_portable=True)
+        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback])
     else:
         offer_form(strategy, _go_where_in_arrays, parts=[target, fallback])
     return strategy
@@ -166,7 +162,7 @@ def goto(
 
 def _go_in_arrays(target: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
     row = movement_in(view).streets.rows([target])
-    return moves_to(view, filled(view, int(row[0])), fallback, row)
+    return moves_to(view, filled(view, int(row[0])), fallback)
 
 
 def _go_where_in_arrays(find: ArrayStrategy, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
@@ -250,7 +246,7 @@ def random_waypoints(
         move_to(ctx, state, target, fallback, "random_waypoints")
 
     kept = Kept(_waypoints_begun)
-    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], is_portable=True, kept=kept)
+    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], kept=kept)
     return strategy
 
 
@@ -270,19 +266,19 @@ def _waypoints_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]
 def _waypoints_in_arrays(
     chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    xp, streets, known = view.xp, movement_in(view).streets, remembered(view, "random_waypoints", **_NO_WAYPOINT)
-    among = None if chosen is None else streets.rows(chosen)
-    target, left, is_there = known["target"], known["left"], known["target"] == view.node
-    going = view.mask & ~is_there & (target >= 0)
-    is_lost = going & (view.routes().distances(view.node, target, among=among, asked=going, at=places_of(view)) == inf)
-    draws = view.mask & ((target < 0) | is_lost | (is_there & (left <= 0)))
-    left = xp.where(is_there & (left > 0), left - 1, left)
-    if may_hold(view, draws):
-        options = np.arange(streets.num_nodes) if among is None else among
-        drawn = put(view, options)[view.only(draws).draw.below(len(options))]
-        target, left = xp.where(draws, drawn, target), xp.where(draws, turns, left)
+    streets, known = movement_in(view).streets, remembered(view, "random_waypoints", **_NO_WAYPOINT)
+    target, left = known["target"], known["left"]
+    is_there = target == view.node
+    going = np.nonzero(view.mask & ~is_there & (target >= 0))
+    draws = view.mask & ((target < 0) | (is_there & (left <= 0)))
+    draws[going] |= view.routes().distances(view.node[going], target[going], at=going[0]) == inf
+    left = np.where(is_there & (left > 0), left - 1, left)
+    if draws.any():
+        options = np.arange(streets.num_nodes) if chosen is None else streets.rows(chosen)
+        drawn = options[view.only(draws).draw.below(len(options))]
+        target, left = np.where(draws, drawn, target), np.where(draws, turns, left)
     remember(view, "random_waypoints", target=target, left=left)
-    return moves_to(view, target, fallback, among)
+    return moves_to(view, target, fallback)
 
 
 # -- combinations -------------------------------------------------------------------------------------------------
@@ -313,12 +309,12 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
                 return
 
     passing = all(getattr(getattr(option, "array_form", None), MAY_SKIP, False) for option in options)
-    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing, is_portable=True)
+    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing)
     setattr(strategy, FLIES, all(map(flies, options)))
     return strategy
 
 
-def _first_in_arrays(*forms_and_view: Any) -> Tensor:
+def _first_in_arrays(*forms_and_view: Any) -> IntArray | FloatArray:
     *forms, view = forms_and_view
     if view.flies:  # those for agents that fly always set an action
         flights: FloatArray = forms[0](view)
@@ -348,15 +344,16 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
-    offer_form(strategy, _mix_in_arrays, chance, parts=options, is_portable=True)
+    offer_form(strategy, _mix_in_arrays, chance, parts=options)
     setattr(strategy, FLIES, all(map(flies, options)))
     return strategy
 
 
-def _mix_in_arrays(chance: float, b: ArrayStrategy, a: ArrayStrategy, view: ArrayView) -> Tensor:
+def _mix_in_arrays(chance: float, b: ArrayStrategy, a: ArrayStrategy, view: ArrayView) -> IntArray | FloatArray:
     is_a = view.draw.random() < chance
     if view.flies:
-        return np.where(is_a[..., None], a(view.only(is_a)), b(view.only(~is_a)))
+        flights: tuple[FloatArray, FloatArray] = a(view.only(is_a)), b(view.only(~is_a))
+        return np.where(is_a[..., None], *flights)
     return asked(view, asked(view, no_actions(view), a, is_a), b, ~is_a)
 
 
@@ -418,7 +415,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], is_portable=True, kept=Kept(_unblock_begun))
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], kept=Kept(_unblock_begun))
     return unblock
 
 
@@ -437,44 +434,35 @@ def _unblock_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
 
 
 def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -> IntArray:
-    xp, known = view.xp, remembered(view, "unblock", **_IN_ARRAYS_AT_EASE)
+    known = remembered(view, "unblock", **_IN_ARRAYS_AT_EASE)
     is_blocked = view["blocked"]
-    blocked, calm = xp.where(is_blocked, known["blocked"] + 1, 0), xp.where(is_blocked, 0, known["calm"] + 1)
-    often = xp.where(calm > _powers_of_2(known["often"]), 0, known["often"])
-    left, waits = xp.where(known["left"] > 0, known["left"] - 1, 0), view.only(blocked >= patience)
-    if may_hold(view, waits.mask):
+    blocked, calm = np.where(is_blocked, known["blocked"] + 1, 0), np.where(is_blocked, 0, known["calm"] + 1)
+    often = np.where(calm > _powers_of_2(known["often"]), 0, known["often"])
+    left, waits = np.where(known["left"] > 0, known["left"] - 1, 0), view.only(blocked >= patience)
+    if waits.mask.any():
         yields = view.only(waits.mask & (waits.draw.random() < 0.5))
-        often = xp.where(yields.mask, xp.where(often < _MOST_OFTEN, often + 1, _MOST_OFTEN), often)
-        blocked, calm = xp.where(yields.mask, 0, blocked), xp.where(yields.mask, 0, calm)
-        if may_hold(view, yields.mask):
-            turns = 1 + yields.draw.below(_powers_of_2(xp.where(often > 0, often - 1, 0)))
-            left = xp.where(yields.mask, turns, left)
+        often = np.where(yields.mask, np.where(often < _MOST_OFTEN, often + 1, _MOST_OFTEN), often)
+        blocked, calm = np.where(yields.mask, 0, blocked), np.where(yields.mask, 0, calm)
+        if yields.mask.any():
+            turns = 1 + yields.draw.below(_powers_of_2(np.where(often > 0, often - 1, 0)))
+            left = np.where(yields.mask, turns, left)
     noted = {"blocked": blocked, "calm": calm, "often": often, "left": left}
     actions = asked(view, no_actions(view), partial(_drawn_aside, known["ahead"]), left > 0)
     remember(view, "unblock", **noted, ahead=known["ahead"])  # for another `unblock` in the strategy
     actions = asked(view, actions, goes_on, left <= 0)
-    if isinstance(view, DeviceView):
-        follows = xp.where(actions < 0, -1, view.streets.ends_of(view.node, xp.where(actions < 0, 0, actions)))
-    else:
-        follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
-        follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))
-    ahead = xp.where(view.mask & (left > 0), view.node, follows)
+    follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
+    follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))
+    ahead = np.where(view.mask & (left > 0), view.node, follows)
     remember(view, "unblock", **noted, ahead=ahead)
     return actions
 
 
-def _powers_of_2(numbers: Tensor) -> Tensor:
-    return (numbers * 0 + 1) << numbers
+def _powers_of_2(numbers: IntArray) -> IntArray:
+    return np.left_shift(1, numbers)
 
 
-def _drawn_aside(ahead: Tensor, view: ArrayView) -> Tensor:
+def _drawn_aside(ahead: IntArray, view: ArrayView) -> IntArray:
     """Return actions to legal nodes that are neither the own ones nor those ahead, or to any where there are none."""
-    xp = view.xp
-    if isinstance(view, DeviceView):
-        options = _options_aside(view, np.s_[:, :], ahead)
-        counted = xp.cumulative_sum(xp.astype(options, xp.int64), axis=2)
-        drawn = view.draw.below(counted[..., -1])
-        return xp.argmax(xp.astype(counted > drawn[..., None], xp.int64), axis=2)
     at, actions, counts = np.nonzero(view.mask), no_actions(view), filled(view, 1)
     options = _options_aside(view, at, ahead)
     counts[at] = options.sum(axis=1)
@@ -483,11 +471,11 @@ def _drawn_aside(ahead: Tensor, view: ArrayView) -> Tensor:
     return actions
 
 
-def _options_aside(view: ArrayView, at: Any, ahead: Tensor) -> Tensor:
+def _options_aside(view: ArrayView, at: Any, ahead: IntArray) -> BoolArray:
     """Return to which of their legal nodes the agents of an index may step aside."""
     nodes, is_legal = view.legal_rows(at)
     is_free = is_legal & (nodes != view.node[at][..., None]) & (nodes != ahead[at][..., None])
-    return view.xp.where(view.xp.any(is_free, axis=-1, keepdims=True), is_free, is_legal)
+    return np.where(is_free.any(axis=-1, keepdims=True), is_free, is_legal)
 
 
 # -- steps ---------------------------------------------------------------------------------------------------------

@@ -13,14 +13,12 @@ agents do, at each arrival by `arrivals.py`, `deeds.py` what agents do besides m
 `scalar_strategies.py` such strategies, in the context of `rule_fork.py` (`unknown.py`: what that lacks);
 `game_forms.py` has all of these, `roads.py` the roads that rules have closed in games, and `joined_view.py` shows games
 that have left the arrays beside the others; `alone.py` plays array strategies and rules in games that are played alone.
-With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there; strategies get
-views of `device_view.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy
 from gamms.game.batch.games import Batch, MostAgents
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
-from gamms.game.batch.view import ArrayStrategy, ArrayView, portable_form
+from gamms.game.batch.view import ArrayStrategy, ArrayView
 
 __all__ = [
     "ArrayRule",
@@ -31,5 +29,4 @@ __all__ = [
     "MostAgents",
     "array_rule",
     "array_strategy",
-    "portable_form",
 ]

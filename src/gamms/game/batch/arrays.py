@@ -21,7 +21,7 @@ from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.given import Given
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.joined_view import JoinedView
-from gamms.game.batch.movement import Movement, Moves
+from gamms.game.batch.movement import Moves
 from gamms.game.batch.moves_of_turn import (
     TurnPart,
     begin_part,
@@ -71,7 +71,7 @@ class ArrayEngine:
         first = movement.streets.rows(start)
         has_space = roster.flies.any() or any(map(looks_from_the_air, roster.agents))
         flyers = Flyers(game, roster, movement.streets, first) if has_space else None
-        self.state = self._made_state(roster, movement, seeds, first)
+        self.state = GameArrays(roster, movement, seeds, first)
         self.state.flyers = flyers
         settings = game.settings()
         self._has_scalar_rules = bool(called_one_by_one(game))
@@ -158,9 +158,6 @@ class ArrayEngine:
         ]
         for those, roads in changed:
             state.put_roads(those, roads)
-
-    def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
-        return GameArrays(roster, movement, seeds, start)
 
     def _scene(self, turn: ArrayTurn, radio: Radio) -> Scene:
         """Return where agents are when messages are sent."""

@@ -14,12 +14,11 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flights import Flights, as_flights
 from gamms.game.batch.game_forms import GameForms, Group
 from gamms.game.batch.given import Given
-from gamms.game.batch.libraries import as_actions
 from gamms.game.batch.movement import NO_ACTION, Illegal, Moves, Route
 from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.batch.view import MAY_SKIP, ArrayView
+from gamms.game.batch.view import MAY_SKIP, ArrayView, as_actions
 from gamms.game.legality import IllegalAction
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -287,7 +286,8 @@ def _decided_by(group: Group, view: ArrayView) -> np.ndarray[Any, Any]:
         return as_flights(given, f"{group.name}: what agents that fly do", view.node.shape)
     if not getattr(group.form, MAY_SKIP, False):
         return view._checked(given, group.name, may_aim=True)
-    skips = (actions := as_actions(given, group.name)) == NO_ACTION
+    actions = as_actions(given, view.node.shape, group.name)
+    skips = actions == NO_ACTION
     checked = view._checked(np.where(skips, view._movement.idle, actions), group.name, may_aim=True)
     return np.where(skips & view.mask, NO_ACTION, checked)
 

@@ -10,7 +10,6 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mapping, as_name
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.libraries import Tensor
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
@@ -34,7 +33,7 @@ def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
     return type(table)(*(_chosen(column, which) for column in table))
 
 
-def _chosen(column: Tensor, which: BoolArray | IntArray) -> Any:
+def _chosen(column: Any, which: BoolArray | IntArray) -> Any:
     if isinstance(column, list):
         rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
         return [column[row] for row in rows.tolist()]
@@ -42,7 +41,7 @@ def _chosen(column: Tensor, which: BoolArray | IntArray) -> Any:
         return {name: _chosen(one, which) for name, one in column.items()}
     if hasattr(column, "_fields"):
         return some_rows(column, which)
-    return column[which] if hasattr(column, "shape") else column  # of another library, too
+    return column[which] if isinstance(column, np.ndarray) else column
 
 
 def as_slice(numbers: IntArray) -> IntArray | slice:

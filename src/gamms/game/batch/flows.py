@@ -21,7 +21,7 @@ _MOST_DENSE = 1 << 28  # nodes in masks
 _MOST_LIMITS = 4  # for which it is kept what is in reach
 _AT_ONCE = 1 << 22  # nodes that are searched at once, in all
 _MOST_BYTES = 1 << 28  # of distances to all nodes that are kept, by each weight
-_BYTES_PER_ROW = 16  # of walks, which may be copied to a device
+_BYTES_PER_ROW = 8  # of walks
 _BY_SEARCH = 1 << 20  # nodes that searches by edges may find at once, in all
 
 

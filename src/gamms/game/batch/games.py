@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from typing import Any, Literal, NamedTuple, NoReturn, Self, TypeVar
+from typing import Any, Literal, NamedTuple, NoReturn, Self
 
 import numpy as np
 
@@ -12,10 +12,7 @@ from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_i
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
-from gamms.game.batch.device import DeviceEngine, engine_for
-from gamms.game.batch.device_view import DeviceView, moved
-from gamms.game.batch.given import Acting, Given, as_given, as_kept, on_host
-from gamms.game.batch.libraries import ArrayLibrary, as_actions, refuse_no_actions
+from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
@@ -32,7 +29,6 @@ from gamms.progress import uninterrupted
 from gamms.readonly import Fixed
 from gamms.text import shown
 
-T = TypeVar("T")
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
 ONE_BY_ONE = "one_by_one=True"
@@ -65,14 +61,12 @@ class Batch(Fixed):
 
     Attributes:
         seeds: of the games, (games,).
-        slow: what has no array form, or on a device is played in NumPy, in words; None: nothing.
-        library: which has the arrays of the batch, and on which device; None: NumPy.
+        slow: what has no array form, in words; None: nothing.
         is_closed: whether `close` was called; results stay.
     """
 
     seeds: Sequence[int]
     slow: str | None
-    library: ArrayLibrary | None
     is_closed: bool
     _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
 
@@ -82,11 +76,10 @@ class Batch(Fixed):
         seeds: Sequence[int],
         *,
         record: bool,
-        library: ArrayLibrary | None,
         most_agents: MostAgents | None,
     ) -> None:
         self._source, asked = source, teams_asked(source.game)
-        self._put_public(seeds=seeds, library=library, slow=source.follows_seed or why_not_in_arrays(source.game))
+        self._put_public(seeds=seeds, slow=source.follows_seed or why_not_in_arrays(source.game))
         agents = agents_of(source.game)
         self._roster = Roster.of(agents)
         if most_agents is not None:
@@ -97,11 +90,8 @@ class Batch(Fixed):
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
             self._engine = OneByOneEngine(source.game, self._roster, seeds)
-        elif library is None:
-            self._engine = ArrayEngine(source.game, seeds, self._starts(seeds), self._roster)
         else:
-            self._engine, slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
-            self._put_public(slow=slow)
+            self._engine = ArrayEngine(source.game, seeds, self._starts(seeds), self._roster)
         scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
         self._has_calls = bool(scalar)
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
@@ -109,7 +99,7 @@ class Batch(Fixed):
             self._put_public(slow=scalar[0])
         who_are_asked = [one for one in agents if one.team in asked]
         why = why_slower(source.game, who_are_asked, len(seeds), are_called=self._has_calls)
-        self._why_slower = why if library is None and self.is_in_arrays else None  # to be played to the ends
+        self._why_slower = why if self.is_in_arrays else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         forms = self._engine.forms if isinstance(self._engine, ArrayEngine) else ()
         may_leave = bool(scalar or source.game.turn) or any(hasattr(form, REFUSES) for form in forms)
@@ -126,8 +116,6 @@ class Batch(Fixed):
 
     def __repr__(self) -> str:
         how = "in arrays" if self.is_in_arrays else f"one by one, because of {self.slow}"
-        if self.library is not None:
-            how += f" of {self.library}"
         return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, played {how})"
 
     def __reduce__(self) -> NoReturn:
@@ -188,16 +176,15 @@ class Batch(Fixed):
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         if self._apart is not None and given:
             games = [number for number in self.detached if self._apart.over(number) is None]
-            self._apart.check(on_host(given, self.library), np.array(games, np.int64))
+            self._apart.check(given, np.array(games, np.int64))
         before, were_over, is_played = self._engine.turns(), self._engine.is_over, False
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
-                    actions_there = given if isinstance(self._engine, DeviceEngine) else on_host(given, self.library)
                     if isinstance(self._engine, ArrayEngine):
-                        self._engine.step(actions_there, partial(self._play_apart, given))
+                        self._engine.step(given, partial(self._play_apart, given))
                     else:
-                        self._engine.step(actions_there)
+                        self._engine.step(given)
                     self._play_apart(given)
                 is_played = True
             finally:
@@ -206,9 +193,7 @@ class Batch(Fixed):
                 else:
                     self._restart_apart(were_over)
             self._show_apart()
-        if isinstance(self._engine, DeviceEngine):
-            self._put_public(slow=self._engine.why_slow() or self.slow)
-        return self._put(~self._engine.is_over)
+        return ~self._engine.is_over
 
     def _note(self, given: dict[Hashable, Given]) -> None:
         """Note the actions of a turn that was played."""
@@ -238,7 +223,7 @@ class Batch(Fixed):
                 missing = [*missing, given]
             for one in missing:
                 if apart.over(number) is None:
-                    apart.step_game(number, on_host(one, self.library))
+                    apart.step_game(number, one)
             if to_the_end and apart.over(number) is None:
                 apart.run(number)
 
@@ -258,23 +243,11 @@ class Batch(Fixed):
 
     def _as_given(self, team: Hashable, value: object) -> Given:
         """Return actions as they were given, copies where they are kept."""
-        library, is_kept = self.library, self._log is not None
-        shape = len(self), len(self._roster.members(team))
-
-        def own(one: object) -> Any:
-            array = library.get(one) if library is not None and library.is_own(one) else one
-            return np.array(array) if is_kept and isinstance(array, np.ndarray) else array
-
-        given, by = as_given(value, team, shape, own), f"team {shown(team)}"
-        if given.flights is not None and not self._roster.flies[self._roster.members(team)].any():
-            raise BadValue(f"{by} was given flights, and none of its agents flies.")
-        xp: Any = np if library is None else library.xp
-        if given.moves is None:
-            moves = self._put(np.zeros(shape, np.int64))
-        else:
-            moves = as_actions(given.moves, by) if library is None else library.own(given.moves, f"Actions of {by}")
-        refuse_no_actions(moves, shape, by, xp)
-        return given._replace(moves=as_kept(moves, xp) if is_kept else moves)
+        members = self._roster.members(team)
+        given = as_given(value, team, (len(self), len(members)), is_copied=self._log is not None)
+        if given.flights is not None and not self._roster.flies[members].any():
+            raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")
+        return given
 
     def _watched(self) -> AbstractContextManager[None]:
         """Refuse forms that remember elsewhere than in their views and turns; looked at in turns that get rarer."""
@@ -309,7 +282,7 @@ class Batch(Fixed):
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if is_shown else None)
                 return
-            has_log = self._log is not None or self.library is not None  # which is of the turns of all games
+            has_log = self._log is not None  # which is of the turns of all games
             self._engine.play_parts(partial(self._step_and_show, show if is_shown else None), at_once=has_log)
 
     def _step_and_show(self, show: Callable[[str], object] | None) -> None:
@@ -380,7 +353,7 @@ class Batch(Fixed):
         those that were opened, which are behind the others. Without it roads are as at the start.
 
         Raises:
-            BadValue: the games, or some of them, are not played in NumPy's arrays.
+            BadValue: the games, or some of them, are not played in arrays.
         """
         return self._arrays("columns").state.columns()
 
@@ -393,7 +366,7 @@ class Batch(Fixed):
             scores: key -> (games,) numbers; None: none.
 
         Raises:
-            BadType, BadValue: the games are not played in NumPy's arrays, or these are no moments of such games.
+            BadType, BadValue: the games are not played in arrays, or these are no moments of such games.
         """
         as_mapping(columns, "columns")
         for key, points in as_mapping({} if scores is None else scores, "scores").items():
@@ -405,9 +378,9 @@ class Batch(Fixed):
 
     def _arrays(self, what: str) -> ArrayEngine:
         apart = next(iter(self.detached.values()), None)
-        if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow or apart:
-            why = str(self.slow or self.library or apart).removesuffix(".")
-            raise BadValue(f"{what} is for games that are played in NumPy's arrays; these are not, because of {why}.")
+        if not isinstance(self._engine, ArrayEngine) or self.slow or apart:
+            why = str(self.slow or apart).removesuffix(".")
+            raise BadValue(f"{what} is for games that are played in arrays; these are not, because of {why}.")
         return self._engine
 
     # -- seeing -------------------------------------------------------------------------------------------------
@@ -433,8 +406,7 @@ class Batch(Fixed):
     def _view(self, agents: IntArray) -> ArrayView:
         if self._apart is not None:
             self._apart.refuse_unknown(self.detached)
-        view = self._engine.view(agents)
-        return view if self.library is None or isinstance(view, DeviceView) else moved(view, self.library)
+        return self._engine.view(agents)
 
     @property
     def game(self) -> PlayedGame:
@@ -449,31 +421,28 @@ class Batch(Fixed):
     @property
     def turn(self) -> IntArray:
         """How many turns were played, (games,)."""
-        return self._put(self._engine.turns())
+        return self._engine.turns()
 
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores: key -> (games,) float64; of one that was not set in any game they are 0."""
-        scores = ScoresOfGames(lambda: self._put(np.zeros(len(self))))
-        scores.update((key, self._put(numbers)) for key, numbers in self._engine.scores().items())
+        scores = ScoresOfGames(lambda: np.zeros(len(self)))
+        scores.update(self._engine.scores())
         return scores
 
     @property
     def is_over(self) -> BoolArray:
         """Which games have ended, (games,)."""
-        return self._put(self._engine.is_over)
+        return self._engine.is_over
 
     @property
     def terminated(self) -> BoolArray:
         """Which games were ended by what happened in them, (games,)."""
-        return self._put(self._engine.is_over & ~self._are_late())
+        return self._engine.is_over & ~self.truncated
 
     @property
     def truncated(self) -> BoolArray:
         """Which games were ended because the time was up, (games,)."""
-        return self._put(self._are_late())
-
-    def _are_late(self) -> BoolArray:
         late = np.zeros(len(self), np.bool_)
         for game in np.flatnonzero(self._engine.is_over).tolist():
             over = self._engine.over(game)
@@ -520,7 +489,7 @@ class Batch(Fixed):
             acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
                 given = {} if self._log is None or turn >= num_given else self._log[first + turn]
-                acting.take(on_host(given, self.library), number)
+                acting.take(given, number)
                 ctx.game.step()
             if self._engine.is_over[number] and not ctx.game.is_over and turns != ctx.game.max_turns:
                 ctx.game.step()  # which a rule of the phase "before" ends
@@ -555,10 +524,6 @@ class Batch(Fixed):
         """The number of the game that is played by itself right now; None: games are in arrays."""
         engine = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
         return None if engine is None else engine.loaded
-
-    def _put(self, array: T) -> T:
-        """Return an array of the host as one of the library of the batch."""
-        return array if self.library is None else self.library.put(array)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -1,8 +1,7 @@
 """Actions that come from outside: what agents of a team do in all games, instead of what their strategies decide."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from math import hypot
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,11 +12,10 @@ from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.flights import as_flights
-from gamms.game.batch.libraries import ArrayLibrary, Tensor
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import ArrayView, as_actions
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
@@ -28,24 +26,24 @@ class Given(NamedTuple):
     """What the agents of a team do in a turn, in all games of a batch.
 
     Attributes:
-        moves: numbers of legal nodes, (games, agents), of the library of the batch; None: all stay.
+        moves: numbers of legal nodes, (games, agents).
         deeds: deed -> which agents do it, (games, agents), and its fields; see `ArrayView.do`.
         messages: channel -> which agents send, the body, and to whom; see `ArrayView.send`.
         flights: how far agents that fly go, map units, (games, agents, 3); None: they hover.
         may_stay: whether agents stay whose moves are no numbers of legal nodes; else such moves are refused.
     """
 
-    moves: Any
+    moves: IntArray
     deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]]
     messages: Mapping[str, tuple[BoolArray, Any, Any]]
     flights: FloatArray | None = None
     may_stay: bool = False
 
-    def moves_in(self, view: ArrayView, moves: Any) -> Any:
+    def moves_in(self, view: ArrayView, moves: IntArray) -> IntArray:
         """Return moves of the agents of a view, of which those that are not legal may be to stay."""
         if not self.may_stay:
             return moves
-        return view.xp.where((moves >= 0) & (moves < view.counts), moves, 0)
+        return np.where((moves >= 0) & (moves < view.counts), moves, 0)
 
     def act(self, view: ArrayView) -> None:
         """Let the agents of a view of all games, in its mask, do and send what is given."""
@@ -62,50 +60,51 @@ class Given(NamedTuple):
             radio.checked(channel, where & mask, view.games, view.agents, to, body, 0)
 
 
-def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callable[[Any], Any]) -> Given:
+def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> Given:
     """Return the actions of a team as they were given to `Batch.step`.
 
     Args:
         value: integers, or a dict of moves, deeds and messages.
         team: the team.
         shape: games and agents.
-        own: returns an array of NumPy for one that was given.
+        is_copied: whether its arrays are copied, because they are kept.
+
+    Raises:
+        UnknownName (KeyError), BadType, BadValue: they are none.
     """
+    by = f"team {shown(team)}"
     if value is None:
-        raise BadType(f"team {shown(team)}: its actions are None: leave out a team that plays its own strategies.")
+        raise BadType(f"{by}: its actions are None: leave out a team that plays its own strategies.")
     if not isinstance(value, Mapping):
-        return Given(value, {}, {})
+        value = {"moves": value}
+
+    def own(one: Any) -> Any:
+        return one.copy() if is_copied and isinstance(one, np.ndarray) else one
+
     for key in value:
         if key not in _KEYS:
-            raise UnknownName(f"key of the actions of team {shown(team)}:", key, _KEYS)
+            raise UnknownName(f"key of the actions of {by}:", key, _KEYS)
     deeds, messages = {}, {}
-    for deed, done in as_mapping(value.get("deeds", {}), f"deeds of team {shown(team)}").items():
+    for deed, done in as_mapping(value.get("deeds", {}), f"deeds of {by}").items():
         where, fields = done if isinstance(done, tuple) and len(done) == 2 else (done, {})
         fields = as_mapping(fields, f"The fields of the deed {deed!r}")
         deeds[deed] = _as_mask(own(where), shape, deed), {key: own(one) for key, one in fields.items()}
-    for channel, sent in as_mapping(value.get("messages", {}), f"messages of team {shown(team)}").items():
+    for channel, sent in as_mapping(value.get("messages", {}), f"messages of {by}").items():
         if not isinstance(sent, tuple) or len(sent) not in (2, 3):
             raise BadType(f"messages[{channel!r}] must be (where, body) or (where, body, to), not {shown(sent)}.")
         where, body, to = (*sent, None)[:3]
         messages[channel] = _as_mask(own(where), shape, channel), own(body), own(to)
     flights = own(value.get("flights"))
     if flights is not None:
-        flights = as_flights(flights, f"Flights of team {shown(team)}", shape)
-    return Given(value.get("moves"), deeds, messages, flights)
+        flights = as_flights(flights, f"Flights of {by}", shape)
+    given = value.get("moves")
+    moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
+    return Given(as_kept(moves) if is_copied else moves, deeds, messages, flights)
 
 
-def on_host(given: Mapping[Hashable, Given], library: ArrayLibrary | None) -> dict[Hashable, Given]:
-    """Return actions with moves as arrays of the host."""
-    if library is None:
-        return dict(given)
-    return {team: one._replace(moves=library.get(one.moves)) for team, one in given.items()}
-
-
-def as_kept(moves: Tensor, xp: ModuleType) -> Tensor:
-    """Return a copy of moves, arrays of a library; in NumPy numbers of legal nodes take a byte each where that fits."""
-    if xp is np and moves.size and moves.min() >= 0:
-        return moves.astype(np.min_scalar_type(moves.max()))
-    return xp.asarray(moves, copy=True)
+def as_kept(moves: IntArray) -> IntArray:
+    """Return a copy of moves; numbers of legal nodes take a byte each where that fits."""
+    return moves.astype(np.min_scalar_type(moves.max())) if moves.size and moves.min() >= 0 else moves.copy()
 
 
 def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:

@@ -1,7 +1,7 @@
 """Distances and steps to many targets for many agents at once: tables of one graph, computed as they are asked for."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from hashlib import blake2b
 from threading import RLock
 from typing import Any
@@ -39,16 +39,6 @@ def shared_routes(streets: Streets, weight: str | None) -> "RouteTable":
             if left < 0:
                 del _shared[other]
         _shared[key] = found
-    return found
-
-
-def of_asked(ask: Callable[..., Any], sources: IntArray, targets: IntArray, asked: BoolArray, **at: IntArray) -> Any:
-    """Return what a table answers to those that are asked, and 0 to the others; all broadcast to one shape."""
-    named = {name: as_array(one, name, "integers") for name, one in (("sources", sources), ("targets", targets))}
-    starts, ends, which, *rest = as_one_shape({**named, "asked": as_array(asked, "asked", "booleans"), **at})
-    answers = ask(starts[which], ends[which], **{name: one[which] for name, one in zip(at, rest, strict=True)})
-    found = np.zeros(which.shape, answers.dtype)
-    found[which] = answers
     return found
 
 
@@ -104,8 +94,6 @@ class RouteTable:
         sources: IntArray,
         targets: IntArray,
         *,
-        among: IntArray | None = None,  # noqa: ARG002 - for tables on devices
-        asked: BoolArray | None = None,
         at: IntArray | None = None,  # noqa: ARG002 - for maps that differ
     ) -> FloatArray:
         """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape.
@@ -113,16 +101,11 @@ class RouteTable:
         Args:
             sources: rows of nodes, as `view.streets.rows(ids)` gives them.
             targets: rows of nodes.
-            among: those that targets can be, which tables on devices do not read then; None: any.
-            asked: which of the shape that both have need an answer; None: all. The others are any numbers.
             at: the games, by their places in the view; None: all have the same roads.
 
         Raises:
             BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
         """
-        if asked is not None:
-            answers: FloatArray = of_asked(self.distances, sources, targets, asked)
-            return answers
         sources, targets = self._checked(sources, targets)
         found = np.empty(sources.shape)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)

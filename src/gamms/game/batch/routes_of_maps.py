@@ -13,7 +13,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.game.batch.roads import OpenRoads, RoadMap, refuse_several_maps
-from gamms.game.batch.routes import RouteTable, of_asked, shared_routes
+from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -36,14 +36,9 @@ class RoutesOfMaps:
         sources: IntArray,
         targets: IntArray,
         *,
-        among: IntArray | None = None,  # noqa: ARG002 - for tables on devices
-        asked: BoolArray | None = None,
         at: IntArray | None = None,
     ) -> FloatArray:
         """Return how far it is from nodes to others in games; see `RouteTable`."""
-        if asked is not None:
-            answers: FloatArray = of_asked(self.distances, sources, targets, asked, at=self._as_places(at))
-            return answers
         given = self._as_given(sources, targets, at)
         far: FloatArray = self._answers(
             tuple(one.ravel() for one in given),

@@ -15,7 +15,6 @@ from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import Flights, Flyers
 from gamms.game.batch.headings import Headings
-from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.routes import RouteTable
@@ -343,17 +342,12 @@ class GameArrays:
             numbers[games] = 0
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
-                self.kept[key][name] = self._with_rows(self.kept[key][name], games, rows)
+                self.kept[key][name][games] = rows
         for purpose, keys in self._purposes.items():
             keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
         self._draw_keys = self._seeds = None
         self.now.clear()
         self.events.forget(games)
-
-    def _with_rows(self, column: Tensor, games: IntArray, rows: Tensor) -> Tensor:
-        """Return a column with other rows of some games."""
-        column[games] = rows
-        return column
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Let games have a map on which other roads are open; None: that of the start."""

@@ -92,7 +92,7 @@ class ArrayTurn:
         self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
         self._done: list[ArrayDeeds] = []  # of the parts before
         self._refused: dict[tuple[int, int, str], set[str]] = {}
-        self._find_agents()
+        self._place_agents(state.chosen(state.node, games), state.chosen(state.alive, games))
 
     def _find_roads(self) -> None:
         """Take the maps of the games, of which rules may have closed roads."""
@@ -103,19 +103,13 @@ class ArrayTurn:
         """What finds the games in the columns of the batch, faster where they are all."""
         return np.s_[:] if len(self.games) == len(self._state) else self.games
 
-    def _find_agents(self) -> None:
-        """Take where the agents are."""
-        state, games = self._state, self.games
-        self._place_agents(state.chosen(state.node, games), state.chosen(state.alive, games))
-
     def _place_agents(self, node: IntArray, alive: BoolArray) -> None:
         self.node = self.starts = self.ends = node
         self.alive = self.took_part = alive
 
     def _lock(self) -> None:
         """Let rules read where agents are, and change it by verbs alone."""
-        known = vars(self)  # on a device some are not read yet
-        lock([known[name] for name in _READ_ONLY if name in known])
+        lock([getattr(self, name) for name in _READ_ONLY])
 
     def _of(self, which: BoolArray) -> Self:
         """Return the turn of some of its games, (games,)."""

@@ -12,7 +12,6 @@ from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
-from gamms.game.batch.libraries import as_actions, refuse_no_actions
 from gamms.game.batch.movement import STOP, Movement, Places
 from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, in_turned_cone, reports
 from gamms.game.batch.routes import RouteTable
@@ -35,27 +34,11 @@ T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
 BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
-PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
-IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
 MOMENTS = 1 << 24  # in a turn, more than there are
 REFUSES = (
     "refuses"  # an attribute of forms: functions of a game and an agent that say in words why they cannot be asked
 )
 MAY_SKIP = "may_skip"  # an attribute of forms that may give `NO_ACTION`
-
-
-def portable_form(form: ArrayStrategy) -> ArrayStrategy:
-    """Decorator: let the array form of a strategy play batches of any array library and device.
-
-    It gets views whose arrays are of that library, `view.xp`, and returns such actions; else they would be NumPy's.
-
-    Raises:
-        BadType: it cannot be called.
-    """
-    if not callable(form):
-        raise BadType(f"portable_form needs a function of a view, not {shown(form)}.")
-    form.__dict__[PORTABLE] = form
-    return form
 
 
 class ArrayView(Mapping[str, Any]):
@@ -176,8 +159,7 @@ class ArrayView(Mapping[str, Any]):
 
     def _legal(self) -> IntArray:
         rows, is_legal = self.legal_rows()
-        found: IntArray = self.xp.where(is_legal, self.streets.ids_of(rows), -1)
-        return found
+        return np.where(is_legal, self.streets.ids_of(rows), -1)
 
     def _places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
@@ -226,10 +208,8 @@ class ArrayView(Mapping[str, Any]):
 
         Its arrays are those of all agents; what it draws counts for those in its mask.
         """
-        if isinstance(self.node, np.ndarray):
-            asked = as_array(asked, "asked", "booleans", self.node.shape)
         narrowed = copy(self)
-        narrowed.mask = self.mask & asked
+        narrowed.mask = self.mask & as_array(asked, "asked", "booleans", self.node.shape)
         narrowed.draw = self.draw.only(narrowed.mask)
         return narrowed
 
@@ -243,11 +223,6 @@ class ArrayView(Mapping[str, Any]):
         places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
         asked = None if self._asked is None else self._asked[places]
         return ArrayView(self._state, self.games[places], self.agents, asked)
-
-    @property
-    def xp(self) -> Any:
-        """The functions of the array library of the view, as the array API names them: NumPy's."""
-        return np
 
     def sees(self, *names: str) -> BoolArray:
         """Return who sees whom, (games, agents, all agents); see `seen`."""
@@ -468,8 +443,7 @@ class ArrayView(Mapping[str, Any]):
         Raises:
             BadType, BadValue: they are no integers, too many or too few, or one is not the number of a legal node.
         """
-        actions = as_actions(given, by)
-        refuse_no_actions(actions, self.node.shape, by, np)
+        actions = as_actions(given, self.node.shape, by)
         chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self._movement.idle)  # 64 bits hold STOP
         may_aim &= self._movement.has_aims
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
@@ -494,6 +468,31 @@ class ArrayView(Mapping[str, Any]):
         found = np.full(self.node.shape, np.iinfo(np.int64).max)
         found[which] = self._movement.counts(self._movement.choices(self.node[which], numbers_in(self, which)))
         return found
+
+
+def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
+    """Return actions as an array of integers, one for each game and agent.
+
+    Args:
+        given: the actions.
+        shape: games and agents.
+        by: what has given them, for messages.
+
+    Raises:
+        BadType, BadValue: they are no integers, or too many or too few.
+    """
+    try:
+        actions = np.asarray(given)
+    except ValueError:  # lists of several lengths
+        actions = np.array(None)
+    if actions.size and actions.dtype.kind not in "iu":
+        raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
+    if actions.shape != shape:
+        raise BadValue(
+            f"{by}: there is one action for each game and agent, an array {shape}, "
+            f"not one of the shape {actions.shape}."
+        )
+    return actions
 
 
 def movement_in(view: ArrayView) -> Movement:
