@@ -78,6 +78,14 @@ def run(page: Path) -> Iterator[tuple[Fence, str]]:
         yield fence, printed.getvalue()
 
 
+def print_instead(page: Path, fence: Fence, printed: str) -> None:
+    """Let a page say that a fence, which has an output, prints something else."""
+    text = page.read_text(encoding="utf-8")
+    behind = text.index(fence.code) + len(fence.code)
+    at = text.index(fence.printed or "", text.index("```text", behind))
+    page.write_text(text[:at] + printed + text[at + len(fence.printed or "") :], encoding="utf-8")
+
+
 def name_of(path: Path) -> str:
     """Return the path of a page within the repository."""
     return path.relative_to(ROOT).as_posix()
