@@ -81,7 +81,7 @@ def walk(agents, side, *, is_keyed, is_recorded=False):
             for turn in islice(turns, turns_at_once):
                 np.take(degrees, at, out=places)
                 if is_keyed:
-                    chosen[:] = kernels.below_many(kernels.draw_bits_many(purpose, keys, turn), places)
+                    chosen[:] = kernels.below_many(kernels.draw_bits_rows(purpose, keys, turn), places)
                 else:
                     rng.random(out=share, dtype=np.float32)
                     np.multiply(share, places, out=share)

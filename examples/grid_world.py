@@ -7,7 +7,7 @@ from gamms.strategies import goto, mix, random_walk
 SIZE = 12
 STARTS = {"red": [0, 1, 12], "blue": [143, 142, 131]}  # team -> the nodes where its agents start: opposite corners
 
-with gamms.create_context(seed=1) as ctx:
+with gamms.create_context(seed=8) as ctx:
     ctx.graph.attach_networkx_graph(gamms.graph.grid(SIZE, SIZE))
     for team, enemy in (("red", "blue"), ("blue", "red")):
         for i, (start, target) in enumerate(zip(STARTS[team], STARTS[enemy], strict=True)):

@@ -10,7 +10,7 @@ from gamms.game.batch import roads
 from gamms.game.batch.roads import NeedsOneMap
 from gamms.scenario import Scenario
 
-SEEDS = [1, 2, 3, 3]
+SEEDS = [161, 162, 163, 163]
 
 
 def dig(ctx):
@@ -22,7 +22,7 @@ def dig(ctx):
         ctx.graph.open_roads(ctx.graph.closed_roads[1:2])
 
 
-def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), turns=0):
+def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), turns=0, seeds=SEEDS):
     """Check that games in which other roads are closed stay in arrays, and are those that are played alone.
 
     The first of the rules is one of the phase; the games begin after some turns, with closed edges.
@@ -33,14 +33,14 @@ def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), tur
             ctx.game.add(rule, phase=phase if rule is rules[0] else "after")
         for _ in range(turns):
             ctx.game.step()
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+        with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
             while not games.is_over.all():
                 games.step()
             assert games.detached == {}
-            for number, seed in enumerate(SEEDS):
+            for number, seed in enumerate(seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
-            return [games.result(number) for number in range(len(SEEDS))]
+            return [games.result(number) for number in range(len(seeds))]
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_agents_stop_where_their_way_is_closed_and_leave_edges_that_are(phase, s
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 4.0, "then": "respawn"}}
     fuel = {"rule": "resource", "with": {"name": "fuel", "start": 400, "per_metre": 0.5}}
     scenario = scene([tag, fuel], teams=teams, settings=settings, conflicts={"capacity": 1})
-    results = check(scenario, rules=(undermine, tell), phase=phase)
+    results = check(scenario, rules=(undermine, tell), phase=phase, seeds=range(20, 25))
     assert any(result.agents[name]["blocked"] for result in results for name in result.agents)
 
 
@@ -236,7 +236,7 @@ def test_games_in_which_roads_were_closed_go_on_from_columns(turns, settings):
     speeds = {f"teams.{team}.speed": 7.0 for team in ("red", "blue")} if settings else {}
     with scenario.replace(**speeds).build(seed=1) as ctx:
         ctx.game.add(hole)
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.batch(seeds=[5, 3, 1]) as others:
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.batch(seeds=[5, SEEDS[2], SEEDS[0]]) as others:
             others.step()
             for _ in range(turns):
                 games.step()

@@ -601,7 +601,7 @@ def test_array_forms_of_games_that_end_before_the_turns_that_are_compared_pass()
 
 
 def test_array_forms_that_do_something_else_are_told_by_seed_turn_and_agent():
-    with pytest.raises(AssertionError, match=r"seed 0 in arrays.* after turn 3, agent 'blue1' is at \d, and was at \d"):
+    with pytest.raises(AssertionError, match=r"seed 0 in arrays.* after turn 2, agent 'red1' is at \d, and was at \d"):
         check_array_forms(lambda: hurried(otherwise), turns=8)
 
 

@@ -102,12 +102,8 @@ def test_a_game_that_raises_is_a_row_with_an_error(pool):
 def test_a_process_that_dies_is_a_row_with_an_error_after_a_second_time(pool):
     vary = {"strategies.blue": {"deadly": small_hunts.die_at_times}}
     rows = experiment.run(HUNT, range(4), vary, executor=pool)
-    assert [row["error"] for row in rows] == [
-        None,
-        None,
-        "WorkerDied: the process that played it ended, with exit code 3",
-        None,
-    ]
+    died = "WorkerDied: the process that played it ended, with exit code 3"
+    assert [row["error"] for row in rows] == [None, None, died, died]
 
 
 def test_a_process_that_is_killed_once_changes_nothing(pool, tmp_path):

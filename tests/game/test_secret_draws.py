@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from whole_world import world
 
+from gamms import kernels
+from gamms.core import draws
 from gamms.game import IllegalMutation
 from gamms.game.random_streams import Draws, DrawTable
 from gamms.ir.game_state import GameState
@@ -139,3 +141,35 @@ def test_what_is_refused_says_that_agents_decide(grid):
 
         ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
         assert ctx.game.run(1).seed == 4
+
+
+def unmixed(bits):
+    """Return what the finalizer of SplitMix64 made these bits of."""
+    bits ^= bits >> 31 ^ bits >> 62
+    bits = bits * pow(0x94D049BB133111EB, -1, 1 << 64) % (1 << 64)
+    bits ^= bits >> 27 ^ bits >> 54
+    bits = bits * pow(0xBF58476D1CE4E5B9, -1, 1 << 64) % (1 << 64)
+    return bits ^ bits >> 30 ^ bits >> 60
+
+
+def test_an_agent_can_compute_its_own_key_and_no_key_of_its_purpose(grid):
+    gamma = 0x9E3779B97F4A7C15
+    drawn = {}
+
+    def tell(state):
+        drawn[state["name"]] = state["draw"].bits()
+        state["action"] = state["curr_pos"]
+
+    with grid(side=3, seed=SEED) as ctx:
+        for name in ("cheat", "other"):
+            ctx.agent.create_agent(name, start_node_id=0, strategy=tell)
+        ctx.game.step()
+    first = unmixed((unmixed(drawn["cheat"]) - gamma) % (1 << 64))
+    purpose = kernels.purpose_key(SEED, "agent")
+    names = {name: kernels.name_key(name) for name in drawn}
+    assert first == kernels.first_key(purpose, names["cheat"])
+    # As long as a first key was `mix(purpose ^ name)`, this was the key of all agents.
+    computed = unmixed(first) ^ names["cheat"]
+    assert computed != purpose
+    for of_other in (kernels.first_key(computed, names["other"]), draws.mix(computed ^ names["other"])):
+        assert kernels.bits_at(kernels.turn_key(of_other, 0), 0) != drawn["other"]

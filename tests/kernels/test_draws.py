@@ -1,4 +1,4 @@
-"""Keyed draws: what they follow from, that both forms agree, and that they are spread evenly."""
+"""Keyed draws: what they follow from, that rows are drawn as one alone, and that they are spread evenly."""
 
 from math import log
 
@@ -25,7 +25,7 @@ def test_a_draw_follows_from_seed_purpose_name_turn_and_count():
 
 
 def test_draws_are_the_same_on_every_machine():
-    assert [draws(), draws(name="ünï"), draws(turn=-1), draws(turn=2**70)] == PINNED
+    assert [draws(), draws(name="ünï"), draws(turn=-1), draws(turn=2**63 - 1)] == PINNED
 
 
 @given(st.lists(st.text(), min_size=3, max_size=5))
@@ -36,9 +36,9 @@ def test_the_keys_of_many_names_are_those_of_each(names):
     assert (keys.tolist(), keys.dtype) == ([kernels.name_key(name) for name in names], np.uint64)
 
 
-@given(WORDS, st.lists(st.text(), max_size=5), st.integers(-(2**70), 2**70), st.integers(0, 2**40))
+@given(WORDS, st.lists(st.text(), max_size=5), st.integers(-(2**63), 2**63 - 1), st.integers(0, 2**40))
 def test_the_array_form_gives_the_same_bits(purpose, names, turn, k):
-    many = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, k)
+    many = kernels.draw_bits_rows(purpose, kernels.name_keys(names), turn, k)
     assert many.tolist() == [kernels.draw_bits(purpose, kernels.name_key(name), turn, k) for name in names]
 
 
@@ -63,17 +63,17 @@ def test_every_number_below_n_is_drawn_equally_often(n):
 def test_draws_of_names_turns_and_counts_are_even_and_independent():
     names = kernels.name_keys(f"agent_{i}" for i in range(5_000))
     columns = [
-        kernels.fraction_many(kernels.draw_bits_many(KEY, names, turn, k)) for turn in range(4) for k in range(3)
+        kernels.fraction_many(kernels.draw_bits_rows(KEY, names, turn, k)) for turn in range(4) for k in range(3)
     ]
     assert all(abs(column.mean() - 0.5) < 0.02 and abs(column.std() - 12**-0.5) < 0.02 for column in columns)
     assert np.abs(np.corrcoef(columns) - np.eye(len(columns))).max() < 0.06
 
 
 def test_no_names_make_no_draws():
-    assert kernels.draw_bits_many(KEY, kernels.name_keys([]), 1).shape == (0,)
+    assert kernels.draw_bits_rows(KEY, kernels.name_keys([]), 1).shape == (0,)
 
 
-PINNED = [11684458540500591110, 10111729621371350149, 15481013040109963802, 17476478018880879392]
+PINNED = [13768235381647332207, 13059654337631412147, 4189190002378233871, 13255339459356631618]
 
 
 def test_normal_numbers_have_the_quantiles_of_their_distribution():

@@ -45,7 +45,7 @@ def test_a_search_finds_what_a_script_does_not_see(line):
 def test_rewards_that_come_later_count_less_and_a_value_stands_for_those_behind_the_end(line):
     line.game.remove("tag")
     line.agent.get_agent("bob").register_strategy(gamms.strategies.stay)
-    search = mcts(30, depth=2, value=lambda model: model.ctx.agent.get_agent("ann").current_node_id)
+    search = mcts(60, depth=2, value=lambda model: model.ctx.agent.get_agent("ann").current_node_id)
     line.agent.get_agent("ann").register_strategy(search)
     line.game.run(4)
     assert line.agent.get_agent("ann").current_node_id == 4
@@ -347,7 +347,7 @@ def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):
 
 def test_where_nothing_speaks_for_another_action_the_policy_is_followed(tag):
     north = mcts(20, depth=2, rollout=lambda state: state.update(action=state["curr_pos"] + 6))
-    with tag.build(strategies={"ann": north, "amy": gamms.strategies.stay}) as ctx:
+    with tag.replace(rules=[]).build(strategies={"ann": north, "amy": gamms.strategies.stay}) as ctx:
         ctx.game.step()
         assert ctx.game.moves["ann"].end == 6
 

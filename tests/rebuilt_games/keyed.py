@@ -1,4 +1,4 @@
-"""The random numbers of a game, written again from their definition: SplitMix64 with keys."""
+"""The random numbers of a game, written again from their definition: SipHash-2-4 and SplitMix64 with keys."""
 
 from hashlib import blake2b
 
@@ -19,9 +19,41 @@ def hashed(text, size=8):
     return int.from_bytes(blake2b(text.encode(), digest_size=size).digest(), "little")
 
 
+def rotated(bits, places):
+    return ((bits << places) & MASK) | (bits >> (64 - places))
+
+
+def scrambled(v0, v1, v2, v3):
+    """Return the state of SipHash after a round."""
+    v0, v2 = (v0 + v1) & MASK, (v2 + v3) & MASK
+    v1, v3 = rotated(v1, 13) ^ v0, rotated(v3, 16) ^ v2
+    v0 = rotated(v0, 32)
+    v2, v0 = (v2 + v1) & MASK, (v0 + v3) & MASK
+    v1, v3 = rotated(v1, 17) ^ v2, rotated(v3, 21) ^ v0
+    return v0, v1, rotated(v2, 32), v3
+
+
+def sip(key_0, key_1, word):
+    """Return SipHash-2-4 of the eight bytes of a word."""
+    v0, v1, v2, v3 = (
+        key ^ int.from_bytes(text, "big")
+        for key, text in zip(
+            (key_0, key_1, key_0, key_1), (b"somepseu", b"dorandom", b"lygenera", b"tedbytes"), strict=True
+        )
+    )
+    for block in (word, 8 << 56):  # the bytes, and the last block, which holds how many there are
+        v0, v1, v2, v3 = scrambled(*scrambled(v0, v1, v2, v3 ^ block))
+        v0 ^= block
+    v2 ^= 0xFF
+    for _ in range(4):
+        v0, v1, v2, v3 = scrambled(v0, v1, v2, v3)
+    return v0 ^ v1 ^ v2 ^ v3
+
+
 def bits(seed, purpose, name, turn, k=0):
     """Return draw number `k` of a purpose (a tuple), a name and a turn: 64 bits."""
-    key = mixed(hashed(repr((seed, *purpose))) ^ hashed(name))
+    of_purpose = hashed(repr((seed, *purpose)))
+    key = sip(of_purpose, mixed(of_purpose), hashed(name))
     return mixed(mixed(key + turn * GAMMA) + (k + 1) * GAMMA)
 
 

@@ -165,8 +165,8 @@ def test_agents_that_come_learn_where_places_are_reserved(tmp_path, capsys):
 
 def test_deeds_name_agents_once_they_have_come(tmp_path):
     game = coming(tmp_path, settings={"deeds": {"help": {"whom": "agent"}}})
-    games = rl.vector_env(game, num_games=1, team="red", most_agents={"red": 3}, seed=4)
-    _, infos = games.reset(seed=4)
+    games = rl.vector_env(game, num_games=1, team="red", most_agents={"red": 3}, seed=5)
+    _, infos = games.reset(seed=5)
     names = games.learners.deeds.names
     at = 5 + names.index("help(whom='red_2')")
     assert not infos["action_mask"][0, at]
@@ -222,7 +222,7 @@ def test_games_at_once_are_the_same_as_one_by_one():
     ended = 0
     expected = [play_scalar(20 + game, "red") for game in range(3)]
     turns = [0, 0, 0]
-    for _ in range(20):
+    for _ in range(30):
         actions = [chosen(mask, turns[slot // 2], slot % 2) for slot, mask in enumerate(env.action_masks())]
         new, rewards, terminated, truncated, infos = env.step(actions)
         for slot in range(6):

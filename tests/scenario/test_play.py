@@ -171,11 +171,12 @@ def test_parameters_may_be_nodes_by_place_and_what_functions_give(made):
         facts={"land": {"function": "gamms.rules.territory:by_distance", "with": {"bases": {"red": 0, "blue": 47}}}},
         settings={"legal": "any"},
         rules=[],
+        conflicts={"capacity": 9},
     )
     with one.build() as ctx:
         assert set(ctx.game.facts["land"].values()) == {"red", "blue"}
         ctx.game.step()
-        assert all(agent.current_node_id == 47 or agent.name != "red_0" for agent in ctx.game.agents)
+        assert {agent.current_node_id for agent in ctx.game.agents if agent.team == "red"} == {47}
         assert not ctx.game.errors
 
 

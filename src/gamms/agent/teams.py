@@ -339,7 +339,7 @@ class Team:
         purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:
             self._keys = kernels.name_keys(self.names)
-        bits = kernels.draw_bits_many(purpose, self._keys, self._draws)
+        bits = kernels.draw_bits_rows(purpose, self._keys, self._draws)
         self._draws += 1
         return ids_at(first + kernels.below_many(bits, counts))
 

@@ -85,7 +85,7 @@ class MovesOfOneGame:
 
     def draw_bits(self, _at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
         """Return 64 random bits for a purpose, names and this turn; see `kernels.draw_bits`."""
-        return kernels.draw_bits_many(kernels.purpose_key(self._seed, *purpose), names, self._turn)
+        return kernels.draw_bits_rows(kernels.purpose_key(self._seed, *purpose), names, self._turn)
 
     def shared(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what is the same in all turns on this graph: what `make()` gives at the first call."""

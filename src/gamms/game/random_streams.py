@@ -88,7 +88,7 @@ class DrawTable:
             turns = max(1, min(_MOST_TURNS_AHEAD, _DRAWN_AHEAD // count))
             purpose = np.array([kernels.purpose_key(self.seed, "agent")], np.uint64)
             first = kernels.first_key_rows(purpose, kernels.name_keys(self._names))
-            keys = kernels.later_key_rows(first, np.arange(turn, turn + turns)[:, None])
+            keys = kernels.turn_key_rows(first, np.arange(turn, turn + turns)[:, None])
             self._begin, self._of_names, at = turn, count, 0
             self._rows = kernels.bits_at_rows(keys, 0)
         self.turn = turn
@@ -180,7 +180,7 @@ class Draws:
     def _key_now(self) -> int:
         table = self._table
         if self._keyed != table.begun:
-            self._keyed, self._key = table.begun, kernels.later_key(table.first_key(self._name), table.turn)
+            self._keyed, self._key = table.begun, kernels.turn_key(table.first_key(self._name), table.turn)
         return self._key
 
     def random(self) -> float:
@@ -259,7 +259,7 @@ class TeamDraws(ArrayDraws):
     def bits(self) -> BitArray:
         """Return 64 random bits for each agent."""
         if self._keys is None:
-            self._keys = kernels.later_key_rows(self._first_keys(), np.array([self._turn]))
+            self._keys = kernels.turn_key_rows(self._first_keys(), np.array([self._turn]))
         self._count += 1
         return kernels.bits_at_rows(self._keys, self._count - 1)
 
@@ -299,7 +299,7 @@ class ViewDraws(ArrayDraws):
             return self._among[0].bits_of(counted)
         if self._keys is None:
             first, turns = self._of
-            self._keys = kernels.later_key_rows(first, turns[:, None])
+            self._keys = kernels.turn_key_rows(first, turns[:, None])
         count, self._count = self._count, self._count + counted
         return kernels.bits_at_rows(self._keys, count)
 

@@ -1,9 +1,10 @@
 """Pure functions over arrays: no Context, no files, no logging, no hidden random numbers.
 
 The NumPy versions are the specification; faster twins must match them exactly.
-Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
+Call them as `kernels.name(...)`. May import: numpy, `gamms.core.draws`, `gamms.ir`.
 """
 
+from gamms.core.draws import below, bits_at, first_key, fraction, turn_key
 from gamms.kernels.arrivals import Arrivals, column_blocks
 from gamms.kernels.cells import (
     Area,
@@ -27,21 +28,14 @@ from gamms.kernels.csr import (
     rows_of,
 )
 from gamms.kernels.draws import (
-    below,
     below_many,
     below_of_words,
-    bits_at,
     bits_at_rows,
     draw_bits,
     draw_bits_each,
-    draw_bits_many,
     draw_bits_rows,
-    first_key,
     first_key_rows,
-    fraction,
     fraction_many,
-    later_key,
-    later_key_rows,
     name_key,
     name_keys,
     normals,
@@ -50,6 +44,7 @@ from gamms.kernels.draws import (
     stream,
     stream_key,
     stream_words,
+    turn_key_rows,
 )
 from gamms.kernels.fields_of_view import (
     Quaternion,

@@ -1,19 +1,17 @@
-"""Keyed draws: random bits that follow from seed, purpose, name, turn and a count, and from nothing else.
+"""Keyed draws of many names at once, and what keys are made from; `gamms.core.draws` says how bits follow from them.
 
-So a further agent, sensor, thread or world never changes what others draw. The bits are those of SplitMix64 (Steele,
-Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014) in wrapping 64-bit integers, so the scalar
-and the array form give the same numbers on every machine:
-
-    key = mix(hash(seed, purpose) ^ hash(name));  key = mix(key + turn * GAMMA);  bits = mix(key + (k + 1) * GAMMA)
+A draw of an agent: `draw_bits(purpose_key(seed, "agent"), name_key("anna"), turn)`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from math import exp
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gamms.core import draws
+from gamms.core.draws import bits_at, first_key, fraction, turn_key
 from gamms.ir.graph import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
 
 BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
 _MASK = (1 << 64) - 1
-_GAMMA = 0x9E3779B97F4A7C15
-_FACTORS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 _PHILOX, _WEYL = (0xD2E7470EE14C6C93, 0xCA5A826395121157), (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
 _LOW = np.uint64(0xFFFFFFFF)
 _WEYLS = np.array(_WEYL, np.uint64)[:, None]
@@ -54,65 +50,51 @@ def name_keys(names: Iterable[str]) -> BitArray:
     return np.frombuffer(b"".join(_digests(names)), "<u8").astype(np.uint64)
 
 
-def turn_key(purpose: int, name: int, turn: int) -> int:
-    """Return what all draws of one purpose, name and turn start from; see `draw_bits`."""
-    return later_key(first_key(purpose, name), turn)
-
-
-def first_key(purpose: int, name: int) -> int:
-    """Return what `later_key` makes the `turn_key` of each turn of."""
-    return _mix(purpose ^ name)
-
-
-def later_key(first: int, turn: int) -> int:
-    """Return the `turn_key` of a turn."""
-    return _mix(first + turn * _GAMMA)
-
-
-def bits_at(key: int, k: int) -> int:
-    """Return draw number `k`, from 0, of a `turn_key`: 64 random bits."""
-    return _mix(key + (k + 1) * _GAMMA)
-
-
 def draw_bits(purpose: int, name: int, turn: int, k: int = 0) -> int:
     """Return 64 random bits.
 
     Args:
         purpose: a `purpose_key`.
         name: a `name_key`.
-        turn: any integer.
+        turn: an integer of 64 bits.
         k: the number of the draw.
     """
-    return bits_at(turn_key(purpose, name, turn), k)
+    return bits_at(turn_key(first_key(purpose, name), turn), k)
 
 
-def draw_bits_many(purpose: int, names: BitArray, turn: int, k: int = 0) -> BitArray:
-    """Return what `draw_bits` returns for each name: (names,) 64-bit integers."""
-    turned = np.uint64(turn * _GAMMA & _MASK)
-    counted = np.uint64((k + 1) * _GAMMA & _MASK)
-    return _mix_many(_mix_many(_mix_many(names ^ np.uint64(purpose)) + turned) + counted)
+def draw_bits_rows(purposes: BitArray | int, names: BitArray, turns: IntArray | int, k: IntArray | int = 0) -> BitArray:
+    """Return what `draw_bits` returns for each row; the arguments are broadcast against each other."""
+    return bits_at_rows(turn_key_rows(first_key_rows(purposes, names), turns), k)
 
 
-def draw_bits_rows(purposes: BitArray, names: BitArray, turns: IntArray, k: IntArray | int = 0) -> BitArray:
-    """Return what `draw_bits` returns for each row; the arrays are broadcast against each other."""
-    return bits_at_rows(later_key_rows(first_key_rows(purposes, names), turns), k)
+def first_key_rows(purposes: BitArray | int, names: BitArray) -> BitArray:
+    """Return the `first_key` of each row; the arguments are broadcast against each other."""
+    return _rows(draws.fill_first_keys, np.asarray(purposes, np.uint64), names)
 
 
-def first_key_rows(purposes: BitArray, names: BitArray) -> BitArray:
-    """Return what `later_key_rows` makes the `turn_key` of each turn of."""
-    return _mix_many(names ^ purposes)
-
-
-def later_key_rows(first: BitArray, turns: IntArray) -> BitArray:
-    """Return the `turn_key` of each row in these turns."""
-    return _mix_many(first + np.asarray(turns).astype(np.uint64) * np.array([_GAMMA], np.uint64))
+def turn_key_rows(first: BitArray, turns: IntArray | int) -> BitArray:
+    """Return the `turn_key` of each row; the arguments are broadcast against each other."""
+    return _rows(draws.fill_turn_keys, first, np.asarray(turns, np.int64))
 
 
 def bits_at_rows(keys: BitArray, k: IntArray | int) -> BitArray:
-    """Return draw number `k`, from 0, of each `turn_key`; `k` is one number, or one for each."""
-    if isinstance(k, int):
-        return _mix_many(keys + np.uint64((k + 1) * _GAMMA & _MASK))
-    return _mix_many(keys + (k + 1).astype(np.uint64) * np.array([_GAMMA], np.uint64))
+    """Return draw number `k`, from 0, of each `turn_key`; the arguments are broadcast against each other."""
+    return _rows(draws.fill_bits, keys, np.asarray(k, np.int64))
+
+
+def _rows(fill: Callable[..., int], first: BitArray, second: BitArray | IntArray) -> BitArray:
+    """Return what a row loop of the core makes of two arrays, which are broadcast against each other."""
+    shape = np.broadcast(first, second).shape
+    out = np.empty(shape, np.uint64)
+    fill(_buffer(first, shape), _buffer(second, shape), out.reshape(-1).data)
+    return out
+
+
+def _buffer(values: BitArray | IntArray, shape: tuple[int, ...]) -> memoryview:
+    """Return the values, broadcast to a shape, as one row of numbers."""
+    rows = np.empty(shape, values.dtype)
+    rows[...] = values
+    return rows.reshape(-1).data
 
 
 def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
@@ -120,21 +102,11 @@ def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
     return [draw_bits(purpose, name_key(name), turn) for name in names]
 
 
-def below(bits: int, n: int) -> int:
-    """Return a number from 0 to `n - 1` that random bits choose, by multiply and shift; `n` is at most 2 ** 32."""
-    return (bits >> 32) * n >> 32
-
-
 def below_many(bits: BitArray, n: IntArray | int) -> IntArray:
     """Return what `below` returns for each: (draws,); `n` is one number or one for each draw."""
     found = (bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64)
     found >>= np.uint64(32)
     return found.view(np.int64)
-
-
-def fraction(bits: int) -> float:
-    """Return a number in [0, 1) that random bits choose, a multiple of 2 ** -53."""
-    return (bits >> 11) * 2.0**-53
 
 
 def fraction_many(bits: BitArray) -> FloatArray:
@@ -159,28 +131,6 @@ def poisson(bits: int, mean: float) -> int:
         chance *= mean / count
         total += chance
     return count
-
-
-def _mix(bits: int) -> int:
-    """The finalizer of SplitMix64."""
-    bits &= _MASK
-    bits = (bits ^ bits >> 30) * _FACTORS[0] & _MASK
-    bits = (bits ^ bits >> 27) * _FACTORS[1] & _MASK
-    return bits ^ bits >> 31
-
-
-def _mix_many(bits: BitArray) -> BitArray:
-    """The same of many, in place."""
-    # NOTE: so that 10,000 numbers stay in the cache (benchmarks: batches).
-    shifted = bits >> np.uint64(30)
-    bits ^= shifted
-    bits *= np.uint64(_FACTORS[0])
-    np.right_shift(bits, np.uint64(27), out=shifted)
-    bits ^= shifted
-    bits *= np.uint64(_FACTORS[1])
-    np.right_shift(bits, np.uint64(31), out=shifted)
-    bits ^= shifted
-    return bits
 
 
 def _hash(text: str) -> int:

@@ -175,7 +175,7 @@ class NearNodes:
     def _open_gate(self, pairs: int) -> None:
         """Make a table that says, by the sum of the hashes of two nodes, whether they may be near; of so many pairs."""
         size = 1 << (8 * pairs).bit_length()
-        hashes = kernels.draw_bits_many(0, np.arange(self._nodes, dtype=np.uint64), 0)
+        hashes = kernels.draw_bits_rows(0, np.arange(self._nodes, dtype=np.uint64), 0)
         self._hash: IntArray = (hashes % np.uint64(size)).astype(np.int64)
         self._gate, self._room = np.zeros(2 * size, np.bool_), pairs
         self._admit(np.flatnonzero(self._offset >= 0))

@@ -76,7 +76,7 @@ class Look(NamedTuple):
         return found
 
     def _bits(self, keys: BitArray, purpose: str, *which: str | int) -> BitArray:
-        return kernels.draw_bits_many(self._key(purpose, *which), keys, self.turn, self.number)
+        return kernels.draw_bits_rows(self._key(purpose, *which), keys, self.turn, self.number)
 
     def _one(self, purpose: str, *which: str | int) -> int:
         return kernels.draw_bits(self._key(purpose, *which), kernels.name_key(""), self.turn, self.number)

@@ -66,7 +66,7 @@ class Flows:
         found[0] = nodes.ravel()
         for turn in range(steps):
             here = found[turn]
-            chosen = kernels.below_many(kernels.draw_bits_many(key, walkers, turn), self._streets.counts[here])
+            chosen = kernels.below_many(kernels.draw_bits_rows(key, walkers, turn), self._streets.counts[here])
             found[turn + 1] = self._streets.ends_of(here, chosen)
         return found.reshape(steps + 1, *nodes.shape)
 
