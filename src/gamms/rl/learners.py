@@ -479,7 +479,7 @@ def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int
 
 
 def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
-    """Return which numbers, of any shape, are legal by masks with one axis more, in NumPy."""
+    """Return which numbers, of any shape, are legal by masks with one axis more."""
     known = np.clip(chosen, 0, masks.shape[-1] - 1)
     found: BoolArray = (known == chosen) & np.take_along_axis(masks, known[..., None], axis=-1)[..., 0]
     return found

@@ -257,13 +257,8 @@ class ArrayEngine:
                 resume(turn)
                 self._call(named, form, turn)
                 close(turn)
-        self._move_all(given, before_moves)
-
-    def _move_all(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
-        """Play a turn of all games, after the rules of the phase "before"."""
-        state = self.state
         state.last_deeds = []
-        if given and (self._here.rules["before"] or state.roads.are_closed):
+        if given and (before or state.roads.are_closed):
             self._check(given)  # again, by the roads that these rules have closed
         before_moves()
         if len(playing := self._playing()):

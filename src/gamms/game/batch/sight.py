@@ -91,8 +91,6 @@ class Seen(NamedTuple):
         Raises:
             BadType, BadValue: there are no such pairs.
         """
-        if not hasattr(self.at, "strides"):  # of another library
-            return some_rows(self, chosen)
         if getattr(chosen, "dtype", None) == np.bool_:
             return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
         return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
@@ -147,11 +145,6 @@ def _all_looks(agent: IAgent) -> list[AgentLook]:
 def looks_from_the_air(agent: IAgent) -> bool:
     """Return whether an agent carries a sensor that looks from the air; one on the ground may, at a place."""
     return any(sensor.type in IN_AIR | FROM_AIR for sensor in getattr(agent, "sensors", {}).values())
-
-
-def reports_elsewhere(agent: IAgent) -> bool:
-    """Whether sensors of an agent may show others on nodes where these are not."""
-    return any(look.errs for look in _all_looks(agent))
 
 
 def reports_late(agent: IAgent) -> bool:

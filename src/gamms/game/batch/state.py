@@ -154,7 +154,7 @@ def _refuse_other_arrays(made: object, games: int) -> None:
     if not isinstance(made, dict):
         raise BadType(f"make of keep(key, make) returns name -> array, not {shown(made)}.")
     for name, array in made.items():
-        if tuple(getattr(array, "shape", ()))[:1] != (games,):  # of any library
+        if not isinstance(array, np.ndarray) or array.shape[:1] != (games,):
             raise BadValue(
                 f"make({games}) of keep(key, make) returns arrays whose first axis is {games} games, and "
                 f"{shown(name)} is {shown(array)}."

@@ -92,7 +92,10 @@ class ArrayTurn:
         self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
         self._done: list[ArrayDeeds] = []  # of the parts before
         self._refused: dict[tuple[int, int, str], set[str]] = {}
-        self._place_agents(state.chosen(state.node, games), state.chosen(state.alive, games))
+        self.node: IntArray = state.chosen(state.node, games)
+        self.alive: BoolArray = state.chosen(state.alive, games)
+        self.starts = self.ends = self.node
+        self.took_part = self.alive
 
     def _find_roads(self) -> None:
         """Take the maps of the games, of which rules may have closed roads."""
@@ -102,10 +105,6 @@ class ArrayTurn:
     def _rows(self) -> Any:
         """What finds the games in the columns of the batch, faster where they are all."""
         return np.s_[:] if len(self.games) == len(self._state) else self.games
-
-    def _place_agents(self, node: IntArray, alive: BoolArray) -> None:
-        self.node = self.starts = self.ends = node
-        self.alive = self.took_part = alive
 
     def _lock(self) -> None:
         """Let rules read where agents are, and change it by verbs alone."""
