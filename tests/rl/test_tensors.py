@@ -109,6 +109,17 @@ def test_transforms_of_torchrl_choose_legal_actions():
     assert chosen.all()
 
 
+def test_batches_are_played_by_tensors_as_by_arrays():
+    with scene().batch(4, seed=2) as tensors, scene().batch(4, seed=2) as arrays:
+        while not tensors.is_over.all():
+            seen = tensors.observe("red").vector()
+            legal = torch.from_dlpack(seen.legal)
+            assert np.shares_memory(np.from_dlpack(legal), seen.legal)
+            tensors.step({"red": np.from_dlpack(legal.sum(dim=-1) - 1)})
+            arrays.step({"red": arrays.observe("red").counts - 1})
+        assert [tensors.result(game) for game in range(4)] == [arrays.result(game) for game in range(4)]
+
+
 def test_tensors_share_the_memory_of_what_an_observation_gives():
     given = []
 
