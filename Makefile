@@ -3,19 +3,42 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# What `gamms.core` is compiled from: an edit builds it again. The folder is newer than a file that was taken out of it.
+CORE := setup.py src/gamms/core $(wildcard src/gamms/core/*.py src/gamms/core/*.pxd)
+# Tests of what the core computes, and the laws of what rests on it.
+CORE_TESTS := tests/core tests/kernels
+LAWS := $(CORE_TESTS) tests/batch tests/game tests/rules
 
-.PHONY: demo test test-torch check bench docs figures format release-check lowest reproduce clean
+.PHONY: demo test test-core test-torch check bench docs figures format release-check lowest reproduce clean
 
 demo: $(VENV)/.demo
+	@$(BIN)/gamms --version
 	$(BIN)/gamms demo
 
 # Three processes for two cores: some tests wait for programs, locks and clocks, and others go on meanwhile.
+# The laws hold interpreted, too; what needs a compiled core is left out then, and here where no C compiler was found.
 test: $(VENV)/.dev
+	@$(BIN)/gamms --version
 	$(BIN)/python -m pytest -q -n 3 --dist worksteal
+	GAMMS_CORE=python $(BIN)/python -m pytest -q -n 3 --dist worksteal -m law $(LAWS)
+
+# The core with checks of bounds, then with the sanitizers of gcc or clang for addresses and undefined behavior.
+test-core: $(VENV)/.dev
+	GAMMS_CORE_BUILD=checked $(BIN)/python setup.py --quiet build --build-lib build/checked
+	PYTHONPATH=build/checked GAMMS_CORE=compiled $(BIN)/python -m pytest -q $(CORE_TESTS)
+	GAMMS_CORE_BUILD=sanitized $(BIN)/python setup.py --quiet build --build-lib build/sanitized
+	$(SANITIZED) -m pytest -q -p no:faulthandler $(CORE_TESTS)
+	$(SANITIZED) scripts/fuzz_calls.py --worlds 30
+	$(SANITIZED) scripts/fuzz_recordings.py --count 5000 --games 100
+
+# Python itself never frees what lives as long as it does, and its own allocator would hide ours.
+SANITIZED = PYTHONPATH=build/sanitized GAMMS_CORE=compiled PYTHONMALLOC=malloc ASAN_OPTIONS=detect_leaks=0 \
+	LD_PRELOAD=$$($(or $(CC),cc) -print-file-name=libasan.so) $(BIN)/python
 
 # Learning with PyTorch, on the CPU.
 test-torch: $(VENV)/.dev
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch,torchrl,train,onnx]' onnx
+	$(PIP) -e '.[torch,torchrl,train,onnx]' onnx
 	$(BIN)/python -m pytest -q tests/rl
 
 check: $(VENV)/.dev
@@ -55,6 +78,7 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 
 clean:
+	rm -rf src/gamms/core/*.so src/gamms/core/*.pyd src/*.egg-info
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 
 $(BIN)/python:
@@ -63,19 +87,23 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 # The demo plays on the bare library, too; what films it is left out where it cannot be installed.
-$(VENV)/.demo: $(BIN)/python pyproject.toml
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[viz,video]' \
+$(VENV)/.demo: $(BIN)/python pyproject.toml $(CORE)
+	@$(PIP) -e '.[viz,video]' \
 		|| { echo "What paints and films cannot be installed here (see above); the demo is played without it."; \
-		$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .; }
+		$(PIP) -e .; }
 	@$(BIN)/python -m compileall -q src
 	@touch $@
 
-$(VENV)/.dev: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+# After an edit of the core alone, by the C compiler of this machine; where it has none, as at first.
+$(VENV)/.dev: $(BIN)/python pyproject.toml $(CORE)
+	$(if $(filter-out $(CORE),$?),$(PIP) -e '.[dev]',$(REBUILD))
 	@$(BIN)/python -m compileall -q src
 	@touch $@ $(VENV)/.demo
 
+IS_COMPILED = GAMMS_CORE=compiled $(BIN)/python -c 'import gamms.core' 2> /dev/null
+REBUILD = $(BIN)/python setup.py --quiet build_ext --inplace && { $(IS_COMPILED) || $(PIP) --no-deps -e . || true; }
+
 $(VENV)/.docs: $(BIN)/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,viz,accel,llm]'
+	$(PIP) -e '.[docs,viz,accel,llm]'
 	@$(BIN)/python -m compileall -q src
 	@touch $@

@@ -14,6 +14,9 @@ from hypothesis.internal.conjecture import providers
 
 import gamms
 
+if not gamms.core.is_compiled:
+    os.environ["GAMMS_CORE"] = "python"  # programs of tests run the same form, and say nothing about it
+
 # Keep what Python compiles: else each run, each of its processes and each program of a test compiles all files again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
@@ -32,10 +35,21 @@ if hasattr(providers, "is_local_module_file"):  # else examples follow from all 
     providers.is_local_module_file = lambda path: False
 
 
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
 def pytest_collection_modifyitems(items):
-    """Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1."""
+    """Mark all laws, and leave out what needs a compiled core where it is interpreted.
+
+    Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1.
+    """
+    laws = [item for item in items if is_hypothesis_test(getattr(item, "function", None))]
+    for item in laws:
+        item.add_marker(pytest.mark.law)
+    if not gamms.core.is_compiled:
+        for item in items:
+            if item.get_closest_marker("compiled"):
+                item.add_marker(pytest.mark.skip("gamms.core is interpreted"))
     if os.environ.get("GAMMS_THOROUGH") == "1":
-        for law in {item.function for item in items if is_hypothesis_test(getattr(item, "function", None))}:
+        for law in {item.function for item in laws}:
             given = law._hypothesis_internal_use_settings
             more = settings(given, max_examples=10 * given.max_examples, derandomize=False)
             law._hypothesis_internal_use_settings = more

@@ -21,4 +21,4 @@ def test_mix_is_the_finalizer_of_splitmix64() -> None:
 
 
 def test_a_turn_may_be_negative() -> None:
-    assert draws.turn_key(5, -3) == draws.mix((5 - 3 * 0x9E3779B97F4A7C15) % (1 << 64))
+    assert draws.turn_key(5, -3) == draws.mix((5 - 3 * 0x9E3779B97F4A7C15) % 2**64)

@@ -191,7 +191,9 @@ def test_a_bad_map_ends_in_one_sentence(tmp_path, content, hint):
     assert "Traceback" not in done.stderr
 
 
-def test_the_version_can_be_asked_for():
+def test_the_version_and_the_form_of_the_core_can_be_asked_for():
     import gamms
 
-    assert CliRunner().invoke(cli.app, ["--version"]).stdout == f"gamms {gamms.__version__}\n"
+    version, core = CliRunner().invoke(cli.app, ["--version"]).stdout.splitlines()
+    assert version == f"gamms {gamms.__version__}"
+    assert core == ("core: compiled" if gamms.core.is_compiled else "core: interpreted (the same games, slower)")

@@ -39,6 +39,7 @@ def about(version: Annotated[bool, typer.Option("--version", help="Show the vers
     """Games between teams of agents on graphs and real road networks."""
     if version:
         echo(f"gamms {gamms.__version__}")
+        echo("core: compiled" if gamms.core.is_compiled else "core: interpreted (the same games, slower)")
         raise typer.Exit
 
 

@@ -1,0 +1,77 @@
+"""Which form of the core runs: its compiled modules, or their text, interpreted."""
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from hashlib import sha256
+from importlib import import_module
+from importlib.machinery import SOURCE_SUFFIXES, FileFinder, ModuleSpec, SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+
+
+def choose(package: str, folder: Path) -> bool:
+    """Choose the form in which the modules of a package are loaded; return whether it is the compiled one.
+
+    `GAMMS_CORE` is `python` for the interpreted form, `compiled` to accept no other. A checkout whose text is not the
+    text that was compiled runs the text.
+
+    Raises:
+        ImportError: `GAMMS_CORE` is neither of the two, or asks for compiled modules that are not there.
+    """
+    asked = os.environ.get("GAMMS_CORE", "")
+    if asked not in ("", "python", "compiled"):
+        raise ImportError(f"GAMMS_CORE is {asked!r}: set it to 'python' or 'compiled', or not at all.")
+    if asked != "python" and _is_compiled(package, folder):
+        return True
+    if asked == "compiled":
+        raise ImportError("GAMMS_CORE is 'compiled', and gamms.core is not: install it where a C compiler works.")
+    sys.meta_path.insert(0, _TextFinder(package))  # compiled modules of other text may lie beside it
+    return False
+
+
+def digest(folder: Path) -> str:
+    """Return a hash of the text that is compiled: each `.pxd` and the `.py` beside it."""
+    total = sha256()
+    for types in sorted(folder.glob("*.pxd")):
+        for file in (types, types.with_suffix(".py")):
+            text = file.read_bytes().replace(b"\r\n", b"\n")
+            total.update(f"{file.name} {len(text)}\n".encode() + text)
+    return total.hexdigest()
+
+
+def _is_compiled(package: str, folder: Path) -> bool:
+    """Return whether compiled modules are there, and in a checkout, whether they are those of its text."""
+    try:
+        stamp = import_module(f"{package}._stamp")
+    except ModuleNotFoundError:
+        return False
+    is_checkout = (folder.parents[2] / "pyproject.toml").is_file()
+    if not is_checkout or digest(folder) == stamp.TEXT:
+        return True
+    text = (
+        "The text of gamms.core has changed since it was compiled. The text runs, interpreted, until it is compiled"
+        " again: python setup.py build_ext --inplace"
+    )
+    warnings.warn(text, RuntimeWarning, stacklevel=2)
+    return False
+
+
+class _TextFinder:
+    """A finder, for `sys.meta_path`, of the modules of one package as text and of nothing else."""
+
+    def __init__(self, package: str) -> None:
+        self._prefix = f"{package}."
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return the spec of a module of the package, None for any other."""
+        if not fullname.startswith(self._prefix):
+            return None
+        for folder in path or ():
+            spec = FileFinder(folder, (SourceFileLoader, SOURCE_SUFFIXES)).find_spec(fullname, target)
+            if spec is not None:
+                return spec
+        return None

@@ -1,0 +1,99 @@
+"""Compiled and interpreted, the functions of the core return the same and write the same.
+
+`CASES` has a line for each function: its module, its name, and what it may be called with.
+"""
+
+import importlib
+import os
+import re
+import sys
+from array import array
+from functools import cache
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+
+FOLDER = Path(gamms.core.__file__).parent
+
+
+def numbers(lowest, highest):
+    """Integers, of which the ends of the range and those around zero are tried more often."""
+    ends = {lowest, lowest + 1, -1, 0, 1, highest - 1, highest}
+    return st.sampled_from([one for one in sorted(ends) if lowest <= one <= highest]) | st.integers(lowest, highest)
+
+
+U64 = numbers(0, 2**64 - 1)
+I64 = numbers(-(2**63), 2**63 - 1)
+CODES = {U64: "Q", I64: "q"}  # as `array` names the types of columns
+
+
+def rows(*columns):
+    """Columns of one length, each of a kind of numbers, and a further one of 64 bits to write to."""
+
+    def filled(drawn):
+        made = [array(CODES[kind], column) for kind, column in zip(columns, zip(*drawn, strict=True), strict=True)]
+        return (*made, array("Q", bytes(8 * len(drawn))))
+
+    return st.lists(st.tuples(*columns), min_size=1, max_size=6).map(filled)
+
+
+CASES = {
+    ("draws", "mix"): st.tuples(U64),
+    ("draws", "rotated"): st.tuples(U64, numbers(1, 63)),
+    ("draws", "siphash"): st.tuples(U64, U64, U64),
+    ("draws", "first_key"): st.tuples(U64, U64),
+    ("draws", "turn_key"): st.tuples(U64, I64),
+    ("draws", "bits_at"): st.tuples(U64, numbers(-1, 2**63 - 2)),
+    ("draws", "below"): st.tuples(U64, numbers(1, 2**32)),
+    ("draws", "fraction"): st.tuples(U64),
+    ("draws", "fill_first_keys"): rows(U64, U64),
+    ("draws", "fill_turn_keys"): rows(U64, I64),
+    ("draws", "fill_bits"): rows(U64, I64),
+}
+
+
+@cache
+def interpreted(module):
+    """Return a module of the core once more, interpreted, beside the one that is loaded."""
+    kept = {name: sys.modules.pop(name) for name in list(sys.modules) if name.startswith("gamms.core")}
+    with patch.dict(os.environ, {"GAMMS_CORE": "python"}), patch.object(sys, "meta_path", list(sys.meta_path)):
+        try:
+            return importlib.import_module(f"gamms.core.{module}")
+        finally:
+            for name in [name for name in sys.modules if name.startswith("gamms.core")]:
+                del sys.modules[name]
+            sys.modules.update(kept)
+            gamms.core = kept["gamms.core"]
+
+
+def outcome(module, function, arguments):
+    """Return what a function returns, and what its columns hold afterwards."""
+    copies = [array(one.typecode, one) if isinstance(one, array) else one for one in arguments]
+    views = [memoryview(one) if isinstance(one, array) else one for one in copies]
+    return getattr(module, function)(*views), copies
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("module", "function"), CASES, ids=".".join)
+@settings(max_examples=100)
+@given(data=st.data())
+def test_both_forms_do_the_same(module, function, data):
+    compiled = importlib.import_module(f"gamms.core.{module}")
+    assert Path(compiled.__file__).suffix != ".py"
+    assert Path(interpreted(module).__file__).suffix == ".py"
+    arguments = data.draw(CASES[module, function])
+    assert outcome(compiled, function, arguments) == outcome(interpreted(module), function, arguments)
+
+
+def test_every_function_of_the_core_has_a_case():
+    declared = {
+        (file.stem, name)
+        for file in FOLDER.glob("*.pxd")
+        for name in re.findall(r"^cpdef .*?(\w+)\(", file.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert declared == set(CASES)

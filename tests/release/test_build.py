@@ -1,0 +1,180 @@
+"""What is built and installed: with a C compiler, and without one."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("Cython", reason="builds the core")
+pytest.importorskip("setuptools", "77", reason="builds the core")
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="there, setuptools finds the compiler by itself")
+
+ROOT = Path(__file__).parents[2]
+BUILT_FROM = ("LICENSE", "MANIFEST.in", "NOTICE", "README.md", "pyproject.toml", "setup.py", "src", "tools")
+NO_COMPILER = {"CC": "/bin/false", "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": ""}  # and no ziglang
+WHEEL = "import sys, build_backend; print(build_backend.build_wheel(sys.argv[1]))"
+GAME = """
+import hashlib, pathlib, gamms, gamms.core
+from gamms.core import draws
+game = gamms.scenario.from_gallery("grid_tag").replace(max_turns=12)
+result = game.play(seed=3, record="game.ggr")
+said = hashlib.sha256(pathlib.Path("game.ggr").read_bytes()).hexdigest()
+print(gamms.__file__, gamms.core.is_compiled, draws.first_key(1, 2), result.scores, said)
+"""
+
+
+def copy_to(folder):
+    """Copy what GAMMS is built from, without what is built."""
+    built = shutil.ignore_patterns("*.so", "*.pyd", "*.pyc", "__pycache__", "*.egg-info")
+    for name in BUILT_FROM:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=built, copy_function=shutil.copy)
+        else:
+            shutil.copy(source, folder / name)
+    return folder
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A copy of what GAMMS is built from."""
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    return copy_to(folder)
+
+
+def run(*command, folder, **environment):
+    """Run Python in a folder, without what these tests add to its path; return its output and errors."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "GAMMS"))}
+    done = subprocess.run(
+        list(map(str, command)),
+        cwd=folder,
+        env=clean | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def wheel_of(checkout, out, **environment):
+    """Build a wheel by the backend alone; return its path and what was printed."""
+    out.mkdir()
+    said = run(sys.executable, "-c", WHEEL, out, folder=checkout, PYTHONPATH=str(checkout / "tools"), **environment)
+    return out / said.split()[-1], said
+
+
+def files_of(wheel):
+    """Return the files of the package in a wheel, from its folder."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {name.removeprefix("gamms/") for name in archive.namelist() if name.startswith("gamms/")}
+
+
+def sources_of(checkout):
+    """Return the files of the package in a checkout, from its folder."""
+    folder = checkout / "src" / "gamms"
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    return {file for file in files if "__pycache__" not in file}
+
+
+def modules_of(checkout):
+    """Return the files of the compiled modules that a checkout should give, without their suffixes."""
+    names = {path.stem for path in (checkout / "src/gamms/core").glob("*.pxd")} - {"__init__"}
+    return {f"core/{name}" for name in names | {"_stamp"}}
+
+
+def compiler_that_fails_for(name, folder):
+    """Write a C compiler that compiles everything but one file."""
+    script = folder / "cc"
+    script.write_text(
+        f'#!/bin/sh\ncase "$*" in *{name}.c*) exit 1;; esac\nexec {sysconfig.get_config_var("CC")} "$@"\n'
+    )
+    script.chmod(0o755)
+    return str(script)
+
+
+def environment_in(folder):
+    """Make an environment that has all libraries of this one, but not GAMMS."""
+    run(sys.executable, "-m", "venv", "--without-pip", folder / "env", folder=folder)
+    [packages] = (folder / "env" / "lib").glob("python*/site-packages")
+    found = [path for path in sys.path if path.endswith("site-packages")]
+    (packages / "others.pth").write_text("\n".join(found), encoding="utf-8")
+    return folder / "env" / "bin" / "python"
+
+
+def has_compiler():
+    """Return whether this machine compiles C."""
+    command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
+    return shutil.which(command[0]) is not None and "false" not in command[0]
+
+
+needs_compiler = pytest.mark.skipif(not has_compiler(), reason="needs a C compiler")
+
+
+@pytest.mark.parametrize("how", [["."], ["-e", "."]], ids=["a wheel", "editable"])
+def test_without_a_compiler_the_same_games_are_played_interpreted(checkout, tmp_path, how):
+    stale = checkout / "src/gamms/core/draws.abi3.so"
+    stale.write_text("of an earlier build")
+    python = environment_in(tmp_path)
+    options = ["-v", "--no-build-isolation", "--no-deps", "--no-compile", "--ignore-installed"]
+    said = run(python, "-m", "pip", "install", *options, *how, folder=checkout, **NO_COMPILER)
+    assert said.count("gamms: no C compiler works here; the core runs interpreted: the same games, slower") == 1
+    file, is_compiled, *game = run(python, "-c", GAME, folder=tmp_path).split()
+    assert Path(file).is_relative_to(checkout if "-e" in how else tmp_path / "env")
+    assert is_compiled == "False"
+    assert run(sys.executable, "-c", GAME, folder=tmp_path, PYTHONPATH=str(ROOT / "src")).split()[2:] == game
+
+
+def test_a_wheel_without_compiled_modules_runs_everywhere_and_has_every_file_of_the_source(checkout, tmp_path):
+    (checkout / "build/lib/gamms").mkdir(parents=True)
+    (checkout / "build/lib/gamms/of_an_earlier_build.py").touch()
+    wheel, _ = wheel_of(checkout, tmp_path / "out", GAMMS_CORE_BUILD="python")
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert files_of(wheel) == sources_of(checkout)
+
+
+@needs_compiler
+def test_all_modules_are_compiled_or_none(checkout, tmp_path):
+    wheel, said = wheel_of(checkout, tmp_path / "out", CC=compiler_that_fails_for("draws", tmp_path))
+    assert "gamms: the core could not be compiled; it runs interpreted: the same games, slower" in said
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert files_of(wheel) == sources_of(checkout)
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_two_builds_in_two_folders_are_the_same_bytes(checkout, tmp_path):
+    first, _ = wheel_of(checkout, tmp_path / "out")
+    assert first.name.endswith(".whl")
+    assert "-cp311-abi3-" in first.name
+    built = {name.partition(".abi3")[0] for name in files_of(first) - sources_of(checkout)}
+    assert built == modules_of(checkout)
+    before = os.umask(0o077)
+    try:
+        other = tmp_path / "another folder"
+        other.mkdir()
+        copy_to(other)
+    finally:
+        os.umask(before)
+    for leftover in ("build/lib.of_another_machine", "src/gamms/core"):
+        (other / leftover).mkdir(parents=True, exist_ok=True)
+        (other / leftover / "leftover.abi3.so").touch()
+    second, _ = wheel_of(other, tmp_path / "second")
+    assert first.read_bytes() == second.read_bytes()
+
+
+@needs_compiler
+def test_a_build_in_place_that_fails_leaves_no_module_of_an_earlier_one(checkout):
+    module = checkout / "src/gamms/core/draws.abi3.so"
+    module.write_text("of an earlier build")
+    said = run(sys.executable, "setup.py", "build_ext", "--inplace", "--compiler=none", folder=checkout)
+    assert "gamms: the core could not be compiled" in said
+    assert not module.exists()
