@@ -6,7 +6,9 @@
     python scripts/check_release.py --large                      # also extras with libraries of more than 200 MB
     python scripts/check_release.py --extras torch --first torch==2.13.0  # a build that is installed before
 
-In each environment it also plays a scenario, a batch, an experiment and a tournament, each under a timeout.
+The wheel must have a compiled core and the bytes of a second build in another folder, and an editable install of the
+unpacked sdist must have a compiled core, too. Each environment also plays a scenario, a batch, an experiment and a
+tournament, each under a timeout.
 Needs an index or a folder of wheels that pip finds; `build` and `twine` are put into an environment of their own. Where
 `uv` is found it installs, else pip. Prints a line for each environment; the exit status is 1 if a check has failed.
 What cannot be had (an interpreter, a library for it) is named and skipped.
@@ -35,14 +37,18 @@ FILES = {
     "README.md",
     "CHANGELOG.md",
     "CITATION.cff",
+    "MANIFEST.in",
     "Makefile",
     "pyproject.toml",
+    "setup.py",
     "tests",
     "docs",
     "src",
+    "tools",
 }
 BIN = "Scripts" if os.name == "nt" else "bin"
 FENCE = re.compile(r"^```python([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+IS_COMPILED = "import gamms.core; assert gamms.core.is_compiled, 'the core is interpreted'"
 COMMANDS = (
     "gamms demo --no-film --max-turns 40",
     "gamms new hunt",
@@ -53,7 +59,8 @@ COMMANDS = (
 _MOST_SECONDS = 300  # for one command: each takes a few seconds
 _CONTEXT = "import gamms\nctx = gamms.create_context(seed=1)\nctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))\n"
 _HUNT = "import gamms\nhunt = gamms.scenario.load('hunt/hunt.yaml').replace(max_turns=3)\n"
-GAMES = {  # many games, and games in other processes
+GAMES = {  # the core, many games, and games in other processes
+    "the compiled core": IS_COMPILED,
     "a batch": _HUNT + "with hunt.batch(8) as games: games.run()",
     "an experiment": _HUNT + "assert not gamms.experiment.run(hunt, range(4), workers=2).errors()",
     "a tournament": _HUNT
@@ -148,16 +155,38 @@ def _built(folder: Path) -> tuple[Path, int]:
     missing = FILES - names
     with zipfile.ZipFile(wheel) as archive:
         inside = archive.namelist()
-    junk = [one for one in inside if not re.match(r"gamms/|gamms_engine-[^/]+\.dist-info/", one) or ".pyc" in one]
+    junk = [one for one in inside if not re.match(r"gamms/|gamms_engine-[^/]+\.dist-info/", one)]
+    junk += [one for one in inside if one.endswith((".pyc", ".c"))]
     notices = [
         one for one in ("LICENSE", "NOTICE", "ATTRIBUTION.md", "OFL.txt") if not any(one in path for path in inside)
     ]
     problems = [twine.stdout] * (twine.returncode != 0)
     problems += [f"not in the sdist: {sorted(missing)}"] * bool(missing) + [f"junk in the wheel: {junk}"] * bool(junk)
     problems += [f"not in the wheel: {notices}"] * bool(notices)
+    if wheel.name.endswith("-py3-none-any.whl"):
+        problems.append(f"{wheel.name} has no compiled core: a release has one for each platform")
+    problems += _problems_of_sources(folder, tools, source, wheel)
     print(f"{wheel.name} ({wheel.stat().st_size / 1e6:.1f} MB), {source.name} ({source.stat().st_size / 1e6:.1f} MB)")
     print("\n".join(problems) or "twine check: passed; contents: as they should be", flush=True)
     return wheel, len(problems)
+
+
+def _problems_of_sources(folder: Path, tools: Path, source: Path, wheel: Path) -> list[str]:
+    """Build the wheel again from the unpacked sdist, and install that as editable; return what is wrong."""
+    with tarfile.open(source) as archive:
+        archive.extractall(folder / "sources", filter="data")
+    [checkout] = (folder / "sources").iterdir()
+    _run([tools, "-m", "build", "--wheel", "--outdir", folder / "again", checkout], folder)
+    [again] = (folder / "again").iterdir()
+    problems = []
+    if again.name != wheel.name or again.read_bytes() != wheel.read_bytes():
+        problems.append(f"a second build in another folder gives another wheel, {again.name}")
+    inside = _environment(folder / "editable", sys.executable)
+    _install(inside, ["-e", checkout])
+    done = _run([inside, "-c", IS_COMPILED], folder, check=False)
+    if done.returncode:
+        problems.append(f"editable: {_last(done.stderr)}")
+    return problems
 
 
 def _checked(folder: Path, python: str, installed: list[str | Path], extras: list[str], first: list[str]) -> str:
@@ -243,8 +272,9 @@ def _install(python: Path, arguments: list[str | Path] | list[str]) -> None:
 def _run(
     command: list[str | Path], folder: Path, *, check: bool = True, seconds: float | None = None
 ) -> "subprocess.CompletedProcess[str]":
-    """Run a command without what this checkout adds to Python's path, and end it after `seconds`."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
+    """Run a command without what changes Python's path or the form of the core, and end it after `seconds`."""
+    ours = ("PYTHON", "VIRTUAL_ENV", "GAMMS_CORE")
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
     return subprocess.run(
         list(map(str, command)),
         cwd=folder,
