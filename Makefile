@@ -28,13 +28,14 @@ test-core: $(VENV)/.dev
 	GAMMS_CORE_BUILD=checked $(BIN)/python setup.py --quiet build --build-lib build/checked
 	PYTHONPATH=build/checked GAMMS_CORE=compiled $(BIN)/python -m pytest -q $(CORE_TESTS)
 	GAMMS_CORE_BUILD=sanitized $(BIN)/python setup.py --quiet build --build-lib build/sanitized
-	$(SANITIZED) -m pytest -q -p no:faulthandler $(CORE_TESTS)
+	$(SANITIZED) -m pytest -q $(CORE_TESTS)
 	$(SANITIZED) scripts/fuzz_calls.py --worlds 30
 	$(SANITIZED) scripts/fuzz_recordings.py --count 5000 --games 100
 
-# Python itself never frees what lives as long as it does, and its own allocator would hide ours.
+# Python never frees some of its objects, and its own allocator would hide overruns. ASan looks for the library of C++ when
+# it starts, before libraries that throw exceptions are loaded.
 SANITIZED = PYTHONPATH=build/sanitized GAMMS_CORE=compiled PYTHONMALLOC=malloc ASAN_OPTIONS=detect_leaks=0 \
-	LD_PRELOAD=$$($(or $(CC),cc) -print-file-name=libasan.so) $(BIN)/python
+	LD_PRELOAD="$$($(CC) -print-file-name=libasan.so) $$($(CC) -print-file-name=libstdc++.so.6)" $(BIN)/python
 
 # Learning with PyTorch, on the CPU.
 test-torch: $(VENV)/.dev

@@ -151,7 +151,7 @@ def _built(folder: Path) -> tuple[Path, int]:
     [wheel], [source] = out.glob("*.whl"), out.glob("*.tar.gz")
     twine = _run([tools, "-m", "twine", "check", "--strict", wheel, source], folder, check=False)
     with tarfile.open(source) as archive:
-        names = {name.split("/", 2)[1] for name in archive.getnames()}
+        names = {name.split("/", 2)[1] for name in archive.getnames() if "/" in name}
     missing = FILES - names
     with zipfile.ZipFile(wheel) as archive:
         inside = archive.namelist()
