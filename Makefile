@@ -25,6 +25,7 @@ test: $(VENV)/.dev
 
 # The core with checks of bounds, then with the sanitizers of gcc or clang for addresses and undefined behavior.
 test-core: $(VENV)/.dev
+	rm -rf build/checked build/sanitized
 	GAMMS_CORE_BUILD=checked $(BIN)/python setup.py --quiet build --build-lib build/checked
 	PYTHONPATH=build/checked GAMMS_CORE=compiled $(BIN)/python -m pytest -q $(CORE_TESTS)
 	GAMMS_CORE_BUILD=sanitized $(BIN)/python setup.py --quiet build --build-lib build/sanitized

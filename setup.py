@@ -65,6 +65,8 @@ class BuildCore(build_ext):
             self.warn(str(error))
         self.inplace = in_place
         built = [Path(self.build_lib, self.get_ext_filename(one.name)) for one in self.extensions]
+        if in_place:
+            remove_built()
         if all(file.is_file() for file in built):
             if in_place:
                 self.copy_extensions_to_source()
@@ -72,8 +74,6 @@ class BuildCore(build_ext):
         print("gamms: the core could not be compiled; it runs interpreted: the same games, slower", flush=True)
         for file in built:
             file.unlink(missing_ok=True)
-        if in_place:
-            remove_built()
         self._forget()
 
     def _write_c(self) -> None:

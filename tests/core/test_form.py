@@ -60,6 +60,14 @@ def test_the_compiled_form_runs_where_there_is_one(checkout):
     assert done.stdout.split()[:2] in (["True", "so"], ["True", "pyd"])
 
 
+def test_modules_of_another_machine_are_not_used_and_a_warning_says_so(checkout):
+    for suffix in ("so", "pyd"):
+        (checkout / "core" / f"_stamp.abi3.{suffix}").write_text("of another machine")
+    done = run(SHOW, checkout.parent)
+    assert done.stdout.startswith("False py")
+    assert done.stderr.count("RuntimeWarning: The compiled gamms.core cannot be loaded (") == 1
+
+
 @pytest.mark.compiled
 def test_edited_text_runs_and_says_that_it_is_not_compiled(checkout):
     path = checkout / "core" / "draws.py"

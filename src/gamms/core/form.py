@@ -14,8 +14,8 @@ from types import ModuleType
 def choose(package: str, folder: Path) -> bool:
     """Choose the form in which the modules of a package are loaded; return whether it is the compiled one.
 
-    `GAMMS_CORE` is `python` for the interpreted form, `compiled` to accept no other. A checkout whose text is not the
-    text that was compiled runs the text.
+    `GAMMS_CORE` is `python` for the interpreted form, `compiled` to accept no other. A checkout whose text has changed
+    since it was compiled runs the text, and a warning says so.
 
     Raises:
         ImportError: `GAMMS_CORE` is neither of the two, or asks for compiled modules that are not there.
@@ -34,27 +34,28 @@ def choose(package: str, folder: Path) -> bool:
 def digest(folder: Path) -> str:
     """Return a hash of the text that is compiled: each `.pxd` and the `.py` beside it."""
     total = sha256()
-    for types in sorted(folder.glob("*.pxd")):
-        for file in (types, types.with_suffix(".py")):
-            text = file.read_bytes().replace(b"\r\n", b"\n")
-            total.update(f"{file.name} {len(text)}\n".encode() + text)
+    types = sorted(folder.glob("*.pxd"))
+    for file in [*types, *(one.with_suffix(".py") for one in types)]:
+        text = file.read_bytes().replace(b"\r\n", b"\n")
+        total.update(f"{file.name} {len(text)}\n".encode() + text)
     return total.hexdigest()
 
 
 def _is_compiled(package: str, folder: Path) -> bool:
-    """Return whether compiled modules are there, and in a checkout, whether they are those of its text."""
+    """Return whether compiled modules can be loaded, and in a checkout, whether they are those of its text."""
     try:
         stamp = import_module(f"{package}._stamp")
     except ModuleNotFoundError:
         return False
-    is_checkout = (folder.parents[2] / "pyproject.toml").is_file()
-    if not is_checkout or digest(folder) == stamp.TEXT:
-        return True
-    text = (
-        "The text of gamms.core has changed since it was compiled. The text runs, interpreted, until it is compiled"
-        " again: python setup.py build_ext --inplace"
-    )
-    warnings.warn(text, RuntimeWarning, stacklevel=2)
+    except ImportError as error:
+        reason = f"The compiled gamms.core cannot be loaded ({error})."
+    else:
+        is_checkout = (folder.parents[2] / "pyproject.toml").is_file()
+        if not is_checkout or digest(folder) == stamp.TEXT:
+            return True
+        reason = "The text of gamms.core has changed since it was compiled."
+    remedy = "It runs interpreted until it is compiled again: make, or python setup.py build_ext --inplace"
+    warnings.warn(f"{reason} {remedy}", RuntimeWarning, stacklevel=2)
     return False
 
 
