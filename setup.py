@@ -9,6 +9,7 @@ compiles nothing. All else is in pyproject.toml.
 
 import os
 import runpy
+import subprocess
 import sys
 import sysconfig
 from pathlib import Path
@@ -27,13 +28,16 @@ FLAGS = {
 HAS_STABLE_ABI = sys.implementation.name == "cpython" and not sysconfig.get_config_var("Py_GIL_DISABLED")
 PROFILE = os.environ.get("GAMMS_CORE_BUILD", "release") if HAS_STABLE_ABI else "python"
 IS_WINDOWS = os.name == "nt"
+C = Path("build", PROFILE)  # what is generated
 
 
 def modules() -> dict[str, str]:
-    """Return the modules that are compiled and their files; `_stamp` tells which text was compiled."""
-    stamp = Path("build", PROFILE, "_stamp.py")
+    """Return the modules that are compiled and their files.
+
+    `_stamp` tells which text was compiled; `_shared` is the code of Cython for columns, else in each module once more.
+    """
     names = sorted(file.stem for file in CORE.glob("*.pxd") if file.stem != "__init__")
-    files = {name: CORE / f"{name}.py" for name in names} | {"_stamp": stamp}
+    files = {name: CORE / f"{name}.py" for name in names} | {"_stamp": C / "_stamp.py", "_shared": C / "_shared.c"}
     return {f"gamms.core.{name}": file.as_posix() for name, file in files.items()}
 
 
@@ -80,15 +84,17 @@ class BuildCore(build_ext):
         """Let Cython write a C file for each module, and make it the source of its extension."""
         from Cython.Build import cythonize
 
-        folder = Path("build", PROFILE)
-        folder.mkdir(parents=True, exist_ok=True)
+        C.mkdir(parents=True, exist_ok=True)
         text = runpy.run_path(str(CORE / "form.py"))["digest"](CORE)
-        (folder / "_stamp.py").write_text(f'TEXT = "{text}"\nPROFILE = "{PROFILE}"\n', encoding="utf-8")
+        (C / "_stamp.py").write_text(f'TEXT = "{text}"\nPROFILE = "{PROFILE}"\n', encoding="utf-8")
+        shared = C / "_shared.c"
+        subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={shared}"], check=True)
         is_checked = PROFILE == "checked"
         written = cythonize(
-            [Extension(one.name, one.sources) for one in self.extensions],
-            build_dir=str(folder),
+            [Extension(one.name, one.sources) for one in self.extensions if one.sources != [shared.as_posix()]],
+            build_dir=str(C),
             include_path=["src"],
+            shared_utility_qualified_name="gamms.core._shared",
             force=True,
             show_all_warnings=False,
             compiler_directives={
@@ -102,7 +108,7 @@ class BuildCore(build_ext):
         )
         sources = {one.name: one.sources for one in written}
         for one in self.extensions:  # its own options stay: `cythonize` drops `optional`
-            one.sources = sources[one.name]
+            one.sources = sources.get(one.name, one.sources)
 
     def _forget(self) -> None:
         """Make the distribution one without extensions, and a wheel of it `py3-none-any`."""

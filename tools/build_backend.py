@@ -103,14 +103,20 @@ def _compiles(compiler: list[str]) -> bool:
 
 
 def _may_have_zig() -> bool:
-    """Return whether `ziglang` can be had: pip ends an installation for want of one requirement of a build."""
-    outside = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # which hides pip from builds
-    pip = [sys.executable, "-m", "pip"]
-    if subprocess.run([*pip, "--version"], env=outside, capture_output=True, check=False).returncode:
-        return True  # another front end, which will say what it lacks
-    line = [*pip, "install", "--dry-run", "--no-deps", "--ignore-installed", "--only-binary", ":all:", "ziglang"]
+    """Return whether `ziglang` can be had: an installation ends where a requirement of its build is missing."""
+    base = Path(sys.base_prefix, "python.exe" if os.name == "nt" else f"bin/python3.{sys.version_info.minor}")
+    for python in (sys.executable, str(base)):  # the environments of `build` have no pip
+        if _succeeds([python, "-m", "pip", "--version"]):
+            fetch = ["--dry-run", "--no-deps", "--ignore-installed", "--only-binary", ":all:", "ziglang"]
+            return _succeeds([python, "-m", "pip", "install", *fetch])
+    return True  # another front end, which will say what it lacks
+
+
+def _succeeds(command: list[str]) -> bool:
+    """Run a command outside of the environment of this build, from which pip is hidden by PYTHONPATH."""
+    outside = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     try:
-        done = subprocess.run(line, env=outside, capture_output=True, check=False, timeout=MOST_SECONDS_TO_FETCH)
-    except subprocess.TimeoutExpired:
+        done = subprocess.run(command, env=outside, capture_output=True, check=False, timeout=MOST_SECONDS_TO_FETCH)
+    except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0

@@ -88,7 +88,7 @@ def sources_of(checkout):
 def modules_of(checkout):
     """Return the files of the compiled modules that a checkout should give, without their suffixes."""
     names = {path.stem for path in (checkout / "src/gamms/core").glob("*.pxd")} - {"__init__"}
-    return {f"core/{name}" for name in names | {"_stamp"}}
+    return {f"core/{name}" for name in names | {"_stamp", "_shared"}}
 
 
 def compiler_that_fails_for(name, folder):
@@ -139,6 +139,19 @@ def test_a_wheel_without_compiled_modules_runs_everywhere_and_has_every_file_of_
     wheel, _ = wheel_of(checkout, tmp_path / "out", GAMMS_CORE_BUILD="python")
     assert wheel.name.endswith("-py3-none-any.whl")
     assert files_of(wheel) == sources_of(checkout)
+
+
+def test_ziglang_is_asked_for_where_no_compiler_works_and_it_can_be_had(checkout, tmp_path):
+    with zipfile.ZipFile(tmp_path / "ziglang-1-py3-none-any.whl", "w") as wheel:  # only its name is looked at
+        wheel.writestr("ziglang-1.dist-info/METADATA", "Metadata-Version: 2.1\nName: ziglang\nVersion: 1\n")
+        wheel.writestr("ziglang-1.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        wheel.writestr("ziglang-1.dist-info/RECORD", "")
+    tools = {"folder": checkout, "PYTHONPATH": str(checkout / "tools")}
+    for hook in ("wheel", "editable"):
+        asked = f"import build_backend; print('asked for', build_backend.get_requires_for_build_{hook}())"
+        assert "asked for []" in run(sys.executable, "-c", asked, **tools, **NO_COMPILER)
+        found = NO_COMPILER | {"PIP_FIND_LINKS": str(tmp_path)}
+        assert "asked for ['ziglang']" in run(sys.executable, "-c", asked, **tools, **found)
 
 
 @needs_compiler
