@@ -56,13 +56,8 @@ def test_agents_that_fly_at_random_are_played_in_arrays(rules, same_as_one_by_on
     same_as_one_by_one(flying(*rules), range(4))
 
 
-@pytest.mark.parametrize("many", [1, 128])
 @pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}])
-def test_agents_in_the_air_are_tagged_in_a_straight_line_as_in_games_alone(
-    settings, many, monkeypatch, same_as_one_by_one
-):
-    for module in ("contacts_in_arrays", "meetings_in_arrays"):
-        monkeypatch.setattr(f"gamms.rules.{module}._MANY", many)
+def test_agents_in_the_air_are_tagged_in_a_straight_line_as_in_games_alone(settings, same_as_one_by_one):
     near = {"euclid": 9, "air": True}
     tags = [
         {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "mutual": True, **near}},

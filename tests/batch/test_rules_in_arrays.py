@@ -143,20 +143,10 @@ def test_agents_that_are_near_are_tagged_as_in_games_that_are_played_alone(given
         {"euclid": math.inf, "then": "eliminate"},
     ],
 )
-def test_agents_by_metres_are_tagged_when_they_first_are_near_as_alone(given, decide, monkeypatch, same_as_one_by_one):
-    monkeypatch.setattr("gamms.rules.meetings_in_arrays._PAIRS_AT_ONCE", 3)
+def test_agents_by_metres_are_tagged_when_they_first_are_near_as_alone(given, decide, same_as_one_by_one):
     tag, settings = rule("tag", taggers="red", tagged="blue", **given), {"speed_unit": "metres", "decide": decide}
     scenario = scene([tag, tag], side=4, max_turns=6, settings=settings | {"order": [["blue"], ["red"]]})
     same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 17.0}), SEEDS[:1])
-
-
-@pytest.mark.parametrize("given", [{"euclid": 15, "mutual": True}, {"euclid": 0, "then": "eliminate"}])
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-def test_near_agents_of_large_teams_are_found_by_cells(given, unit, monkeypatch, same_as_one_by_one):
-    for module in ("contacts_in_arrays", "meetings_in_arrays"):
-        monkeypatch.setattr(f"gamms.rules.{module}._MANY", 3)
-    tag = rule("tag", taggers="red", tagged="blue", **given)
-    same_as_one_by_one(scene([tag], red=7, blue=9, max_turns=8, settings={"speed_unit": unit}), SEEDS)
 
 
 def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):

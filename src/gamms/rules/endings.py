@@ -13,8 +13,7 @@ from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.contacts import tracks_of
-from gamms.rules.meetings import visits_of
+from gamms.rules.visits import tracks_of, visits_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import TEAMS, Team

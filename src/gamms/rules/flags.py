@@ -15,10 +15,9 @@ from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published
-from gamms.rules.contacts import tracks_of
 from gamms.rules.endings import all_know, refuse_unknown, with_hooks
-from gamms.rules.meetings import Visit, visits_of
 from gamms.rules.territory import Colors, Ground, Territory, as_territory
+from gamms.rules.visits import Visit, tracks_of, visits_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import OWNERS

@@ -1,384 +1,466 @@
-"""When and where agents that travel by metres are near each other, exactly: on nodes, on edges, and between both."""
+"""What `gamms.core.contacts` is asked: the columns of agents that it takes, and the contacts that it finds.
 
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, pairwise
-from math import inf, sqrt
-from typing import NamedTuple
+`met_in_game` asks it about the game of a context, `met_in_turn` about a turn of many games.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from itertools import accumulate, chain
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.context import Context
-from gamms.errors import UnknownName
+from gamms.core import contacts as core
+from gamms.game.batch.columns import some_rows
+from gamms.game.batch.movement import Legs as LegsOfTurn
+from gamms.game.batch.roads import REMOVED
+from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
+from gamms.graph import Graph
 from gamms.ir.agents import Position
-from gamms.ir.graph import FloatArray
-from gamms.typing.game import Leg, Track
-from gamms.typing.graph_values import OSMEdge
-from gamms.typing.on_edges import line_along, point_along
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+from gamms.rules.near_nodes import NearNodes, Reach
+from gamms.rules.visits import EdgesGoneAlong, tracks_of
+from gamms.typing import IAgent
+from gamms.typing.game import Track
 
-TIME_SLACK = 1e-9  # of a turn: agents that are at one place so far apart in time meet there
-
-Visit = tuple[int, float, float]  # node id; from when until when
-Meeting = tuple[float, float, bool, str, str, int, int]  # time, distance, on an edge?, a, b, where a was, where b was
-Reached = Callable[[int], Mapping[int, float]]  # the nodes that are near enough ahead of a node, with their distances
+_FIRST_ROOM = 64  # contacts
+_BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
 
 
-class EdgesGoneAlong(dict[int, OSMEdge]):
-    """id -> edge, of those that agents go along in a turn, which rules may have closed since.
+class Nearness(NamedTuple):
+    """What counts as a contact; see `contacts`."""
 
-    Raises:
-        UnknownName (KeyError): when an edge is asked for that was removed.
+    unit: str | None  # "hops", "metres" or "euclid"; None: on one node
+    limit: float
+    crossing: bool
+    air: bool
+    passing: bool
+
+
+class Met(NamedTuple):
+    """Contacts in the order of the games, in each in that which `contacts` promises.
+
+    Arrays (contacts,): the numbers of the game and of both agents, the numbers of the nodes where both were, times,
+    distances, the draws that decide between equals, and 1 where they met on an edge.
     """
 
-    def __init__(self, ctx: Context) -> None:
-        super().__init__()
-        self._ctx, self.graph = ctx, ctx.graph.graph
+    games: IntArray
+    a: IntArray
+    b: IntArray
+    a_nodes: IntArray
+    b_nodes: IntArray
+    times: FloatArray
+    distances: FloatArray
+    draws: BitArray
+    on_edges: IntArray
 
-    def __missing__(self, id: int) -> OSMEdge:
-        """Look an edge up."""
-        try:
-            found = self.graph.get_edge(id)
-        except UnknownName:
-            _, closed = self._ctx.graph.storage.roads()
-            if id not in closed:
-                raise
-            edge = closed[id]
-            line = edge.get("linestring")
-            line = self.graph.positions([edge["source"], edge["target"]]) if line is None else line
-            found = OSMEdge(id, edge["source"], edge["target"], edge["length"], line)
-        self[id] = found
-        return found
-
-    def without_removed(self, legs: Iterable[Leg]) -> Iterator[Leg]:
-        """Yield the legs whose edges were not removed: nothing tells where these were."""
-        for leg in legs:
-            try:
-                self[leg.edge]
-            except UnknownName:
-                continue
-            yield leg
+    def those(self, rows: IntArray | BoolArray) -> "Met":
+        """Return some of them."""
+        return some_rows(self, rows)
 
 
-class Journey:
-    """Where one agent is in the course of a turn.
+class Paths(NamedTuple):
+    """The nodes that agents pass, as `core.Tracks` has them; arrays (rows, most) and (rows,).
+
+    Attributes:
+        agents: how many a game has.
+        num_nodes: how many numbers of nodes there are.
+    """
+
+    agents: int
+    num_nodes: int
+    nodes: IntArray
+    times: FloatArray
+    lengths: IntArray
+    sides: IntArray
+
+
+class Legs(NamedTuple):
+    """The parts of edges that agents cover, as `core.Legs` has them; arrays (rows, most) and (rows,)."""
+
+    num_streets: int
+    counts: IntArray
+    sources: IntArray
+    targets: IntArray
+    streets: IntArray
+    flags: IntArray
+    begins: FloatArray
+    ends: FloatArray
+    since: FloatArray
+    until: FloatArray
+    lengths: FloatArray
+
+    @property
+    def most(self) -> int:
+        """How many legs a row has room for."""
+        return int(self.sources.shape[-1])
+
+
+def no_legs(rows: int) -> Legs:
+    """Return those of games that count edges."""
+    none = np.zeros((rows, 0), np.int64)
+    nothing = np.zeros((rows, 0))
+    counts = np.zeros(rows, np.int64)
+    return Legs(0, counts, none, none, none, none, nothing, nothing, nothing, nothing, nothing)
+
+
+class Lines(NamedTuple):
+    """The straight parts of ways, as `core.Lines` has them; arrays (rows + 1,), (parts,) and (parts, 3)."""
+
+    offsets: IntArray
+    since: FloatArray
+    until: FloatArray
+    begins: FloatArray
+    ends: FloatArray
+
+
+class Draws(NamedTuple):
+    """What the draws follow from: (agents,) the keys of names; (games,) keys of purposes, and turns."""
+
+    names: BitArray
+    purposes: BitArray
+    turns: IntArray
+
+
+def find(
+    paths: Paths, legs: Legs, draws: Draws, nearness: Nearness, near: Lines | Reach | None, *, by_metres: bool
+) -> Met:
+    """Return the contacts of a turn.
 
     Args:
-        name: of the agent.
-        track: how it has moved.
-        at: where one that flies is; it is on no node.
+        paths: of all agents.
+        legs: likewise.
+        draws: what decides between equals.
+        nearness: what counts as a contact.
+        near: what says how far places are from each other; None: agents meet on nodes.
+        by_metres: whether the games are by metres.
+    """
+    # Per agent at most: visits and legs, each with two entries.
+    parts = 0 if not isinstance(near, Lines) else len(near.since)
+    pieces = max(parts, paths.agents * 2 * (paths.nodes.shape[-1] + 2 * legs.most + 2))
+    tracks = core.Tracks(paths.agents, paths.nodes.shape[-1], *_flat(paths[2:]), at_end=not nearness.passing)
+    covered = core.Legs(legs.most, *_flat(legs[1:]))
+    scratch = _pieces(pieces, max(paths.num_nodes, legs.num_streets, 1))
+    nearby = None if near is None else (core.Lines if isinstance(near, Lines) else core.Reach)(*_flat(near))
+    room = _FIRST_ROOM
+    while True:
+        met = _room_for(room)
+        order = np.empty(room, np.int64)
+        columns = _flat((*draws, *met, order))
+        found = core.Contacts(tracks, covered, scratch, *columns, crossing=nearness.crossing, by_metres=by_metres)
+        if nearby is None:
+            count = found.find_on_nodes()
+        elif isinstance(nearby, core.Lines):
+            count = found.find_straight(nearby, nearness.limit)
+        else:
+            count = found.find_by_paths(nearby, nearness.limit, by_metres and nearness.unit == "metres")
+        if count <= room:
+            rows = order[: found.kept]
+            return met.those(rows)
+        room = 2 * count
+
+
+def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # of memoryviews, which are not subscriptable
+    """Return columns as the core takes them."""
+    return [np.ascontiguousarray(column).reshape(-1).data for column in columns]
+
+
+def _pieces(room: int, keys: int) -> core.Pieces:
+    ints = np.empty((6, room), np.int64)
+    floats = np.empty((4, room))
+    first = np.full(keys, -1)
+    columns = (*ints[:3], *floats, *ints[3:5], first, ints[5])
+    return core.Pieces(*_flat(columns))
+
+
+def _room_for(contacts: int) -> Met:
+    games, a, b, a_nodes, b_nodes, on_edges = np.empty((6, contacts), np.int64)
+    times, distances = np.empty((2, contacts))
+    return Met(games, a, b, a_nodes, b_nodes, times, distances, np.empty(contacts, np.uint64), on_edges)
+
+
+# -- in the game of a context ------------------------------------------------------------------------------------------
+
+
+class MetInGame(NamedTuple):
+    """The contacts of one game.
 
     Attributes:
-        visits: the nodes that it is on, from when until when.
-        legs: what it covers of which edges.
+        agents: those that they number.
+        node_ids: of the nodes that they number.
+        met: the contacts.
+        tracks: of the agents, in games by metres.
+        in_air: agent -> where it is, of those that fly where straight lines count.
     """
 
-    def __init__(self, name: str, track: Track, at: Position | None = None) -> None:
-        self.name, self.track, self.at = name, track, at
-        self.visits, self.legs = visits_of(track), track.legs
-
-    def node_at(self, time: float) -> int:
-        """Return the node that it has passed last; it is on a node that it reaches right after the time."""
-        passed = [node for node, when in zip(*self.track[:2], strict=True) if when <= time + TIME_SLACK]
-        return passed[-1] if passed else self.track.path[0]
-
-    def xy_at(self, edges: "EdgesGoneAlong", time: float) -> tuple[float, float] | None:
-        """Return where on the map it is; None where its edge or node is gone."""
-        try:
-            if self.at is not None:
-                return self.at[:2]
-            for leg in self.legs:
-                if leg.since <= time <= leg.until:
-                    return point_along(edges[leg.edge].points, leg.share_at(time))[:2]
-            node = edges.graph.get_node(self.node_at(time))
-        except UnknownName:
-            return None
-        return node.x, node.y
+    agents: Sequence[IAgent]
+    node_ids: Sequence[int]
+    met: Met
+    tracks: Sequence[Track]
+    in_air: Mapping[str, Position]
 
 
-def visits_of(track: Track) -> Sequence[Visit]:
-    """Return the nodes that an agent was at; the one that it left at once belongs to the turn before."""
-    path, times, legs = track
-    if legs:
-        return _visits_by_legs(track)
-    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks: turns).
-    if len(path) == 1:
-        return ((path[0], times[0], 1.0),)
-    if len(path) == 2 and path[0] != path[1]:
-        return ((path[1], times[1], 1.0),)
-    left = [
-        after if end == start else now
-        for (start, end), (now, after) in zip(pairwise(path), pairwise(times), strict=True)
-    ]
-    visits = list(zip(path, times, (*left, 1.0), strict=True))
-    return visits if path[1] == path[0] else visits[1:]
+def met_in_game(
+    ctx: Context, agents: Sequence[IAgent], sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]
+) -> MetInGame:
+    """Return the contacts of the turn.
+
+    Args:
+        ctx: the context.
+        agents: of either side.
+        sides: of each, as `core.Tracks` has it.
+        nearness: what counts as a contact.
+        in_air: agent -> where it is, of those that fly where straight lines count.
+    """
+    by_metres = ctx.game.speed_unit != "edges"
+    # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
+    tracks = tracks_of(ctx, agents, passing=nearness.passing or not by_metres)
+    edges = EdgesGoneAlong(ctx)
+    numbers = _numbers(tracks)
+    paths = _paths(tracks, numbers, sides)
+    legs = _legs(edges, tracks, numbers) if by_metres else no_legs(len(agents))
+    near: Lines | Reach | None = None
+    if nearness.unit == "euclid":
+        places = [in_air.get(agent.name) for agent in agents]
+        near = _lines(edges, tracks, places) if by_metres else _places(ctx.graph.graph, paths, numbers, places)
+    elif nearness.unit is not None:
+        near = _reach(ctx.graph.graph, numbers, nearness)
+    names = kernels.name_keys(agent.name for agent in agents)
+    purpose = np.array([kernels.purpose_key(ctx.seed, "contacts")], np.uint64)
+    met = find(paths, legs, Draws(names, purpose, np.array([ctx.game.turn])), nearness, near, by_metres=by_metres)
+    return MetInGame(agents, list(numbers), met, tracks, in_air)
 
 
-def _visits_by_legs(track: Track) -> Sequence[Visit]:
-    path, times, legs = track
-    first = legs[0]
-    visits = [(path[0], times[0], first.since)] if first.begin in (0.0, 1.0) and first.since > times[0] else []
-    for leg, after in zip(legs, (*legs[1:], None), strict=True):
-        if leg.begin != leg.end and leg.end in (0.0, 1.0):
-            visits.append((leg.target if leg.end else leg.source, leg.until, 1.0 if after is None else after.since))
-    return visits
+def _numbers(tracks: Sequence[Track]) -> dict[int, int]:
+    """Return node id -> its number, of all nodes on the ways of agents."""
+    nodes = dict.fromkeys(chain.from_iterable(track.path for track in tracks))
+    for track in tracks:
+        for leg in track.legs:
+            nodes[leg.source] = nodes[leg.target] = None
+    return {node: number for number, node in enumerate(nodes)}
 
 
-# -- at one place -------------------------------------------------------------------------------------------------
+def _paths(tracks: Sequence[Track], numbers: Mapping[int, int], sides: Sequence[int]) -> Paths:
+    lengths = [len(track.path) for track in tracks]
+    most = max(lengths)
+    nodes = np.zeros((len(tracks), most), np.int64)
+    times = np.ones((len(tracks), most))
+    counts = np.array(lengths)
+    is_there = np.arange(most) < counts[:, None]
+    nodes[is_there] = [numbers[node] for track in tracks for node in track.path]
+    times[is_there] = [time for track in tracks for time in track.times]
+    return Paths(len(tracks), len(numbers), nodes, times, counts, np.array(sides, np.int64))
 
 
-def on_edges(ours: Sequence[Journey], theirs: Sequence[Journey]) -> Iterator[Meeting]:
-    """Yield the pairs that are at one place of a street at one time: who meet, overtake, or stand there."""
-    on: dict[int, list[tuple[Journey, Leg]]] = defaultdict(list)
-    for one in ours:
-        for leg in one.legs:
-            on[leg.street].append((one, leg))
-    for other in theirs:
-        for its in other.legs:
-            for one, leg in on.get(its.street, ()):
-                time = _first_touch(leg, its)
-                if time is not None:
-                    yield time, 0.0, True, one.name, other.name, one.node_at(time), other.node_at(time)
+def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], numbers: Mapping[int, int]) -> Legs:
+    rows = [(row, place, leg) for row, track in enumerate(tracks) for place, leg in enumerate(track.legs)]
+    most = max(len(track.legs) for track in tracks)
+    streets: dict[int, int] = {}
+    ints = np.zeros((4, len(tracks), most), np.int64)
+    floats = np.zeros((5, len(tracks), most))
+    for row, place, leg in rows:
+        length = edges.length_of(leg)
+        flags = _BACKWARDS * (leg.street != leg.edge) + _TURNS * (leg.back is not None) + _REMOVED * (length is None)
+        street = streets.setdefault(leg.street, len(streets))
+        ints[:, row, place] = numbers[leg.source], numbers[leg.target], street, flags
+        floats[:, row, place] = leg.begin, leg.end, leg.since, leg.until, length or 0.0
+    counts = np.array([len(track.legs) for track in tracks])
+    return Legs(len(streets), counts, *ints, *floats)
 
 
-def _first_touch(a: Leg, b: Leg) -> float | None:
-    """Return when two agents on one street are first at one place of it; None: never, or only when the turn begins."""
-    since, until = max(a.since, b.since), min(a.until, b.until)
-    if since > until:
-        return None
-    gaps = [_street_share(a, time) - _street_share(b, time) for time in (since, until)]
-    if abs(gaps[0]) <= TIME_SLACK:
-        return since if since > 0.0 or abs(gaps[1]) <= TIME_SLACK else None
-    if gaps[0] * gaps[1] < 0.0:
-        return since + (until - since) * gaps[0] / (gaps[0] - gaps[1])
-    return until if abs(gaps[1]) <= TIME_SLACK else None
+def _reach(graph: Graph, numbers: Mapping[int, int], nearness: Nearness) -> Reach:
+    search = partial(nodes_within, graph) if nearness.unit == "hops" else _by_length(graph)
+    rows = []
+    for node in numbers:
+        far = search(node, nearness.limit)
+        rows.append(sorted((numbers[end], far[end]) for end in far.keys() & numbers.keys()))
+    counts = [len(row) for row in rows]
+    ends = [number for row in rows for number, _ in row]
+    far = [metres for row in rows for _, metres in row]
+    offsets = [0, *accumulate(counts)][:-1]
+    return Reach(np.array(offsets), np.array(counts), np.array(ends, np.int64), np.array(far, np.float64))
 
 
-def _street_share(leg: Leg, time: float) -> float:
-    share = leg.share_at(time)
-    return share if leg.street == leg.edge else 1.0 - share
+def _by_length(graph: Graph) -> Any:
+    return lambda node, limit: graph.distances(source=node, cutoff=limit)
 
 
-# -- in a straight line ---------------------------------------------------------------------------------------------
+def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
+    """Return the nodes at most so many edges ahead of a node, each with the number of edges."""
+    # NOTE: 5 us for what lies 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
+    near, hops, ring, far = graph.neighborhoods, {node: 0.0}, [node], 0.0
+    while ring and far + 1.0 <= limit:
+        far += 1.0
+        ring = [end for end in dict.fromkeys(end for start in ring for end in near[start]) if end not in hops]
+        hops.update(dict.fromkeys(ring, far))
+    return hops
 
 
-class _Line(NamedTuple):
-    """A straight part of a journey."""
+def _places(graph: Graph, paths: Paths, numbers: Mapping[int, int], in_air: Sequence[Position | None]) -> Lines:
+    """Return where agents are on the nodes that they pass, in games that count edges."""
+    rows, most = paths.nodes.shape
+    xyz = np.zeros((len(numbers), 3))
+    xyz[:, :2] = graph.positions([*numbers])
+    begins = xyz[paths.nodes]
+    for row, place in enumerate(in_air):
+        if place is not None:
+            begins[row] = place
+    nothing = np.zeros(rows * most)
+    return Lines(np.arange(rows + 1) * most, nothing, nothing, begins, begins)
 
-    since: float
-    until: float
-    begin: Position
-    end: Position
+
+def _lines(edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None]) -> Lines:
+    rows = [list(edges.lines_of(track, at)) for track, at in zip(tracks, in_air, strict=True)]
+    lines = [line for row in rows for line in row]
+    offsets = np.array([0, *accumulate(len(row) for row in rows)])
+    since = np.array([line[0] for line in lines])
+    until = np.array([line[1] for line in lines])
+    begins = np.array([line[2] for line in lines], np.float64)
+    ends = np.array([line[3] for line in lines], np.float64)
+    return Lines(offsets, since, until, begins, ends)
 
 
-def within_euclid(
-    edges: EdgesGoneAlong, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float
-) -> Iterator[Meeting]:
-    """Yield the pairs that are so near in a straight line, each when it first is."""
-    lines = {one.name: list(_lines(edges, one)) for one in (*ours, *theirs)}
-    ours, theirs = ([one for one in side if lines[one.name]] for side in (ours, theirs))
-    if not ours or not theirs:
-        return
-    low_a, high_a = _boxes([lines[one.name] for one in ours])
-    low_b, high_b = _boxes([lines[one.name] for one in theirs])
-    reach = with_rim(limit, max(float(np.abs(ends).max()) for ends in (low_a, high_a, low_b, high_b)))
-    spread = sum(
-        float(np.sqrt(((high - low) ** 2).sum(axis=1).max())) for low, high in ((low_a, high_a), (low_b, high_b))
+# -- in many games -----------------------------------------------------------------------------------------------------
+
+
+def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> Met:
+    """Return the contacts of a turn of many games; nodes are numbered by their rows.
+
+    Args:
+        turn: of the games.
+        ours: (agents,) the numbers of one side in the roster.
+        theirs: likewise.
+        nearness: what counts as a contact.
+    """
+    sides = np.zeros(turn.node.shape, np.int64)
+    sides[:, ours] += 1
+    sides[:, theirs] += 2
+    sides[~turn.alive] = 0
+    by_move = turn.is_there_by_move
+    nodes, times, lengths = _steps_of(turn, by_move)
+    by_metres = turn.paths is not None and turn.paths.legs is not None
+    legs = no_legs(turn.node.size)
+    if turn.paths is not None and turn.paths.legs is not None:
+        legs = _legs_of(turn, turn.paths.legs, by_move)
+    most = nodes.shape[-1]
+    paths = Paths(
+        turn.node.shape[1],
+        turn.streets.num_nodes,
+        nodes.reshape(-1, most),
+        times.reshape(-1, most),
+        lengths.reshape(-1),
+        sides.reshape(-1),
     )
-    rows, columns, _ = kernels.pairs_within((low_a + high_a) / 2, (low_b + high_b) / 2, reach + spread)
-    gaps = np.maximum(low_a[rows] - high_b[columns], low_b[columns] - high_a[rows]).clip(0.0)
-    near = np.flatnonzero((gaps * gaps).sum(axis=1) <= reach * reach)
-    for row, column in zip(rows[near].tolist(), columns[near].tolist(), strict=True):
-        one, other = ours[row], theirs[column]
-        pairs = ((a, b) for a in lines[one.name] for b in lines[other.name])
-        found = [met for a, b in pairs if (met := _first_near(a, b, limit)) is not None]
-        if found:
-            time, distance = min(found)
-            yield time, distance, False, one.name, other.name, one.node_at(time), other.node_at(time)
-
-
-def with_rim(limit: float, farthest: float) -> float:
-    """Return a distance that is longer than any that counts as a limit after rounding, where coordinates are so far."""
-    return limit + TIME_SLACK * (limit + farthest)
-
-
-def _boxes(journeys: Sequence[Sequence[_Line]]) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and the highest coordinates on each journey, (journeys, 3) both."""
-    points = np.array([point for lines in journeys for line in lines for point in (line.begin, line.end)])
-    begins = np.cumsum([0, *(2 * len(lines) for lines in journeys[:-1])])
-    return np.minimum.reduceat(points, begins), np.maximum.reduceat(points, begins)
-
-
-def _lines(edges: EdgesGoneAlong, one: Journey) -> Iterator[_Line]:
-    if one.at is not None:
-        yield _Line(one.track.times[0], 1.0, one.at, one.at)
-        return
-    for node, since, until in one.visits:
-        _, x, y = edges.graph.get_node(node)
-        yield _Line(since, until, (x, y, 0.0), (x, y, 0.0))
-    for leg in edges.without_removed(one.legs):
-        yield from _lines_of(edges[leg.edge], leg)
-
-
-def _lines_of(edge: OSMEdge, leg: Leg) -> Iterator[_Line]:
-    """Yield the straight parts of a leg along the polyline of its edge."""
-    line = line_along(edge.points, leg.begin, leg.end)
-    pace = (leg.until - leg.since) / (leg.end - leg.begin) if leg.end != leg.begin else 0.0
-    times = [leg.since, *(leg.since + (share - leg.begin) * pace for share, _, _ in line[1:-1]), leg.until]
-    points = [(x, y, 0.0) for _, x, y in line]
-    for (since, until), (begin, end) in zip(pairwise(times), pairwise(points), strict=True):
-        yield _Line(since, until, begin, end)
-
-
-def _first_near(a: _Line, b: _Line, limit: float) -> tuple[float, float] | None:
-    """Return when two agents on straight parts are first so near, and how near; None: never."""
-    since, until = max(a.since, b.since), min(a.until, b.until)
-    if since > until:
-        return None
-    x, y, z = (one - other for one, other in zip(_at(a, since), _at(b, since), strict=True))
-    # Squares are compared, which are the same on every machine and in `meetings_in_arrays`.
-    far = x * x + y * y + z * z
-    if far <= limit * limit:
-        return since, sqrt(far)
-    last = (one - other for one, other in zip(_at(a, until), _at(b, until), strict=True))
-    dx, dy, dz = (then - now for then, now in zip(last, (x, y, z), strict=True))
-    square, mixed = dx * dx + dy * dy + dz * dz, x * dx + y * dy + z * dz
-    # |gap + share * change| = limit is a quadratic equation; its smaller root is when they come near.
-    inside = mixed * mixed - square * (far - limit * limit)
-    if square == 0.0 or inside < 0.0:
-        return None
-    share = (-mixed - sqrt(inside)) / square
-    return (since + share * (until - since), limit) if 0.0 <= share <= 1.0 else None
-
-
-def _at(line: _Line, time: float) -> tuple[float, ...]:
-    if line.until <= line.since:
-        return line.begin
-    share = (time - line.since) / (line.until - line.since)
-    return tuple(x + share * (y - x) for x, y in zip(line.begin, line.end, strict=True))
-
-
-# -- along the edges --------------------------------------------------------------------------------------------------
-
-
-class _Stretch(NamedTuple):
-    """A part of a journey on which the distances to the ends of its edge change evenly.
-
-    Attributes:
-        since, until: of the turn.
-        street: whose; None on a node.
-        places: at the two times, shares of the street.
-        length: of the edge.
-        exits: how one leaves: node -> metres to it at the two times.
-        entries: how one comes: node -> metres from it at the two times.
-    """
-
-    since: float
-    until: float
-    street: int | None
-    places: tuple[float, float]
-    length: float
-    exits: Mapping[int, tuple[float, float]]
-    entries: Mapping[int, tuple[float, float]]
-
-
-def within_metres(
-    edges: EdgesGoneAlong, reached: Reached, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float
-) -> Iterator[Meeting]:
-    """Yield the pairs that are so near by the shorter of the paths there and back, each when it first is."""
-    stretches = {one.name: list(_stretches(edges, one)) for one in (*ours, *theirs)}
-    ways = _in_reach(reached, stretches, ours, theirs), _in_reach(reached, stretches, theirs, ours)
-    near = ways[0] | {(one, other) for other, one in ways[1]}
-    names = ({one.name: one for one in side} for side in (ours, theirs))
-    of_ours, of_theirs = names
-    for name, its in sorted(near):
-        one, other = of_ours[name], of_theirs[its]
-        pairs = ((a, b) for a in stretches[name] for b in stretches[its])
-        found = [met for a, b in pairs if (met := _first_within(reached, a, b, limit)) is not None]
-        if found:
-            time, distance = min(found)
-            yield time, distance, False, name, its, one.node_at(time), other.node_at(time)
-
-
-def _in_reach(
-    reached: Reached, stretches: Mapping[str, Sequence["_Stretch"]], ours: Sequence[Journey], theirs: Sequence[Journey]
-) -> set[tuple[str, str]]:
-    """Return the pairs on one street, and those where a path leads from one to the other that may be short enough."""
-    at: dict[tuple[str, int], set[str]] = defaultdict(set)
-    for other in theirs:
-        for stretch in stretches[other.name]:
-            for node in stretch.entries:
-                at["node", node].add(other.name)
-            if stretch.street is not None:
-                at["street", stretch.street].add(other.name)
-    found = set[tuple[str, str]]()
-    for one in ours:
-        for stretch in stretches[one.name]:
-            nodes = {node for exit in stretch.exits for node in reached(exit)}
-            keys = [("node", node) for node in nodes]
-            keys += [("street", stretch.street)] if stretch.street is not None else []
-            found.update((one.name, other) for key in keys if key in at for other in at[key])
-    return found
-
-
-def _stretches(edges: EdgesGoneAlong, one: Journey) -> Iterator[_Stretch]:
-    for node, since, until in one.visits:
-        here = {node: (0.0, 0.0)}
-        yield _Stretch(since, until, None, (0.0, 0.0), 0.0, here, here)
-    for leg in edges.without_removed(one.legs):
-        length = edges[leg.edge].length
-        behind, ahead = (leg.begin * length, leg.end * length), ((1.0 - leg.begin) * length, (1.0 - leg.end) * length)
-        exits, entries = {leg.target: ahead}, {leg.source: behind}
-        if leg.back is not None:
-            exits, entries = {leg.source: behind, **exits}, {leg.target: ahead, **entries}
-        yield _Stretch(leg.since, leg.until, leg.street, leg.on_street(), length, exits, entries)
-
-
-def _first_within(reached: Reached, a: _Stretch, b: _Stretch, limit: float) -> tuple[float, float] | None:
-    """Return when two agents on stretches are first so near, and how near; None: never."""
-    since, until = max(a.since, b.since), min(a.until, b.until)
-    if since > until:
-        return None
-    least: tuple[float, float] | None = None
-    for last, begin, end in chain(_apart(reached, a, b, since, until), _apart(reached, b, a, since, until)):
-        if begin <= limit:
-            met = since, begin
-        elif end <= limit:
-            met = since + (last - since) * (begin - limit) / (begin - end), limit
-        else:
-            continue
-        least = met if least is None else min(least, met)
-    return least
-
-
-def _apart(
-    reached: Reached, a: _Stretch, b: _Stretch, since: float, until: float
-) -> Iterator[tuple[float, float, float]]:
-    """Yield by each path from one to the other a time, and the distances at `since` and then.
-
-    Each changes evenly between both, and does not fall after that time.
-    """
-    if a.street is not None and a.street == b.street:
-        first, last = (
-            (_even(a.since, a.until, a.places, time) - _even(b.since, b.until, b.places, time)) * a.length
-            for time in (since, until)
+    near: Lines | Reach | None = None
+    if nearness.unit == "euclid":
+        in_air = turn.in_air() if nearness.air else None
+        near = _places_of(turn, nodes, in_air)
+        if turn.paths is not None and turn.paths.legs is not None:
+            near = _lines_of(turn, legs, turn.paths.legs.edge, in_air, passing=nearness.passing)
+    elif nearness.unit is not None:
+        near = _near_nodes(turn, nearness).around(
+            np.concatenate([column.ravel() for column in (nodes, legs.sources, legs.targets)])
         )
-        if first * last < 0.0:  # they pass each other
-            yield since + (until - since) * first / (first - last), abs(first), 0.0
-        else:
-            yield until, abs(first), abs(last)
-    for node, out in a.exits.items():
-        far = reached(node)
-        for end, into in b.entries.items():
-            between = far.get(end, inf)
-            if between < inf:
-                begin, final = (
-                    between + _even(a.since, a.until, out, time) + _even(b.since, b.until, into, time)
-                    for time in (since, until)
-                )
-                yield until, begin, final
+    draws = Draws(turn.roster.keys, purposes_in(turn, "contacts"), turn.turn)
+    return find(paths, legs, draws, nearness, near, by_metres=by_metres)
 
 
-def _even(since: float, until: float, values: tuple[float, float], time: float) -> float:
-    """Return a value that changes evenly."""
-    return values[1] if until <= since else values[0] + (values[1] - values[0]) * (time - since) / (until - since)
+def one_to_one_of_games(games: IntArray, a: IntArray, b: IntArray, agents: int) -> IntArray:
+    """Return the rows of the contacts of games, in their order, that `one_to_one` takes.
+
+    `agents` is how many a game has.
+    """
+    made = np.empty(len(games), np.int64)
+    core.match(*_flat((games, a, b, np.full(agents, -1), made)))
+    return np.flatnonzero(made)
+
+
+def _steps_of(turn: ArrayTurn, by_move: BoolArray) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return the nodes that agents pass, when, and how many, (games, agents, most) and (games, agents)."""
+    if turn.paths is not None:
+        nodes = np.where(by_move[..., None], turn.paths.nodes, turn.node[..., None])
+        times = np.where(by_move[..., None], turn.paths.times, 1.0)
+        return nodes, times, np.where(by_move, turn.paths.lengths, 1)
+    has_moved = by_move & (turn.starts != turn.node)
+    nodes = np.stack((np.where(has_moved, turn.starts, turn.node), turn.node), axis=-1)
+    times = np.ones(nodes.shape)
+    times[by_move, 0] = 0.0
+    return nodes, times, 1 + has_moved
+
+
+def _legs_of(turn: ArrayTurn, legs: LegsOfTurn, by_move: BoolArray) -> Legs:
+    columns, edge, back = movement_in(turn).columns, legs.edge, legs.back
+    ids = columns.edge_ids
+    counts = np.where(by_move, (edge >= 0).sum(axis=-1), 0)
+    streets = np.where((back >= 0) & (ids[back] < ids[edge]), back, edge)
+    at = np.nonzero(edge >= 0)
+    flags = _BACKWARDS * (streets != edge) + _TURNS * (back >= 0)
+    flags[at] += _REMOVED * (movement_in(turn).all_roads.states(edge[at], turn.games[at[0]]) == REMOVED)
+    ends = (columns.sources[edge], columns.targets[edge], streets, flags)
+    spans = (legs.begin, legs.end, legs.since, legs.until, columns.lengths[edge])
+    parts: list[Any] = [column.reshape(counts.size, edge.shape[-1]) for column in (*ends, *spans)]
+    return Legs(len(ids), counts.reshape(-1), *parts)
+
+
+def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
+    unit, limit = nearness.unit, nearness.limit
+    return turn.shared(("near", unit, limit), lambda: NearNodes(turn.streets, limit, by_length=unit == "metres"))
+
+
+def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> Lines:
+    """Return where agents are on the nodes that they pass, in games that count edges."""
+    begins = np.zeros((*nodes.shape, 3))
+    for axis, places in enumerate(turn.streets.axes):
+        begins[..., axis] = places[nodes]
+    if in_air is not None:
+        begins[:, in_air[0]] = in_air[1][:, :, None]
+    nothing = np.zeros(nodes.size)
+    return Lines(np.arange(turn.node.size + 1) * nodes.shape[-1], nothing, nothing, begins, begins)
+
+
+def _lines_of(
+    turn: ArrayTurn, legs: Legs, edges: IntArray, in_air: tuple[IntArray, FloatArray] | None, *, passing: bool
+) -> Lines:
+    """Return the straight parts of the ways of agents, by the lines on the map, in games by metres."""
+    agents = turn.node.shape[1]
+    visits = turn.visits(turn.alive, passing=passing)
+    here = np.zeros((len(visits.at), 3))
+    for axis, places in enumerate(turn.streets.axes):
+        here[:, axis] = places[visits.nodes]
+    if in_air is not None:
+        some = np.flatnonzero(np.isin(visits.agents, in_air[0]))
+        here[some] = in_air[1][visits.at[some], np.searchsorted(in_air[0], visits.agents[some])]
+    edge = edges.reshape(legs.sources.shape)
+    counts = (np.arange(legs.most) < legs.counts[:, None]) & (legs.flags & _REMOVED == 0)
+    counts &= turn.alive.reshape(-1, 1)
+    begins, since, until = legs.begins, legs.since, legs.until
+    if not passing:  # those that are on an edge at the end
+        is_last = np.arange(legs.most) == legs.counts[:, None] - 1
+        counts &= is_last & (legs.ends > 0.0) & (legs.ends < 1.0)
+        begins = legs.ends
+        since = until = np.ones(begins.shape)
+    rows, places = np.nonzero(counts)
+    at = rows, places
+    which, share, x, y = movement_in(turn).lines.corners(edge[at], begins[at], legs.ends[at])
+    is_last, is_first = np.diff(which, append=-1) != 0, np.diff(which, prepend=-1) != 0
+    begin, end, start, stop = begins[at], legs.ends[at], since[at], until[at]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pace = np.where(end != begin, (stop - start) / (end - begin), 0.0)
+    time = start[which] + (share - begin[which]) * pace[which]
+    time[is_first], time[is_last] = start, stop
+    first, last = np.flatnonzero(~is_last), np.flatnonzero(~is_first)
+    corners = np.stack((x, y, np.zeros(len(x))), axis=-1)
+    keys = np.concatenate((visits.at * agents + visits.agents, rows[which[first]]))
+    order = np.argsort(keys, kind="stable")
+    offsets = np.searchsorted(keys[order], np.arange(turn.node.size + 1))
+    columns = (
+        (visits.begin, time[first]),
+        (visits.end, time[last]),
+        (here, corners[first]),
+        (here, corners[last]),
+    )
+    return Lines(offsets, *(np.concatenate(parts)[order] for parts in columns))

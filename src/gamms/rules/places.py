@@ -15,8 +15,8 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.plain import to_plain, why_not_plain
-from gamms.rules.contacts import nodes_within
 from gamms.rules.endings import Rank, all_know, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.rules.meetings import nodes_within
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
 from gamms.typing.game import TEAMS

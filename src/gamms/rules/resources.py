@@ -19,7 +19,7 @@ from gamms.game.batch.turn import ArrayTurn, movement_in
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
-from gamms.rules.meetings import EdgesGoneAlong
+from gamms.rules.visits import EdgesGoneAlong
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
 from gamms.typing.game import TEAMS, Leg, Move

@@ -13,8 +13,8 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
-from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, one_to_one_in_arrays
 from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
+from gamms.rules.meetings import met_in_turn, one_to_one_of_games
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
@@ -97,18 +97,18 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     def in_arrays(turn: ArrayTurn) -> None:
         takes_part = nearness.air | ~turn.roster.flies
         ours, theirs = (np.flatnonzero(turn.roster.plays_for([side]) & takes_part) for side in (taggers, tagged))
-        met = found_in_arrays(turn, ours, theirs, nearness)
-        tags = np.ones((len(met.at), 1 + both), np.bool_)  # by the agents of the one side, and of the other
+        met = met_in_turn(turn, ours, theirs, nearness)
+        tags = np.ones((len(met.games), 1 + both), np.bool_)  # by the agents of the one side, and of the other
         if ground is not None:
             owners, team_of = ground.in_arrays(turn), turn.roster.team_of
-            pairs = [(met.b_node, met.a), (met.a_node, met.b)][: 1 + both]
+            pairs = [(met.b_nodes, met.a), (met.a_nodes, met.b)][: 1 + both]
             tags = np.stack([owners[node] == team_of[agent] for node, agent in pairs], axis=1)
-            is_tag = tags.any(axis=1)
-            met, tags = ArrayContacts(*(column[is_tag] for column in met)), tags[is_tag]
-        made = np.flatnonzero(one_to_one_in_arrays(met, len(turn.roster.names)))
-        at, tagger, other, node = met.at[made], met.a[made], met.b[made], met.b_node[made]
+            is_tag = np.flatnonzero(tags.any(axis=1))
+            met, tags = met.those(is_tag), tags[is_tag]
+        made = one_to_one_of_games(met.games, met.a, met.b, len(turn.roster.names))
+        at, tagger, other, node = met.games[made], met.a[made], met.b[made], met.b_nodes[made]
         if both:
-            at, node = np.repeat(at, 2), np.column_stack((node, met.a_node[made])).ravel()
+            at, node = np.repeat(at, 2), np.column_stack((node, met.a_nodes[made])).ravel()
             tagger, other = np.column_stack((tagger, other)).ravel(), np.column_stack((other, tagger)).ravel()
             done = tags[made].ravel()
             at, tagger, other, node = at[done], tagger[done], other[done], node[done]

@@ -466,6 +466,11 @@ def movement_in(turn: ArrayTurn) -> Movement:
     return turn._movement
 
 
+def purposes_in(turn: ArrayTurn, *purpose: str | int) -> BitArray:
+    """Return the keys of a purpose in the games of a turn, (games,); see `kernels.purpose_key`."""
+    return turn._state.purposes(*purpose)[turn.games]
+
+
 def part_of(turn: ArrayTurn, which: BoolArray) -> ArrayTurn:
     """Return the turn of some of its games, (games,), to look at."""
     return turn._of(which)

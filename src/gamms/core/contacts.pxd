@@ -1,0 +1,163 @@
+cimport cython
+
+from gamms.core cimport draws
+
+ctypedef unsigned long long u64
+ctypedef long long i64
+
+cdef extern from "math.h":
+    cpdef double sqrt(double x) noexcept nogil
+    cpdef double fabs(double x) noexcept nogil
+
+cdef double INFINITE, SLACK
+cdef int OURS, THEIRS, BY_RANK, BY_PAIR, BY_PLACE
+cdef i64 ON_NODE, LEAVES
+
+
+@cython.final
+cdef class Tracks:
+    cdef i64 agents, most
+    cdef const i64[::1] nodes, lengths, sides
+    cdef const double[::1] times
+    cdef bint at_end
+
+
+@cython.final
+cdef class Legs:
+    cdef i64 most
+    cdef const i64[::1] counts, sources, targets, streets, flags
+    cdef const double[::1] begins, ends, since, until, lengths
+
+
+@cython.final
+cdef class Reach:
+    cdef const i64[::1] offsets, counts, ends
+    cdef const double[::1] far
+
+    @cython.locals(first=i64, beyond=i64, last=i64, middle=i64)
+    cdef double ahead(self, i64 start, i64 end) except -1.0 nogil
+
+
+@cython.final
+cdef class Lines:
+    cdef const i64[::1] offsets
+    cdef const double[::1] since, until, begins, ends
+
+    @cython.locals(begin=double, share=double)
+    cdef double at(self, i64 part, int axis, double time) except? -1.0 nogil
+
+
+@cython.final
+cdef class Pieces:
+    cdef i64[::1] agents, nodes, legs, keys, next, first, order
+    cdef double[::1] since, until, begins, ends
+    cdef i64 count
+
+    @cython.locals(piece=i64)
+    cdef Py_ssize_t put(self, i64 agent, i64 node, i64 leg, double since, double until) except -1 nogil
+    cdef int enter(self, i64 entry, i64 key) except -1 nogil
+    @cython.locals(entry=i64)
+    cdef int forget(self, i64 entries) except -1 nogil
+
+
+@cython.final
+cdef class Contacts:
+    cdef Tracks tracks
+    cdef Legs legs
+    cdef Pieces pieces
+    cdef const u64[::1] names, purposes
+    cdef const i64[::1] turns
+    cdef i64[::1] games, a, b, a_nodes, b_nodes, on_edges, order
+    cdef double[::1] times, distances
+    cdef u64[::1] draws
+    cdef bint crossing, by_metres, is_exact
+    cdef readonly i64 room, count, kept
+    cdef double limit
+
+    @cython.locals(game=i64, begin=i64)
+    cpdef Py_ssize_t find_on_nodes(self) except -1 nogil
+    @cython.locals(game=i64, begin=i64)
+    cpdef Py_ssize_t find_by_paths(self, Reach reach, double limit, bint is_exact) except -1 nogil
+    @cython.locals(game=i64, begin=i64)
+    cpdef Py_ssize_t find_straight(self, Lines lines, double limit) except -1 nogil
+    @cython.locals(contact=i64, last=i64, pair=u64, key=u64)
+    cdef int _finish(self, i64 game, i64 begin) except -1 nogil
+    @cython.locals(kept=i64, previous=i64, place=i64, contact=i64, has_been_near=bint, before=double)
+    cdef Py_ssize_t _distinct(self, i64 last) except -1 nogil
+    @cython.locals(contact=i64)
+    cdef int _meet(
+        self, i64 game, double time, double distance, i64 on_edge, i64 a, i64 b, i64 a_node, i64 b_node
+    ) except -1 nogil
+    @cython.locals(found=bint, side=int, row=i64, place=i64)
+    cdef bint _may_meet(self, i64 game) except -1 nogil
+    @cython.locals(agent=i64, row=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
+    cdef int _put_visits(self, i64 game) except -1 nogil
+    @cython.locals(first=i64, leg=i64)
+    cdef bint _is_there(self, i64 row) except -1 nogil
+    @cython.locals(agent=i64, row=i64, first=i64, last=i64, place=i64, until=double, leg=i64)
+    cdef int _put_steps(self, i64 game) except -1 nogil
+    @cython.locals(agent=i64, row=i64, leg=i64, last=i64, one=i64, piece=i64)
+    cdef int _put_legs(self, i64 game, bint are_known) except -1 nogil
+    cdef bint _is_of(self, i64 game, i64 piece, int side) except -1 nogil
+    @cython.locals(first=i64, last=i64)
+    cdef Py_ssize_t _node_at(self, i64 game, i64 agent, double time) except -1 nogil
+    @cython.locals(slack=double, piece=i64, node=i64, other=i64, time=double)
+    cdef int _on_nodes(self, i64 game) except -1 nogil
+    @cython.locals(agent=i64, row=i64, first=i64, place=i64, piece=i64, source=i64, other=i64, a=i64, b=i64, time=double)
+    cdef int _pass_by(self, i64 game) except -1 nogil
+    @cython.locals(piece=i64, other=i64, time=double, a=i64, b=i64)
+    cdef int _on_streets(self, i64 game) except -1 nogil
+    @cython.locals(since=double, until=double, gap=double, later=double)
+    cdef double _first_touch(self, i64 piece, i64 other) except? -1.0 nogil
+    @cython.locals(begin=double, share=double, span=double)
+    cdef double _place_on_street(self, i64 piece, double time) except? -1.0 nogil
+    @cython.locals(side=int, piece=i64, node=i64, entry=i64, other=i64, back=double, distance=double)
+    cdef int _near(self, i64 game, Reach reach) except -1 nogil
+    @cython.locals(time=double, a_node=i64, b_node=i64)
+    cdef int _come_near(self, i64 game, i64 piece, i64 other, double distance) except -1 nogil
+    @cython.locals(theirs=i64, width=double, farthest=double, piece=i64, rim=double, first=i64, last=i64, middle=i64)
+    cdef int _straight(self, i64 game, Lines lines) except -1 nogil
+    @cython.locals(agent=i64, row=i64, part=i64, piece=i64)
+    cdef int _put_lines(self, i64 game, Lines lines) except -1 nogil
+    @cython.locals(agent=i64, row=i64, part=i64, piece=i64)
+    cdef int _place_steps(self, i64 game, Lines lines) except -1 nogil
+    @cython.locals(a=i64, b=i64, x=double, y=double, z=double, far=double)
+    cdef int _step_near(self, i64 game, Lines lines, i64 piece, i64 other) except -1 nogil
+    @cython.locals(
+        part=i64, their=i64, since=double, until=double, limit=double, x=double, y=double, z=double, far=double,
+        dx=double, dy=double, dz=double, square=double, mixed=double, inside=double, share=double
+    )
+    cdef int _approach(self, i64 game, Lines lines, i64 piece, i64 other) except -1 nogil
+    @cython.locals(a=i64, b=i64, a_node=i64, b_node=i64)
+    cdef int _meet_on_way(self, i64 game, double time, double distance, i64 piece, i64 other) except -1 nogil
+    @cython.locals(side=int, piece=i64, end=int, node=i64, other=i64)
+    cdef int _within(self, i64 game, Reach reach) except -1 nogil
+    @cython.locals(leg=i64)
+    cdef Py_ssize_t _door(self, i64 piece, int end, bint is_entry) except? -1 nogil
+    @cython.locals(leg=i64, begin=double, end=double)
+    cdef double _metres_to(self, i64 piece, bint is_source, double time) except? -1.0 nogil
+    @cython.locals(since=double, until=double)
+    cdef double _even(self, i64 piece, double begin, double end, double time) except? -1.0 nogil
+    @cython.locals(row=i64, entry=i64, other=i64, since=double, until=double, is_source=bint, begin=double, last=double)
+    cdef int _go_from(self, i64 game, Reach reach, i64 piece, int end, i64 node, int side) except -1 nogil
+    @cython.locals(since=double, until=double, length=double, first=double, last=double, passing=double)
+    cdef int _along_street(self, i64 game, i64 piece, i64 other, int side) except -1 nogil
+    @cython.locals(begin=double, end=double)
+    cdef double _street_share(self, i64 piece, double time) except? -1.0 nogil
+    @cython.locals(time=double)
+    cdef int _come_within(
+        self, i64 game, i64 piece, i64 other, double since, double until, double begin, double end, int side
+    ) except -1 nogil
+    @cython.locals(found=int)
+    cdef bint _is_before(self, i64 one, i64 other, int by) except -1 nogil
+    @cython.locals(count=i64, root=i64, end=i64, least=i64)
+    cdef int _sort(self, i64[::1] order, i64 first, i64 last, int by) except -1 nogil
+    @cython.locals(item=i64, child=i64)
+    cdef int _sink(self, i64[::1] order, i64 first, i64 root, i64 count, int by) except -1 nogil
+
+
+cdef int compared(double one, double other) noexcept nogil
+@cython.locals(contact=i64)
+cpdef int match(
+    const i64[::1] games, const i64[::1] a, const i64[::1] b, i64[::1] taken, i64[::1] made
+) except -1 nogil

@@ -1,0 +1,1000 @@
+"""Contacts of a turn: which agents meet, when, and where.
+
+A turn is the time from 0 to 1. `Tracks` and `Legs` say where the agents are in it, `Reach` and `Lines` how far places
+are from each other, and `Contacts` finds the pairs that meet and puts them in the order of time. Rows of all columns
+are agents, game by game: the row of agent `i` of a game is `game * agents + i`.
+"""
+
+from __future__ import annotations
+
+from math import fabs, sqrt
+
+from gamms.core import draws
+
+INFINITE = float("inf")
+SLACK = 1e-9  # of a turn: agents that are at one place so far apart in time meet there
+OURS = 1
+THEIRS = 2
+ON_NODE = -1  # instead of a leg: the agent is on a node
+LEAVES = -2  # the agent left this node when the turn began
+BY_RANK = 0
+BY_PAIR = 1
+BY_PLACE = 2
+
+
+class Tracks:
+    """The nodes that agents pass in a turn.
+
+    Attributes:
+        agents: how many a game has.
+        most: how many nodes a row has room for.
+        nodes: (rows * most,) numbers of nodes in the order in which they are passed. An agent that waits on its first
+            node has it twice, in games that count edges.
+        times: (rows * most,) when the agent is at each.
+        lengths: (rows,) how many nodes an agent passes, at least 1.
+        sides: (rows,) 1: the agent is of the first side; 2: of the second; 3: of both; 0: it takes no part.
+        at_end: whether agents meet only where they are when the turn ends.
+    """
+
+    def __init__(
+        self,
+        agents: int,
+        most: int,
+        nodes: memoryview[int],
+        times: memoryview[float],
+        lengths: memoryview[int],
+        sides: memoryview[int],
+        *,
+        at_end: bool,
+    ) -> None:
+        self.agents = agents
+        self.most = most
+        self.nodes = nodes
+        self.times = times
+        self.lengths = lengths
+        self.sides = sides
+        self.at_end = at_end
+
+
+class Legs:
+    """The parts of edges that agents cover in a turn, in games by metres.
+
+    Attributes:
+        most: how many legs a row has room for; 0 in games that count edges.
+        counts: (rows,) how many an agent has.
+        sources, targets: (rows * most,) numbers of the nodes that the edge leads from and to.
+        streets: (rows * most,) a number that an edge and the one back have in common.
+        flags: (rows * most,) the sum of 1 where the street runs against the edge, 2 where one can turn round on the
+            edge, and 4 where nothing tells where the edge is.
+        begins, ends: (rows * most,) shares of the edge from its source.
+        since, until: (rows * most,) when the agent is there.
+        lengths: (rows * most,) of the edges, metres.
+    """
+
+    def __init__(
+        self,
+        most: int,
+        counts: memoryview[int],
+        sources: memoryview[int],
+        targets: memoryview[int],
+        streets: memoryview[int],
+        flags: memoryview[int],
+        begins: memoryview[float],
+        ends: memoryview[float],
+        since: memoryview[float],
+        until: memoryview[float],
+        lengths: memoryview[float],
+    ) -> None:
+        self.most = most
+        self.counts = counts
+        self.sources = sources
+        self.targets = targets
+        self.streets = streets
+        self.flags = flags
+        self.begins = begins
+        self.ends = ends
+        self.since = since
+        self.until = until
+        self.lengths = lengths
+
+
+class Reach:
+    """The nodes within a distance ahead of nodes.
+
+    Attributes:
+        offsets, counts: (nodes,) where the entries of a node begin, and how many there are.
+        ends: (entries,) numbers of nodes; those of one node ascend.
+        far: (entries,) how far they are.
+    """
+
+    def __init__(
+        self,
+        offsets: memoryview[int],
+        counts: memoryview[int],
+        ends: memoryview[int],
+        far: memoryview[float],
+    ) -> None:
+        self.offsets = offsets
+        self.counts = counts
+        self.ends = ends
+        self.far = far
+
+    def ahead(self, start: int, end: int) -> float:
+        """Return how far it is from a node to another; infinite where that is too far."""
+        first = self.offsets[start]
+        beyond = first + self.counts[start]
+        last = beyond
+        while first < last:
+            middle = (first + last) >> 1
+            if self.ends[middle] < end:
+                first = middle + 1
+            else:
+                last = middle
+        if first < beyond and self.ends[first] == end:
+            return self.far[first]
+        return INFINITE
+
+
+class Lines:
+    """Straight parts of the ways of agents.
+
+    Attributes:
+        offsets: (rows + 1,) where the parts of each row begin.
+        since, until: (parts,) of the turn.
+        begins, ends: (3 * parts,) where the agent is at both times: x, y and z. In games that count edges a row has a
+            part for each node that it passes, of which only `begins` counts.
+    """
+
+    def __init__(
+        self,
+        offsets: memoryview[int],
+        since: memoryview[float],
+        until: memoryview[float],
+        begins: memoryview[float],
+        ends: memoryview[float],
+    ) -> None:
+        self.offsets = offsets
+        self.since = since
+        self.until = until
+        self.begins = begins
+        self.ends = ends
+
+    def at(self, part: int, axis: int, time: float) -> float:
+        """Return a coordinate at a time."""
+        begin = self.begins[3 * part + axis]
+        if self.until[part] <= self.since[part]:
+            return begin
+        share = (time - self.since[part]) / (self.until[part] - self.since[part])
+        return begin + share * (self.ends[3 * part + axis] - begin)
+
+
+class Pieces:
+    """Scratch: what agents of one game do, one after the other.
+
+    Attributes:
+        agents: numbers in the game.
+        nodes: where they are, or the node that they come to.
+        legs: rows of legs; `ON_NODE`, `LEAVES`, or the node that they come from.
+        since, until: of the turn.
+        begins, ends: shares of edges, or coordinates between which the piece lies.
+        keys, next: what each piece is found by, and the one behind it with the same key; -1 for none.
+        first: (keys,) the first piece of each key; -1 for none, which it is between two searches.
+        order: pieces in some order.
+    """
+
+    def __init__(
+        self,
+        agents: memoryview[int],
+        nodes: memoryview[int],
+        legs: memoryview[int],
+        since: memoryview[float],
+        until: memoryview[float],
+        begins: memoryview[float],
+        ends: memoryview[float],
+        keys: memoryview[int],
+        next: memoryview[int],
+        first: memoryview[int],
+        order: memoryview[int],
+    ) -> None:
+        self.agents = agents
+        self.nodes = nodes
+        self.legs = legs
+        self.since = since
+        self.until = until
+        self.begins = begins
+        self.ends = ends
+        self.keys = keys
+        self.next = next
+        self.first = first
+        self.order = order
+        self.count = 0
+
+    def put(self, agent: int, node: int, leg: int, since: float, until: float) -> int:
+        """Add a piece; return its number."""
+        piece = self.count
+        self.agents[piece] = agent
+        self.nodes[piece] = node
+        self.legs[piece] = leg
+        self.since[piece] = since
+        self.until[piece] = until
+        self.count = piece + 1
+        return piece
+
+    def enter(self, entry: int, key: int) -> int:
+        """Let an entry be found by a key."""
+        self.keys[entry] = key
+        self.next[entry] = self.first[key]
+        self.first[key] = entry
+        return 0
+
+    def forget(self, entries: int) -> int:
+        """Let none of so many entries be found; those that were not entered have the key -1."""
+        for entry in range(entries):
+            if self.keys[entry] >= 0:
+                self.first[self.keys[entry]] = -1
+        return 0
+
+
+class Contacts:
+    """The contacts of a turn of games, and what finds them.
+
+    Attributes:
+        tracks, legs: of all agents.
+        pieces: scratch, with room for all of one game.
+        names: (agents,) the keys of their names.
+        purposes, turns: (games,) what the draws follow from that decide between equals.
+        games, a, b: (room,) the game of each contact, and the numbers of both agents.
+        a_nodes, b_nodes: (room,) where they were.
+        times, distances: (room,)
+        draws: (room,) random bits of the pair.
+        on_edges: (room,) whether they met on an edge.
+        order: (room,) the contacts game by game, in each in the order of time, then of distance, then drawn.
+        crossing: whether agents meet on edges, too.
+        by_metres: whether the game is one by metres.
+        count: how many contacts were found: more than `room`, and it is to be done again with more room.
+        kept: how many are in `order`.
+    """
+
+    def __init__(
+        self,
+        tracks: Tracks,
+        legs: Legs,
+        pieces: Pieces,
+        names: memoryview[int],
+        purposes: memoryview[int],
+        turns: memoryview[int],
+        games: memoryview[int],
+        a: memoryview[int],
+        b: memoryview[int],
+        a_nodes: memoryview[int],
+        b_nodes: memoryview[int],
+        times: memoryview[float],
+        distances: memoryview[float],
+        draws: memoryview[int],
+        on_edges: memoryview[int],
+        order: memoryview[int],
+        *,
+        crossing: bool,
+        by_metres: bool,
+    ) -> None:
+        self.tracks = tracks
+        self.legs = legs
+        self.pieces = pieces
+        self.names = names
+        self.purposes = purposes
+        self.turns = turns
+        self.games = games
+        self.a = a
+        self.b = b
+        self.a_nodes = a_nodes
+        self.b_nodes = b_nodes
+        self.times = times
+        self.distances = distances
+        self.draws = draws
+        self.on_edges = on_edges
+        self.order = order
+        self.crossing = crossing
+        self.by_metres = by_metres
+        self.room = len(order)
+        self.count = 0
+        self.kept = 0
+        self.limit = 0.0
+        self.is_exact = False
+
+    # -- all games -----------------------------------------------------------------------------------------------------
+
+    def find_on_nodes(self) -> int:
+        """Find the agents that are on one node at one time."""
+        self.count = 0
+        self.kept = 0
+        for game in range(len(self.purposes)):
+            if self.by_metres or self._may_meet(game):
+                begin = self.count
+                self._on_nodes(game)
+                self._finish(game, begin)
+        return self.count
+
+    def find_by_paths(self, reach: Reach, limit: float, is_exact: bool) -> int:
+        """Find the agents that are near each other by the shorter of the paths there and back.
+
+        Args:
+            reach: of all nodes that they pass.
+            limit: what is near.
+            is_exact: whether it counts where on edges they are, rather than which nodes they have passed last.
+        """
+        self.limit = limit
+        self.is_exact = is_exact
+        self.count = 0
+        self.kept = 0
+        for game in range(len(self.purposes)):
+            begin = self.count
+            if is_exact:
+                self._within(game, reach)
+            else:
+                self._near(game, reach)
+            self._finish(game, begin)
+        return self.count
+
+    def find_straight(self, lines: Lines, limit: float) -> int:
+        """Find the agents that are near each other in a straight line; by metres also on their way."""
+        self.limit = limit
+        self.is_exact = self.by_metres
+        self.count = 0
+        self.kept = 0
+        for game in range(len(self.purposes)):
+            begin = self.count
+            self._straight(game, lines)
+            self._finish(game, begin)
+        return self.count
+
+    def _finish(self, game: int, begin: int) -> int:
+        """Find those that meet on edges, and put the contacts of a game, from number `begin` on, in their order."""
+        if self.crossing:
+            if self.by_metres:
+                self._on_streets(game)
+            else:
+                self._pass_by(game)
+        if begin == self.count or self.count > self.room:
+            return 0
+        for contact in range(begin, self.count):
+            pair = draws.mix(self.names[self.a[contact]]) ^ self.names[self.b[contact]]
+            key = draws.turn_key(draws.first_key(self.purposes[game], pair), self.turns[game])
+            self.draws[contact] = draws.bits_at(key, 0)
+            self.order[self.kept + contact - begin] = contact
+        last = self.kept + self.count - begin
+        if self.by_metres:
+            self._sort(self.order, self.kept, last, BY_PAIR)
+            last = self._distinct(last)
+        self._sort(self.order, self.kept, last, BY_RANK)
+        self.kept = last
+        return 0
+
+    def _distinct(self, last: int) -> int:
+        """Take out of the order of a game by metres, up to `last`, what was found twice; return its new end."""
+        kept = self.kept
+        previous = -1
+        has_been_near = False
+        before = -INFINITE
+        for place in range(self.kept, last):
+            contact = self.order[place]
+            if previous < 0 or self.a[contact] != self.a[previous] or self.b[contact] != self.b[previous]:
+                has_been_near = False
+                before = -INFINITE
+            previous = contact
+            if self.is_exact and not self.on_edges[contact]:
+                if has_been_near:
+                    continue
+                has_been_near = True
+            if self.times[contact] - before > SLACK:  # else it was found on the node or the next edge, too
+                self.order[kept] = contact
+                kept += 1
+            before = self.times[contact]
+        return kept
+
+    def _meet(
+        self, game: int, time: float, distance: float, on_edge: int, a: int, b: int, a_node: int, b_node: int
+    ) -> int:
+        """Note a contact of two agents; no agent meets itself."""
+        if a == b:
+            return 0
+        contact = self.count
+        self.count = contact + 1
+        if contact < self.room:
+            self.games[contact] = game
+            self.times[contact] = time
+            self.distances[contact] = distance
+            self.on_edges[contact] = on_edge
+            self.a[contact] = a
+            self.b[contact] = b
+            self.a_nodes[contact] = a_node
+            self.b_nodes[contact] = b_node
+        return 0
+
+    # -- what agents do in a game --------------------------------------------------------------------------------------
+
+    def _may_meet(self, game: int) -> bool:
+        """Return whether agents of both sides pass one node."""
+        found = False
+        for side in range(3):  # theirs are marked, ours looked up, and theirs taken out again
+            for row in range(game * self.tracks.agents, (game + 1) * self.tracks.agents):
+                if self.tracks.sides[row] & (OURS if side == 1 else THEIRS):
+                    for place in range(row * self.tracks.most, row * self.tracks.most + self.tracks.lengths[row]):
+                        if side == 1:
+                            found = found or self.pieces.first[self.tracks.nodes[place]] >= 0
+                        else:
+                            self.pieces.first[self.tracks.nodes[place]] = 0 if side == 0 else -1
+        return found
+
+    def _put_visits(self, game: int) -> int:
+        """Add from when until when agents are on which nodes; one that is left at once belongs to the turn before."""
+        for agent in range(self.tracks.agents):
+            row = game * self.tracks.agents + agent
+            if not self.tracks.sides[row]:
+                continue
+            first = row * self.tracks.most
+            last = first + self.tracks.lengths[row] - 1
+            leg = row * self.legs.most
+            beyond = leg + (self.legs.counts[row] if self.legs.most else 0)
+            if self.tracks.at_end:
+                if beyond == leg or self.legs.ends[beyond - 1] <= 0.0 or self.legs.ends[beyond - 1] >= 1.0:
+                    self.pieces.put(agent, self.tracks.nodes[last], ON_NODE, 1.0, 1.0)
+            elif beyond > leg:
+                if self._is_there(row):
+                    self.pieces.put(
+                        agent, self.tracks.nodes[first], ON_NODE, self.tracks.times[first], self.legs.since[leg]
+                    )
+                for one in range(leg, beyond):
+                    if self.legs.begins[one] != self.legs.ends[one] and (
+                        self.legs.ends[one] == 0.0 or self.legs.ends[one] == 1.0
+                    ):
+                        node = self.legs.targets[one] if self.legs.ends[one] == 1.0 else self.legs.sources[one]
+                        until = self.legs.since[one + 1] if one + 1 < beyond else 1.0
+                        self.pieces.put(agent, node, ON_NODE, self.legs.until[one], until)
+            else:
+                for place in range(first if self._is_there(row) else first + 1, last + 1):
+                    until = self.tracks.times[place]
+                    if place == last:
+                        until = 1.0
+                    elif self.tracks.nodes[place + 1] == self.tracks.nodes[place]:
+                        until = self.tracks.times[place + 1]
+                    self.pieces.put(agent, self.tracks.nodes[place], ON_NODE, self.tracks.times[place], until)
+        return 0
+
+    def _is_there(self, row: int) -> bool:
+        """Return whether an agent is on its first node for a time, rather than leaving it at once."""
+        first = row * self.tracks.most
+        if self.legs.most and self.legs.counts[row]:
+            leg = row * self.legs.most
+            return self.legs.since[leg] > self.tracks.times[first] and (
+                self.legs.begins[leg] == 0.0 or self.legs.begins[leg] == 1.0
+            )
+        return self.tracks.lengths[row] == 1 or self.tracks.nodes[first] == self.tracks.nodes[first + 1]
+
+    def _put_steps(self, game: int) -> int:
+        """Add which nodes agents have passed last, from when until when, each with a part of lines as its leg."""
+        for agent in range(self.tracks.agents):
+            row = game * self.tracks.agents + agent
+            if not self.tracks.sides[row]:
+                continue
+            first = row * self.tracks.most
+            last = first + self.tracks.lengths[row] - 1
+            if self.tracks.at_end:
+                self.pieces.put(agent, self.tracks.nodes[last], ON_NODE, 1.0, INFINITE)
+                continue
+            for place in range(first, last + 1):
+                until = INFINITE if place == last else self.tracks.times[place + 1]
+                leg = LEAVES if place == first and place < last and not self._is_there(row) else ON_NODE
+                self.pieces.put(agent, self.tracks.nodes[place], leg, self.tracks.times[place], until)
+        return 0
+
+    def _put_legs(self, game: int, are_known: bool) -> int:
+        """Add the parts of edges that agents cover; at the end of the turn, where on edges they are then.
+
+        Args:
+            game: whose.
+            are_known: whether only those count of which it is known where they are.
+        """
+        for agent in range(self.tracks.agents):
+            row = game * self.tracks.agents + agent
+            if not self.tracks.sides[row] or not self.legs.most or not self.legs.counts[row]:
+                continue
+            leg = row * self.legs.most
+            last = leg + self.legs.counts[row] - 1
+            if self.tracks.at_end:
+                leg = last
+                if self.legs.ends[last] <= 0.0 or self.legs.ends[last] >= 1.0:
+                    continue
+            for one in range(leg, last + 1):
+                if are_known and self.legs.flags[one] & 4:
+                    continue
+                piece = self.pieces.put(agent, -1, one, self.legs.since[one], self.legs.until[one])
+                self.pieces.begins[piece] = self.legs.begins[one]
+                self.pieces.ends[piece] = self.legs.ends[one]
+                if self.tracks.at_end:
+                    self.pieces.begins[piece] = self.legs.ends[one]
+                    self.pieces.since[piece] = 1.0
+                    self.pieces.until[piece] = 1.0
+        return 0
+
+    def _is_of(self, game: int, piece: int, side: int) -> bool:
+        """Return whether the agent of a piece is of a side."""
+        return (self.tracks.sides[game * self.tracks.agents + self.pieces.agents[piece]] & side) != 0
+
+    def _node_at(self, game: int, agent: int, time: float) -> int:
+        """Return the node that an agent has passed last; it is on a node that it reaches right after the time."""
+        first = (game * self.tracks.agents + agent) * self.tracks.most
+        last = first + self.tracks.lengths[game * self.tracks.agents + agent] - 1
+        if not self.tracks.at_end:
+            while last > first and self.tracks.times[last] > time + SLACK:
+                last -= 1
+        return self.tracks.nodes[last]
+
+    # -- at one place --------------------------------------------------------------------------------------------------
+
+    def _on_nodes(self, game: int) -> int:
+        """Find the pairs that are on one node at one time."""
+        self.pieces.count = 0
+        self._put_visits(game)
+        slack = SLACK if self.by_metres else 0.0
+        for piece in range(self.pieces.count):
+            self.pieces.keys[piece] = -1
+            if self._is_of(game, piece, THEIRS):
+                self.pieces.enter(piece, self.pieces.nodes[piece])
+        for piece in range(self.pieces.count):
+            if self._is_of(game, piece, OURS):
+                node = self.pieces.nodes[piece]
+                other = self.pieces.first[node]
+                while other >= 0:
+                    if (
+                        self.pieces.since[piece] <= self.pieces.until[other] + slack
+                        and self.pieces.since[other] <= self.pieces.until[piece] + slack
+                    ):
+                        time = max(self.pieces.since[piece], self.pieces.since[other])
+                        self._meet(game, time, 0.0, 0, self.pieces.agents[piece], self.pieces.agents[other], node, node)
+                    other = self.pieces.next[other]
+        self.pieces.forget(self.pieces.count)
+        return 0
+
+    def _pass_by(self, game: int) -> int:
+        """Find the pairs that go along one edge at one time, in opposite directions, in a game that counts edges."""
+        self.pieces.count = 0
+        for agent in range(self.tracks.agents):
+            row = game * self.tracks.agents + agent
+            if self.tracks.sides[row]:
+                first = row * self.tracks.most
+                for place in range(first, first + self.tracks.lengths[row] - 1):
+                    if self.tracks.nodes[place] != self.tracks.nodes[place + 1]:
+                        piece = self.pieces.put(
+                            agent,
+                            self.tracks.nodes[place + 1],
+                            self.tracks.nodes[place],
+                            self.tracks.times[place],
+                            self.tracks.times[place + 1],
+                        )
+                        self.pieces.keys[piece] = -1
+                        if self.tracks.sides[row] & THEIRS:
+                            self.pieces.enter(piece, self.tracks.nodes[place + 1])
+        for piece in range(self.pieces.count):
+            if self._is_of(game, piece, OURS):
+                source = self.pieces.legs[piece]
+                other = self.pieces.first[source]
+                while other >= 0:
+                    if (
+                        self.pieces.legs[other] == self.pieces.nodes[piece]
+                        and self.pieces.since[piece] < self.pieces.until[other]
+                        and self.pieces.since[other] < self.pieces.until[piece]
+                    ):  # else one enters the edge when the other leaves it: they meet on the node
+                        a = self.pieces.agents[piece]
+                        b = self.pieces.agents[other]
+                        time = max(self.pieces.since[piece], self.pieces.since[other])
+                        if self.tracks.at_end:
+                            self._meet(
+                                game, 1.0, 0.0, 1, a, b, self._node_at(game, a, 1.0), self._node_at(game, b, 1.0)
+                            )
+                        else:
+                            self._meet(game, time, 0.0, 1, a, b, source, self.pieces.legs[other])
+                    other = self.pieces.next[other]
+        self.pieces.forget(self.pieces.count)
+        return 0
+
+    def _on_streets(self, game: int) -> int:
+        """Find the pairs that are at one place of a street at one time: who meet, overtake, or stand there."""
+        self.pieces.count = 0
+        self._put_legs(game, False)
+        for piece in range(self.pieces.count):
+            self.pieces.keys[piece] = -1
+            if self._is_of(game, piece, THEIRS):
+                self.pieces.enter(piece, self.legs.streets[self.pieces.legs[piece]])
+        for piece in range(self.pieces.count):
+            if self._is_of(game, piece, OURS):
+                other = self.pieces.first[self.legs.streets[self.pieces.legs[piece]]]
+                while other >= 0:
+                    time = self._first_touch(piece, other)
+                    if time >= 0.0:
+                        a = self.pieces.agents[piece]
+                        b = self.pieces.agents[other]
+                        self._meet(game, time, 0.0, 1, a, b, self._node_at(game, a, time), self._node_at(game, b, time))
+                    other = self.pieces.next[other]
+        self.pieces.forget(self.pieces.count)
+        return 0
+
+    def _first_touch(self, piece: int, other: int) -> float:
+        """Return when two agents on one street are first at one place of it; -1: never, or only as the turn begins."""
+        since = max(self.pieces.since[piece], self.pieces.since[other])
+        until = min(self.pieces.until[piece], self.pieces.until[other])
+        if since > until:
+            return -1.0
+        gap = self._place_on_street(piece, since) - self._place_on_street(other, since)
+        later = self._place_on_street(piece, until) - self._place_on_street(other, until)
+        if fabs(gap) <= SLACK:
+            return since if since > 0.0 or fabs(later) <= SLACK else -1.0
+        if gap * later < 0.0:
+            return since + (until - since) * gap / (gap - later)
+        return until if fabs(later) <= SLACK else -1.0
+
+    def _place_on_street(self, piece: int, time: float) -> float:
+        """Return the share of its street that is behind a piece at a time."""
+        begin = self.pieces.begins[piece]
+        share = self.pieces.ends[piece]
+        if self.pieces.until[piece] > self.pieces.since[piece]:
+            span = self.pieces.until[piece] - self.pieces.since[piece]
+            share = begin + (share - begin) * (time - self.pieces.since[piece]) / span
+        return 1.0 - share if self.legs.flags[self.pieces.legs[piece]] & 1 else share
+
+    # -- within a distance, where the nodes count that were passed last ------------------------------------------------
+
+    def _near(self, game: int, reach: Reach) -> int:
+        """Find the pairs that are near each other whenever one of the two reaches a node."""
+        self.pieces.count = 0
+        self._put_steps(game)
+        for side in range(2):  # paths from ours to theirs, and then those back
+            for piece in range(self.pieces.count):
+                self.pieces.keys[piece] = -1
+                if self._is_of(game, piece, OURS if side else THEIRS):
+                    self.pieces.enter(piece, self.pieces.nodes[piece])
+            for piece in range(self.pieces.count):
+                if not self._is_of(game, piece, THEIRS if side else OURS):
+                    continue
+                node = self.pieces.nodes[piece]
+                for entry in range(reach.offsets[node], reach.offsets[node] + reach.counts[node]):
+                    other = self.pieces.first[reach.ends[entry]]
+                    if other < 0:
+                        continue
+                    back = reach.ahead(reach.ends[entry], node)
+                    if side and back < INFINITE:  # then it was found from the other side
+                        continue
+                    distance = min(reach.far[entry], back)
+                    while other >= 0:
+                        if side:
+                            self._come_near(game, other, piece, distance)
+                        else:
+                            self._come_near(game, piece, other, distance)
+                        other = self.pieces.next[other]
+            self.pieces.forget(self.pieces.count)
+        return 0
+
+    def _come_near(self, game: int, piece: int, other: int, distance: float) -> int:
+        """Note that two agents are near each other from when the later one is there, if the other one still is."""
+        time = max(self.pieces.since[piece], self.pieces.since[other])
+        if time >= self.pieces.until[piece] or time >= self.pieces.until[other]:
+            return 0
+        if self.pieces.legs[piece] == LEAVES and self.pieces.since[piece] == time:
+            return 0
+        if self.pieces.legs[other] == LEAVES and self.pieces.since[other] == time:
+            return 0
+        a_node = self.pieces.nodes[piece]
+        b_node = self.pieces.nodes[other]
+        return self._meet(game, time, distance, 0, self.pieces.agents[piece], self.pieces.agents[other], a_node, b_node)
+
+    # -- in a straight line --------------------------------------------------------------------------------------------
+
+    def _straight(self, game: int, lines: Lines) -> int:
+        """Find the pairs that are near each other in a straight line."""
+        self.pieces.count = 0
+        theirs = 0
+        if self.by_metres:
+            self._put_lines(game, lines)
+        else:
+            self._put_steps(game)
+            self._place_steps(game, lines)
+        width = 0.0
+        farthest = 0.0
+        for piece in range(self.pieces.count):
+            farthest = max(farthest, fabs(self.pieces.begins[piece]), fabs(self.pieces.ends[piece]))
+            if self._is_of(game, piece, THEIRS):
+                width = max(width, self.pieces.ends[piece] - self.pieces.begins[piece])
+                self.pieces.order[theirs] = piece
+                theirs += 1
+        self._sort(self.pieces.order, 0, theirs, BY_PLACE)
+        rim = self.limit + SLACK * (self.limit + farthest)  # longer than any gap that counts as the limit when rounded
+        for piece in range(self.pieces.count):
+            if self._is_of(game, piece, OURS):
+                first = 0
+                last = theirs
+                while first < last:
+                    middle = (first + last) >> 1
+                    if self.pieces.begins[self.pieces.order[middle]] < self.pieces.begins[piece] - rim - width:
+                        first = middle + 1
+                    else:
+                        last = middle
+                while first < theirs and self.pieces.begins[self.pieces.order[first]] <= self.pieces.ends[piece] + rim:
+                    if self.by_metres:
+                        self._approach(game, lines, piece, self.pieces.order[first])
+                    else:
+                        self._step_near(game, lines, piece, self.pieces.order[first])
+                    first += 1
+        return 0
+
+    def _put_lines(self, game: int, lines: Lines) -> int:
+        """Add the straight parts of the ways of agents."""
+        for agent in range(self.tracks.agents):
+            row = game * self.tracks.agents + agent
+            if self.tracks.sides[row]:
+                for part in range(lines.offsets[row], lines.offsets[row + 1]):
+                    piece = self.pieces.put(agent, -1, part, lines.since[part], lines.until[part])
+                    self.pieces.begins[piece] = min(lines.begins[3 * part], lines.ends[3 * part])
+                    self.pieces.ends[piece] = max(lines.begins[3 * part], lines.ends[3 * part])
+        return 0
+
+    def _place_steps(self, game: int, lines: Lines) -> int:
+        """Say where steps are from west to east; their keys are the parts that say it."""
+        agent = -1
+        part = 0
+        for piece in range(self.pieces.count):
+            if self.pieces.agents[piece] != agent:
+                agent = self.pieces.agents[piece]
+                row = game * self.tracks.agents + agent
+                part = lines.offsets[row]
+                if self.tracks.at_end:
+                    part += self.tracks.lengths[row] - 1
+            self.pieces.keys[piece] = part
+            self.pieces.begins[piece] = lines.begins[3 * part]
+            self.pieces.ends[piece] = lines.begins[3 * part]
+            part += 1
+        return 0
+
+    def _step_near(self, game: int, lines: Lines, piece: int, other: int) -> int:
+        """Note that two agents are near each other on nodes."""
+        a = 3 * self.pieces.keys[piece]
+        b = 3 * self.pieces.keys[other]
+        x = lines.begins[a] - lines.begins[b]
+        y = lines.begins[a + 1] - lines.begins[b + 1]
+        z = lines.begins[a + 2] - lines.begins[b + 2]
+        far = x * x + y * y + z * z
+        if far <= self.limit * self.limit:  # squares are compared, which are the same on every machine
+            self._come_near(game, piece, other, sqrt(far))
+        return 0
+
+    def _approach(self, game: int, lines: Lines, piece: int, other: int) -> int:
+        """Note when two agents on straight parts are first near each other."""
+        part = self.pieces.legs[piece]
+        their = self.pieces.legs[other]
+        since = max(lines.since[part], lines.since[their])
+        until = min(lines.until[part], lines.until[their])
+        if since > until:
+            return 0
+        limit = self.limit * self.limit
+        x = lines.at(part, 0, since) - lines.at(their, 0, since)
+        y = lines.at(part, 1, since) - lines.at(their, 1, since)
+        z = lines.at(part, 2, since) - lines.at(their, 2, since)
+        far = x * x + y * y + z * z
+        if far <= limit:
+            return self._meet_on_way(game, since, sqrt(far), piece, other)
+        dx = lines.at(part, 0, until) - lines.at(their, 0, until) - x
+        dy = lines.at(part, 1, until) - lines.at(their, 1, until) - y
+        dz = lines.at(part, 2, until) - lines.at(their, 2, until) - z
+        square = dx * dx + dy * dy + dz * dz
+        mixed = x * dx + y * dy + z * dz
+        # |gap + share * change| = limit is a quadratic equation; its smaller root is when they come near.
+        inside = mixed * mixed - square * (far - limit)
+        if square == 0.0 or inside < 0.0:
+            return 0
+        share = (-mixed - sqrt(inside)) / square
+        if 0.0 <= share <= 1.0:
+            self._meet_on_way(game, since + share * (until - since), self.limit, piece, other)
+        return 0
+
+    def _meet_on_way(self, game: int, time: float, distance: float, piece: int, other: int) -> int:
+        """Note a contact of two agents that are where they are at a time, on nodes or between them."""
+        a = self.pieces.agents[piece]
+        b = self.pieces.agents[other]
+        a_node = self._node_at(game, a, time)
+        b_node = self._node_at(game, b, time)
+        return self._meet(game, time, distance, 0, a, b, a_node, b_node)
+
+    # -- along the edges, exactly --------------------------------------------------------------------------------------
+
+    def _within(self, game: int, reach: Reach) -> int:
+        """Find the pairs that are near each other along the edges, on nodes or between them."""
+        self.pieces.count = 0
+        self._put_visits(game)
+        self._put_legs(game, True)
+        for side in range(2):  # paths from ours to theirs, and then those back
+            # An agent is come to by two nodes at most: the entries 2 * piece and 2 * piece + 1.
+            for piece in range(self.pieces.count):
+                for end in range(2):
+                    self.pieces.keys[2 * piece + end] = -1
+                    if self._is_of(game, piece, OURS if side else THEIRS):
+                        node = self._door(piece, end, True)
+                        if node >= 0:
+                            self.pieces.enter(2 * piece + end, node)
+            for piece in range(self.pieces.count):
+                if self._is_of(game, piece, THEIRS if side else OURS):
+                    for end in range(2):
+                        node = self._door(piece, end, False)
+                        if node >= 0:
+                            self._go_from(game, reach, piece, end, node, side)
+            self.pieces.forget(2 * self.pieces.count)
+            for piece in range(self.pieces.count):
+                self.pieces.keys[piece] = -1
+                if self.pieces.legs[piece] >= 0 and self._is_of(game, piece, OURS if side else THEIRS):
+                    self.pieces.enter(piece, self.legs.streets[self.pieces.legs[piece]])
+            for piece in range(self.pieces.count):
+                if self.pieces.legs[piece] >= 0 and self._is_of(game, piece, THEIRS if side else OURS):
+                    other = self.pieces.first[self.legs.streets[self.pieces.legs[piece]]]
+                    while other >= 0:
+                        self._along_street(game, piece, other, side)
+                        other = self.pieces.next[other]
+            self.pieces.forget(self.pieces.count)
+        return 0
+
+    def _door(self, piece: int, end: int, is_entry: bool) -> int:
+        """Return a node by which an agent leaves where it is, or is come to.
+
+        Args:
+            piece: where the agent is.
+            end: 0: the node by which it does so on every edge; 1: the one by which it does where one can turn round.
+            is_entry: whether it is come to.
+
+        Returns:
+            The node; -1: there is none.
+        """
+        leg = self.pieces.legs[piece]
+        if leg < 0:
+            return -1 if end else self.pieces.nodes[piece]
+        if end and (not self.legs.flags[leg] & 2 or self.legs.sources[leg] == self.legs.targets[leg]):
+            return -1
+        return self.legs.sources[leg] if (end == 1) != is_entry else self.legs.targets[leg]
+
+    def _metres_to(self, piece: int, is_source: bool, time: float) -> float:
+        """Return how far it is at a time between an agent and an end of its edge; 0 on a node."""
+        leg = self.pieces.legs[piece]
+        if leg < 0:
+            return 0.0
+        begin = self.pieces.begins[piece]
+        end = self.pieces.ends[piece]
+        if not is_source:
+            begin = 1.0 - begin
+            end = 1.0 - end
+        return self._even(piece, begin * self.legs.lengths[leg], end * self.legs.lengths[leg], time)
+
+    def _even(self, piece: int, begin: float, end: float, time: float) -> float:
+        """Return at a time what changes evenly while a piece lasts."""
+        since = self.pieces.since[piece]
+        until = self.pieces.until[piece]
+        return end if until <= since else begin + (end - begin) * (time - since) / (until - since)
+
+    def _go_from(self, game: int, reach: Reach, piece: int, end: int, node: int, side: int) -> int:
+        """Follow the paths that leave where an agent is by a node; their changes of length end with the self.pieces."""
+        for row in range(reach.offsets[node], reach.offsets[node] + reach.counts[node]):
+            entry = self.pieces.first[reach.ends[row]]
+            while entry >= 0:
+                other = entry >> 1
+                since = max(self.pieces.since[piece], self.pieces.since[other])
+                until = min(self.pieces.until[piece], self.pieces.until[other])
+                if since <= until:
+                    is_source = (entry & 1) == 0
+                    begin = reach.far[row] + self._metres_to(piece, end == 1, since)
+                    begin += self._metres_to(other, is_source, since)
+                    last = reach.far[row] + self._metres_to(piece, end == 1, until)
+                    last += self._metres_to(other, is_source, until)
+                    self._come_within(game, piece, other, since, until, begin, last, side)
+                entry = self.pieces.next[entry]
+        return 0
+
+    def _along_street(self, game: int, piece: int, other: int, side: int) -> int:
+        """Follow the way from one agent to another along the street that both are on."""
+        since = max(self.pieces.since[piece], self.pieces.since[other])
+        until = min(self.pieces.until[piece], self.pieces.until[other])
+        if since > until:
+            return 0
+        length = self.legs.lengths[self.pieces.legs[piece]]
+        first = (self._street_share(piece, since) - self._street_share(other, since)) * length
+        last = (self._street_share(piece, until) - self._street_share(other, until)) * length
+        if first * last < 0.0:  # they pass each other
+            passing = since + (until - since) * first / (first - last)
+            return self._come_within(game, piece, other, since, passing, fabs(first), 0.0, side)
+        return self._come_within(game, piece, other, since, until, fabs(first), fabs(last), side)
+
+    def _street_share(self, piece: int, time: float) -> float:
+        """Return the share of its street that is behind a piece at a time, from what it is at both ends."""
+        begin = self.pieces.begins[piece]
+        end = self.pieces.ends[piece]
+        if self.legs.flags[self.pieces.legs[piece]] & 1:
+            begin = 1.0 - begin
+            end = 1.0 - end
+        return self._even(piece, begin, end, time)
+
+    def _come_within(
+        self, game: int, piece: int, other: int, since: float, until: float, begin: float, end: float, side: int
+    ) -> int:
+        """Note when two agents are first near each other, where their distance changes evenly between two times."""
+        if side:
+            piece, other = other, piece
+        if begin <= self.limit:
+            return self._meet_on_way(game, since, begin, piece, other)
+        if end <= self.limit:
+            time = since + (until - since) * (begin - self.limit) / (begin - end)
+            return self._meet_on_way(game, time, self.limit, piece, other)
+        return 0
+
+    # -- order ---------------------------------------------------------------------------------------------------------
+
+    def _is_before(self, one: int, other: int, by: int) -> bool:
+        """Return whether one contact comes before another, or one piece lies west of another."""
+        found = 0
+        if by == BY_PLACE:
+            found = compared(self.pieces.begins[one], self.pieces.begins[other])
+        else:
+            if by == BY_PAIR:
+                found = compared(self.a[one], self.a[other])
+                found = found or compared(self.b[one], self.b[other])
+            found = found or compared(self.times[one], self.times[other])
+            found = found or compared(self.distances[one], self.distances[other])
+            if not found and self.draws[one] != self.draws[other]:
+                found = -1 if self.draws[one] < self.draws[other] else 1
+            found = found or compared(self.on_edges[one], self.on_edges[other])
+        return found < 0 or (found == 0 and one < other)
+
+    def _sort(self, order: memoryview[int], first: int, last: int, by: int) -> int:
+        """Sort the contacts or pieces of a part of an order: heapsort."""
+        count = last - first
+        for root in range((count >> 1) - 1, -1, -1):
+            self._sink(order, first, root, count, by)
+        for end in range(count - 1, 0, -1):
+            least = order[first]
+            order[first] = order[first + end]
+            order[first + end] = least
+            self._sink(order, first, 0, end, by)
+        return 0
+
+    def _sink(self, order: memoryview[int], first: int, root: int, count: int, by: int) -> int:
+        """Let an item of a heap sink below those that come behind it."""
+        item = order[first + root]
+        child = 2 * root + 1
+        while child < count:
+            if child + 1 < count and self._is_before(order[first + child], order[first + child + 1], by):
+                child += 1
+            if not self._is_before(item, order[first + child], by):
+                break
+            order[first + root] = order[first + child]
+            root = child
+            child = 2 * root + 1
+        order[first + root] = item
+        return 0
+
+
+def compared(one: float, other: float) -> int:
+    """Return -1 where a number is less than another, 1 where it is greater, else 0."""
+    return (one > other) - (one < other)
+
+
+def match(
+    games: memoryview[int], a: memoryview[int], b: memoryview[int], taken: memoryview[int], made: memoryview[int]
+) -> int:
+    """Write which contacts, in their order, are those whose agents are in no earlier one that is.
+
+    Args:
+        games: (contacts,) of each, ascending.
+        a: (contacts,) the numbers of the agents of the first side.
+        b: (contacts,) those of the second.
+        taken: (agents,) scratch, filled with -1.
+        made: (contacts,) where the result goes: 1 or 0.
+    """
+    for contact in range(len(games)):
+        made[contact] = 0
+        if taken[a[contact]] != games[contact] and taken[b[contact]] != games[contact]:
+            made[contact] = 1
+            taken[a[contact]] = games[contact]
+            taken[b[contact]] = games[contact]
+    return 0
