@@ -149,6 +149,16 @@ def test_agents_by_metres_are_tagged_when_they_first_are_near_as_alone(given, de
     same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 17.0}), SEEDS[:1])
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_rules_that_tag_are_one_rule_as_in_games_that_are_played_alone(order, same_as_one_by_one):
+    tags = [
+        rule("tag", taggers="red", tagged="blue", score=0.5),
+        rule("tag", taggers="blue", tagged="red", then="eliminate", hops=1, score=2),
+        rule("tag", taggers="red", tagged="blue", metres=5, territory=OWNERS),
+    ]
+    same_as_one_by_one(scene([*tags[::order], rule("respawn")], side=4, max_turns=10), SEEDS)
+
+
 def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):
     tag = rule("tag", taggers="red", tagged="red", hops=1)
     same_as_one_by_one(scene([tag], red=12, side=9, max_turns=6), SEEDS[:2])

@@ -697,3 +697,28 @@ def test_what_agents_cover_of_edges_is_what_they_cover_in_games_alone(weight):
         assert check(ctx, [1, 2]) == {}
         edges = [leg[0] for event in ctx.game.fork(1).run().events for leg in event["legs"]]
         assert 0 in edges
+
+
+@pytest.mark.parametrize("sides", [[("red", "blue"), ("blue", "red")], [("blue", "red"), ("red", "blue")]])
+def test_rules_that_tag_are_one_rule_if_one_of_them_calls_a_function(sides):
+    def send_home(ctx, tagger, tagged):
+        ctx.game.respawn(tagged)
+
+    def make():
+        ctx = gamms.create_context(seed=3, logger_config={"level": "ERROR"})
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        for number in range(6):
+            team = "red" if number % 2 else "blue"
+            ctx.agent.create_agent(f"a{number}", start_node_id=number, team=team, strategy=random_walk)
+        for side, then in zip(sides, ("respawn", send_home), strict=True):
+            ctx.game.add(tag(*side, then=then))
+        ctx.game.max_turns = 10
+        return ctx
+
+    with make() as ctx, ctx.game.batch(seeds=[3, 4]) as games:
+        games.run()
+        played = games.result(0)
+    with make() as ctx:
+        alone = ctx.game.run()
+    assert played.events == alone.events
+    assert any(event["kind"] == "tag" for event in alone.events)

@@ -1,6 +1,6 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from inspect import iscoroutinefunction
 from typing import Any, Literal, NamedTuple, Unpack
 
@@ -307,6 +307,28 @@ class NamedRule(NamedTuple):
         return f"NamedRule({self.name!r}, {as_code(self.rule)}, phase={self.phase!r})"
 
 
+def as_called(rules: Iterable[NamedRule]) -> list[NamedRule]:
+    """Return rules as they are called: those of one phase that have a `join`, the same, are one rule."""
+    return [named for _, named in _groups(rules)]
+
+
+def _groups(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule]]:
+    """Return the rules that are called as one, and that one, in the order of the first of each."""
+    groups: dict[Hashable, list[NamedRule]] = {}
+    for one in rules:
+        join = getattr(one.rule, "join", None)
+        groups.setdefault(one.name if join is None else (one.phase, join), []).append(one)
+    return [(group, _joined(group)) for group in groups.values()]
+
+
+def _joined(group: Sequence[NamedRule]) -> NamedRule:
+    """Return the rule that several are called as."""
+    if len(group) == 1:
+        return group[0]
+    join: Callable[[Sequence[Rule]], Rule] = group[0].rule.join  # type: ignore[attr-defined] # these rules have one
+    return NamedRule(" and ".join([one.name for one in group]), join([one.rule for one in group]), group[0].phase)
+
+
 class RuleSet:
     """The rules of one context's game.
 
@@ -316,19 +338,17 @@ class RuleSet:
         phases: the phases in which a rule is called; "check" is one of them.
         act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
         unchecked: those that were added since it was checked which teams they name.
-        said: what was warned of, so that games of one scenario warn of it once.
     """
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.unchecked: list[NamedRule] = []
-        self.said: set[str] = set()
         self.replace(())
 
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
         """Replace all rules, without what they draw."""
         self.rules = rules
-        self._of_phase = {phase: [(one, one.rule) for one in rules if one.phase == phase] for phase in PHASES}
+        self._of_phase = {phase: _groups([one for one in rules if one.phase == phase]) for phase in PHASES}
         checks = ["check" for one in rules if hasattr(one.rule, "check")]
         self.phases = frozenset([*checks, *(one.phase for one in rules)])
         self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
@@ -383,12 +403,14 @@ class RuleSet:
         seen, called = self.rules, self._of_phase[phase]
         was_called = False
         while True:
-            for named, rule in called:
-                if self.rules is seen or named in self.rules:
+            for group, named in called:
+                members = group if self.rules is seen else [one for one in group if one in self.rules]
+                if members:
+                    now = named if len(members) == len(group) else _joined(members)
                     try:
-                        rule(self._ctx)
+                        now.rule(self._ctx)
                     except Exception as error:
-                        _add_place(error, named, phase, state)
+                        _add_place(error, now, phase, state)
                         raise
                     was_called = True
                     if phase == "before" and state.over is not None:
@@ -398,7 +420,7 @@ class RuleSet:
             added = [one for one in self.rules if one not in seen]
             if not added:
                 return was_called
-            seen, called = (*seen, *added), [(one, one.rule) for one in added if one.phase == phase]
+            seen, called = (*seen, *added), _groups([one for one in added if one.phase == phase])
 
     def check(self, state: GameState) -> bool:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
@@ -412,24 +434,13 @@ class RuleSet:
         return bool(checks)
 
     def warn(self) -> None:
-        """Warn about new rules: of teams that no agent plays for, and of what a rule before one makes of it."""
+        """Warn about new rules that name teams which no agent plays for."""
         for named in [one for one in self.unchecked if one in self.rules]:
             teams = sorted({*self._ctx.agent.block.teams}, key=str)  # which makes no members of large teams
             for team in getattr(named.rule, "teams", ()):
                 if team not in teams:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
-            self._warn_of_earlier(named)
         self.unchecked.clear()
-
-    def _warn_of_earlier(self, named: NamedRule) -> None:
-        """Warn once about what the rules that are called before a rule make of it."""
-        warn_after: Callable[[Rule], str | None] = getattr(named.rule, "warn_after", lambda _: None)
-        for earlier in self.rules[: self.rules.index(named)]:
-            why = warn_after(earlier.rule) if earlier.phase == named.phase else None
-            sentence = f"The rules {earlier.name!r} and {named.name!r} {why}"
-            if why is not None and sentence not in self.said:
-                self.said.add(sentence)
-                self._ctx.logger.warning(sentence)
 
     def _propose(self, named: NamedRule) -> None:
         artist = _artist_of(named)

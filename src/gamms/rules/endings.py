@@ -46,10 +46,10 @@ class Hooks(TypedDict, total=False):
     """Draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn alike."""
     teams: Sequence[Hashable]
     """The teams that the rule names; one without agents is warned about."""
-    sides: tuple[Any, Any] | None
-    """Of a rule by which one side tags another anywhere: both."""
-    warn_after: Callable[[Rule], str | None]
-    """Returns what is unfair if it is called after another rule, for a warning; None: nothing."""
+    join: Callable[[Sequence[Rule]], Rule]
+    """Makes one rule of all rules of a phase with the same `join`, which is called in the place of the first."""
+    taggings: Sequence[object]
+    """By what a rule tags agents, see `gamms.rules.tagging`."""
     last_turn: int
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[..., object] | None

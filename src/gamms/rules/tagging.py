@@ -1,8 +1,8 @@
 """Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
-from functools import partial
-from typing import Annotated, cast
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from operator import itemgetter
+from typing import Annotated, NamedTuple, cast
 
 import numpy as np
 
@@ -10,13 +10,16 @@ from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
+from gamms.game.batch.columns import joined_rows
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.rules.contacts import Contact, Side, as_nearness, as_side, ranked
 from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
-from gamms.rules.meetings import met_in_turn, one_to_one_of_games
-from gamms.rules.territory import Territory, as_territory
-from gamms.text import shown, shown_as_called
+from gamms.rules.meetings import Met, Nearness, met_in_turn, one_to_one_of_games
+from gamms.rules.territory import Ground, Territory, as_territory
+from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
 
@@ -52,8 +55,8 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     moved; then the tags are counted; then the tagged agents are moved. Each tag is an event `tag` with `agent` (the
     tagger), `other` and `node` (where the other was then, or the node that it had passed last). See `contacts`.
 
-    Two rules by which each side tags the other are not fair without a territory, which the first run warns of: the
-    agents that the first rule tags are gone before the second one looks.
+    The pairs of all such rules of a game are matched with each other, so that their order does not matter: an agent is
+    in one pair of all of them at most.
 
     Args:
         taggers: a team, or a function of an agent that says whether it is on that side.
@@ -77,83 +80,148 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     sides = as_side(taggers), as_side(tagged)
-    follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
-    both = as_flag(mutual, "mutual")
+    then_checked, ground = _as_then(then), as_territory(territory)
+    as_float(score, "score")
+    return _rule_of([_Tagging(*sides, nearness, then_checked, score, ground, mutual=as_flag(mutual, "mutual"))])
 
+
+class _Tagging(NamedTuple):
+    """The arguments of a rule; see `tag`."""
+
+    taggers: Side
+    tagged: Side
+    nearness: Nearness
+    then: str | Then
+    score: float
+    ground: Ground | None
+    mutual: bool
+
+    @property
+    def sides(self) -> tuple[Side, Side]:
+        """Taggers and tagged."""
+        return self.taggers, self.tagged
+
+    @property
+    def has_form(self) -> bool:
+        """Whether it is played in arrays."""
+        return isinstance(self.then, str) and not any(map(callable, self.sides))
+
+    def tags_in(self, ctx: Context) -> Iterator[tuple[tuple[float, float, int, int], Contact, list[_Tag]]]:
+        """Yield the contacts of a turn that make tags, in their order, and these."""
+        owners = None if self.ground is None else self.ground.of(ctx.game.facts)
+        for rank, contact in ranked(ctx, *self.sides, self.nearness):
+            a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
+            tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * self.mutual
+            tags = [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
+            if tags:
+                yield rank, contact, tags
+
+    def tags_in_arrays(self, turn: ArrayTurn) -> tuple[Met, BoolArray]:
+        """Return the contacts of a turn that make tags, and whether agents of the first and second side tag: (n, 2)."""
+        takes_part = self.nearness.air | ~turn.roster.flies
+        ours, theirs = (np.flatnonzero(turn.roster.plays_for([side]) & takes_part) for side in self.sides)
+        met = met_in_turn(turn, ours, theirs, self.nearness)
+        tags = np.ones((len(met.games), 2), np.bool_)
+        tags[:, 1] = self.mutual
+        if self.ground is not None:
+            owners, team_of = self.ground.in_arrays(turn), turn.roster.team_of
+            tags[:, 0] &= owners[met.b_nodes] == team_of[met.a]
+            tags[:, 1] &= owners[met.a_nodes] == team_of[met.b]
+        made = np.flatnonzero(tags.any(axis=1))
+        return met.those(made), tags[made]
+
+
+def _joined(rules: Sequence[Rule]) -> Rule:
+    """Make one rule of several by which agents tag: none comes before another."""
+    return _rule_of([tagging for rule in sorted(rules, key=as_code) for tagging in _taggings_of(rule)])
+
+
+def _taggings_of(rule: Rule) -> Sequence[_Tagging]:
+    taggings: Sequence[_Tagging] = rule.taggings  # type: ignore[attr-defined] # `_rule_of` gives it one
+    return taggings
+
+
+def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
     def tag(ctx: Context) -> None:
-        owners = None if ground is None else ground.of(ctx.game.facts)
-        met = found(ctx, *sides, nearness)
-        if not met:
-            return
-        tags = {contact: some for contact in met if (some := _tags_of(ctx, contact, owners, both=both))}
-        made = [one for contact in one_to_one(tags) for one in tags[contact]]
-        for tagger, other, node in made:
-            ctx.game.emit("tag", agent=tagger.name, other=other.name, node=node)
-            if points:
-                ctx.game.scores[tagger.team] += score
-        for tagger, other, _ in made:
-            follow(ctx, tagger, other)
+        _tag(ctx, taggings)
 
     def in_arrays(turn: ArrayTurn) -> None:
-        takes_part = nearness.air | ~turn.roster.flies
-        ours, theirs = (np.flatnonzero(turn.roster.plays_for([side]) & takes_part) for side in (taggers, tagged))
-        met = met_in_turn(turn, ours, theirs, nearness)
-        tags = np.ones((len(met.games), 1 + both), np.bool_)  # by the agents of the one side, and of the other
-        if ground is not None:
-            owners, team_of = ground.in_arrays(turn), turn.roster.team_of
-            pairs = [(met.b_nodes, met.a), (met.a_nodes, met.b)][: 1 + both]
-            tags = np.stack([owners[node] == team_of[agent] for node, agent in pairs], axis=1)
-            is_tag = np.flatnonzero(tags.any(axis=1))
-            met, tags = met.those(is_tag), tags[is_tag]
-        made = one_to_one_of_games(met.games, met.a, met.b, len(turn.roster.names))
-        at, tagger, other, node = met.games[made], met.a[made], met.b[made], met.b_nodes[made]
-        if both:
-            at, node = np.repeat(at, 2), np.column_stack((node, met.a_nodes[made])).ravel()
-            tagger, other = np.column_stack((tagger, other)).ravel(), np.column_stack((other, tagger)).ravel()
-            done = tags[made].ravel()
-            at, tagger, other, node = at[done], tagger[done], other[done], node[done]
-        turn.emit("tag", at, agents={"agent": tagger, "other": other}, nodes={"node": node})
-        if points:
-            turn.add_scores(at, tagger, score)
-        (turn.respawn if then == "respawn" else turn.eliminate)(at, other)
+        _tag_in_arrays(turn, taggings)
 
-    has_form = isinstance(then, str) and not (callable(taggers) or callable(tagged))
     return with_hooks(
         tag,
         drawer=render_tags,
-        teams=[side for side in (taggers, tagged) if not callable(side)],
-        sides=sides if ground is None else None,
-        warn_after=partial(_why_unfair_after, sides if ground is None else None),
-        array_form=in_arrays if has_form else None,
+        teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
+        join=_joined,
+        taggings=taggings,
+        array_form=in_arrays if all(tagging.has_form for tagging in taggings) else None,
     )
 
 
-def _tags_of(ctx: Context, contact: Contact, owners: Mapping[int, object] | None, *, both: bool) -> list[_Tag]:
-    """Return the tags that a contact makes, where nodes have these owners."""
-    a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
-    tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
-    return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
+def _tag(ctx: Context, taggings: Sequence[_Tagging]) -> None:
+    """Let agents tag in a turn of one game."""
+    found = [(rank, i, contact, tags) for i, one in enumerate(taggings) for rank, contact, tags in one.tags_in(ctx)]
+    found.sort(key=itemgetter(0, 1))
+    taken = set[str]()
+    made = list[tuple[_Tagging, _Tag]]()
+    for _, i, contact, tags in found:
+        if taken.isdisjoint(contact[:2]):
+            taken.update(contact[:2])
+            made += [(taggings[i], one) for one in tags]
+    for tagging, (tagger, other, node) in made:
+        ctx.game.emit("tag", agent=tagger.name, other=other.name, node=node)
+        if tagging.score:
+            ctx.game.scores[tagger.team] += tagging.score
+    for tagging, (tagger, other, _) in made:
+        (_THEN[tagging.then] if isinstance(tagging.then, str) else tagging.then)(ctx, tagger, other)
 
 
-def _why_unfair_after(sides: tuple[Side, Side] | None, earlier: Rule) -> str | None:
-    """Return why a rule that has no territory should not be called after a rule by which the other side tags."""
-    if sides is None or sides[0] == sides[1] or getattr(earlier, "sides", None) != sides[::-1]:
-        return None
-    return (
-        "tag each other's sides and have no territory. The first of them is called first in every turn, and agents "
-        "that it puts back or eliminates are gone before the second one looks, so the side that tags by the first has "
-        "an advantage; another order of the rules gives it to the other side. Give both a territory=, so that each "
-        "side tags on its own ground, or play another game: one rule with mutual=True tags both agents of a pair."
-    )
+def _tag_in_arrays(turn: ArrayTurn, taggings: Sequence[_Tagging]) -> None:
+    """Let agents tag in a turn of many games."""
+    parts = [one.tags_in_arrays(turn) for one in taggings]
+    met = joined_rows([part for part, _ in parts])
+    tags = np.concatenate([some for _, some in parts])
+    number = np.repeat(np.arange(len(parts)), [len(some) for _, some in parts])
+    order = np.lexsort((number, met.on_edges, met.draws, met.distances, met.times, met.games))
+    met = met.those(order)
+    made = one_to_one_of_games(met.games, met.a, met.b, len(turn.roster.names))
+    done, number = tags[order[made]].ravel(), np.repeat(number[order[made]], 2)
+    met = met.those(made)
+    columns = (met.games, met.games), (met.a, met.b), (met.b, met.a), (met.b_nodes, met.a_nodes)
+    at, tagger, other, node = (np.column_stack(both).ravel()[done] for both in columns)
+    number = number[done]
+    turn.emit("tag", at, agents={"agent": tagger, "other": other}, nodes={"node": node})
+    for tagging, rows in _in_order(taggings, at, number):
+        if tagging.score:
+            turn.add_scores(at[rows], tagger[rows], tagging.score)
+    for tagging, rows in _in_order(taggings, at, number):
+        (turn.respawn if tagging.then == "respawn" else turn.eliminate)(at[rows], other[rows])
 
 
-def _as_then(then: object) -> Then:
+def _in_order(taggings: Sequence[_Tagging], at: IntArray, number: IntArray) -> Iterator[tuple[_Tagging, IntArray]]:
+    """Yield the rows of tags that can be carried out at once, those of one game in their order.
+
+    Args:
+        taggings: by which agents are tagged.
+        at: (tags,) the game of each, ascending.
+        number: (tags,) the number of the tagging of each.
+    """
+    if len({(one.score, one.then) for one in taggings}) == 1:
+        yield taggings[0], np.arange(len(at))
+        return
+    place = np.arange(len(at)) - np.searchsorted(at, at)  # in its game
+    for rank in range(place.max(initial=-1) + 1):
+        for i, tagging in enumerate(taggings):
+            yield tagging, np.flatnonzero((place == rank) & (number == i))
+
+
+def _as_then(then: object) -> str | Then:
     if isinstance(then, str):
         if then not in _THEN:
             raise BadValue(
                 f"then must be 'respawn', 'eliminate' or a function, not {shown(then)}.{nearest(then, _THEN)}"
             )
-        return _THEN[then]
+        return then
     if not callable(then):
         raise BadType(f"then must be 'respawn', 'eliminate' or a function (ctx, tagger, tagged), not {shown(then)}.")
     return cast("Then", then)

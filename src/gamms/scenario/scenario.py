@@ -80,7 +80,6 @@ class Scenario(Fixed):
             self._put_public(spec=checked(self._raw, Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
-        self._said = set[str]()  # what its games have warned of
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
@@ -103,7 +102,6 @@ class Scenario(Fixed):
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
         new._library = self._library
-        new._said = self._said
         return new
 
     def columns(self) -> GraphColumns:
@@ -261,7 +259,6 @@ class Scenario(Fixed):
             with named(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 ctx.game.internals.digests = self.digests
-                ctx.game.internals.parts.rules.said = self._said
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
                 ctx.game.internals.scenario = written_out(self.spec, self._library)

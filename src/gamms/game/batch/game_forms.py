@@ -18,7 +18,7 @@ from gamms.game.batch.turn import ArrayRule, ArrayTurn, movement_in
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.moves import as_stopped
 from gamms.game.settings import PHASES as RULE_PHASES
-from gamms.game.settings import NamedRule, Plan
+from gamms.game.settings import NamedRule, Plan, as_called
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code
@@ -193,7 +193,7 @@ class GameForms:
     def _forms_of(self, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
         found: list[tuple[NamedRule, ArrayRule]] = []
         group: list[NamedRule] = []
-        for one in self.game.rules:
+        for one in as_called(self.game.rules):
             if one.phase != phase:
                 continue
             form = form_of(one.rule)

@@ -20,7 +20,7 @@ from gamms.game.batch.unknown import NeedsTurnEngine, OfSlots, OfSome, Unknown
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import TurnOrder
-from gamms.game.settings import NamedRule
+from gamms.game.settings import NamedRule, as_called
 from gamms.game.snapshots import SnapshotTaker, Start
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.columns import Selection
@@ -111,7 +111,7 @@ class RuleFork:
         self._state, self._admit, self.game, self.ctx = state, admit, fork, fork.ctx
         self.parts: SnapshotTaker = fork.internals.parts
         self._values: GameState = self.parts.state
-        self.functions = {one.name: one.rule for one in fork.rules}
+        self.functions = {one.name: one.rule for one in (*fork.rules, *as_called(fork.rules))}
         self.number = {name: i for i, name in enumerate(state.roster.names)}
         named = zip(state.roster.names, state.roster.is_first.tolist(), strict=True)
         # those that come later began where they are
@@ -221,7 +221,7 @@ class RuleFork:
     @property
     def rules_in_arrays(self) -> list[Callable[..., object]]:
         """The rules that have array forms."""
-        return [one.rule for one in self.game.rules if form_of(one.rule) is not None]
+        return [one.rule for one in as_called(self.game.rules) if form_of(one.rule) is not None]
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.unknown import NeedsTurnEngine
 from gamms.game.legality import ResolvedAction
 from gamms.game.result import Collector
-from gamms.game.settings import NamedRule
+from gamms.game.settings import NamedRule, as_called
 from gamms.ir.agents import Position
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -32,7 +32,7 @@ def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
     """Return what of a game has no array form and is called game by game: in words -> it."""
     checks = [(one.name, check) for one in game.rules if (check := getattr(one.rule, "check", None)) is not None]
     conflicts = game.settings()["conflicts"]
-    found = {f"the rule {one.name!r}": one.rule for one in game.rules if form_of(one.rule) is None}
+    found = {f"the rule {one.name!r}": one.rule for one in as_called(game.rules) if form_of(one.rule) is None}
     found |= {f"the check of the rule {name!r}": check for name, check in checks if form_of(check) is None}
     found |= {f"the collector {name!r}": one.fn for name, one in collectors_of(game).items()}
     if conflicts is not None and form_of(conflicts) is None:
