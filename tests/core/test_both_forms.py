@@ -1,6 +1,7 @@
 """Compiled and interpreted, the functions of the core return the same and write the same.
 
-`CASES` has a line for each function: its module, its name, and what it may be called with.
+`CASES` has a line for each function of a module: its module, its name, and what it may be called with. The laws of the
+methods of classes run in both forms as they are.
 """
 
 import importlib
@@ -42,7 +43,18 @@ def rows(*columns):
     return st.lists(st.tuples(*columns), min_size=1, max_size=6).map(filled)
 
 
+def pairs():
+    """Pairs of six agents in the order of their games, a column for what is taken, and one to write to."""
+
+    def filled(drawn):
+        columns = [array("q", column) for column in zip(*sorted(drawn), strict=True)]
+        return (*columns, array("q", [-1] * 6), array("q", bytes(8 * len(drawn))))
+
+    return st.lists(st.tuples(numbers(0, 3), numbers(0, 5), numbers(0, 5)), min_size=1, max_size=9).map(filled)
+
+
 CASES = {
+    ("contacts", "match"): pairs(),
     ("draws", "mix"): st.tuples(U64),
     ("draws", "rotated"): st.tuples(U64, numbers(1, 63)),
     ("draws", "siphash"): st.tuples(U64, U64, U64),
