@@ -100,11 +100,11 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         if seed is not None:
             self.learners.begin_from(seed)
 
-    def close(self, *, raise_if_closed: bool = True) -> None:
-        """End the games."""
+    def close(self, **options: Any) -> None:
+        """End the games; the options, which early versions of TorchRL lack, are those of `EnvBase.close`."""
         if not self.is_closed:
             self.learners.close()
-        super().close(raise_if_closed=raise_if_closed)
+        super().close(**options)
 
     def _filled(self, played: Played | None) -> TensorDictBase:
         """Return what is observed, and what the last turn came to."""
