@@ -13,7 +13,6 @@ import gamms
 SRC = Path(gamms.__file__).parent
 SHOW = """
 import gamms.core
-import json.tool
 from gamms.core import draws
 print(gamms.core.is_compiled, draws.__file__.rpartition('.')[2], draws.mix(1))
 """
@@ -30,6 +29,16 @@ def test_the_interpreted_form_can_be_asked_for():
     done = run(SHOW, form="python")
     assert done.stderr == ""
     assert done.stdout.split() == ["False", "py", str(gamms.core.draws.mix(1))]
+
+
+def test_the_finder_of_the_interpreted_form_finds_nothing_but_modules_of_the_core():
+    names = ("gamms.core.draws", "gamms.corpus", "gamms.text", "json.tool")
+    code = f"""
+import sys, gamms.core
+[finder] = [one for one in sys.meta_path if type(one).__module__ == "gamms.core.form"]
+print(*[bool(finder.find_spec(name, gamms.core.__path__)) for name in {names}])
+"""
+    assert run(code, form="python").stdout.split() == ["True", "False", "False", "False"]
 
 
 def test_another_form_is_refused():
