@@ -91,7 +91,7 @@ def outcome(module, function, arguments):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(("module", "function"), CASES, ids=".".join)
+@pytest.mark.parametrize(("module", "function"), CASES)
 @settings(max_examples=100)
 @given(data=st.data())
 def test_both_forms_do_the_same(module, function, data):
