@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadType, BadValue
 from gamms.rules import Conflicts, contacts, reach, tag
+from gamms.scenario import Scenario
 
 
 def road(order, *, nodes=10, seed=5):
@@ -107,6 +108,55 @@ def test_who_moves_first_decides(order, winner):
         ctx.game.add(reach("robber", 4))
         result = ctx.game.run(1)
         assert (result.winner == "robber", result.scores.get("cops", 0)) == (winner == "robber", winner == "cops")
+
+
+def test_an_edge_gone_along_one_after_the_other_is_no_meeting_without_passing():
+    with road([["cops"], ["robber"]]) as ctx:
+        player(ctx, "cop", "cops", 2, 3)
+        player(ctx, "rob", "robber", 3, 2)
+        ctx.game.step()
+        assert contacts(ctx, "cops", "robber", passing=False) == []
+        assert [one.time for one in contacts(ctx, "cops", "robber")] == [0.5]  # on the node, before the robber leaves
+
+
+def test_agents_that_pass_each_other_in_one_part_of_the_turn_meet_at_its_end_without_passing():
+    with road([["cops", "robber"], ["others"]]) as ctx:
+        player(ctx, "cop", "cops", 2, 3)
+        player(ctx, "rob", "robber", 3, 2)
+        player(ctx, "other", "others", 9)
+        ctx.game.step()
+        (contact,) = contacts(ctx, "cops", "robber", passing=False)
+        assert contact[:6] == ("cop", "rob", 0.0, 1.0, 3, 2)
+
+
+@pytest.mark.parametrize("form", [{}, {"hops": 0}, {"metres": 0}, {"euclid": 0}])
+def test_an_agent_that_waits_meets_who_stays_on_its_node_as_the_turn_begins(form):
+    with road([["cops"], ["robber"]]) as ctx:
+        player(ctx, "cop", "cops", 3, 3)
+        player(ctx, "rob", "robber", 3, 4)
+        player(ctx, "late", "cops", 2, 3)
+        ctx.game.step()
+        assert [(one.a, one.time) for one in contacts(ctx, "cops", "robber", **form)] == [("cop", 0.0), ("late", 0.5)]
+
+
+def test_who_is_matched_under_an_order_of_play_does_not_depend_on_how_the_distance_is_given():
+    def scores(**form):
+        teams = {team: {"count": 2, "strategy": "gamms.strategies:random_walk"} for team in ("red", "blue")}
+        sides = [("red", "blue"), ("blue", "red")]
+        rules = [{"rule": "tag", "with": {"taggers": a, "tagged": b, "crossing": True, **form}} for a, b in sides]
+        settings = {"order": [["red"], ["blue"]]}
+        scenario = Scenario(
+            map={"grid": {"width": 5, "height": 5}}, teams=teams, rules=rules, settings=settings, max_turns=40
+        )
+        with scenario.batch(500) as games:
+            games.run()
+            return [games.result(number).scores for number in range(500)]
+
+    played = scores()
+    assert scores(hops=0) == played
+    red, blue = (sum(score.get(team, 0) for score in played) for team in ("red", "blue"))
+    assert red + blue > 1000
+    assert 0.9 < red / blue < 1.1
 
 
 def test_conflicts_count_those_who_have_moved_and_those_who_have_not():

@@ -40,6 +40,7 @@ cdef class Reach:
 
 @cython.final
 cdef class Lines:
+    cdef readonly i64 parts
     cdef const i64[::1] offsets
     cdef const double[::1] since, until, begins, ends
 
@@ -88,13 +89,15 @@ cdef class Contacts:
     cdef int _meet(
         self, i64 game, double time, double distance, i64 on_edge, i64 a, i64 b, i64 a_node, i64 b_node
     ) except -1 nogil
-    @cython.locals(found=bint, side=int, row=i64, place=i64)
-    cdef bint _may_meet(self, i64 game) except -1 nogil
+    @cython.locals(found=bint, row=i64, place=i64, most=i64, begin=i64, end=i64)
+    cdef bint _share_nodes(
+        self, i64 game, const i64[::1] nodes, const i64[::1] lengths, i64[::1] first
+    ) except -1 nogil
     @cython.locals(agent=i64, row=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
     cdef int _put_visits(self, i64 game) except -1 nogil
     @cython.locals(first=i64, leg=i64)
     cdef bint _is_there(self, i64 row) except -1 nogil
-    @cython.locals(agent=i64, row=i64, first=i64, last=i64, place=i64, until=double, leg=i64)
+    @cython.locals(soonest=double, agent=i64, row=i64, first=i64, last=i64, place=i64, until=double, leg=i64, piece=i64)
     cdef int _put_steps(self, i64 game) except -1 nogil
     @cython.locals(agent=i64, row=i64, leg=i64, last=i64, one=i64, piece=i64)
     cdef int _put_legs(self, i64 game, bint are_known) except -1 nogil
@@ -119,7 +122,7 @@ cdef class Contacts:
     cdef int _straight(self, i64 game, Lines lines) except -1 nogil
     @cython.locals(agent=i64, row=i64, part=i64, piece=i64)
     cdef int _put_lines(self, i64 game, Lines lines) except -1 nogil
-    @cython.locals(agent=i64, row=i64, part=i64, piece=i64)
+    @cython.locals(part=i64, piece=i64)
     cdef int _place_steps(self, i64 game, Lines lines) except -1 nogil
     @cython.locals(a=i64, b=i64, x=double, y=double, z=double, far=double)
     cdef int _step_near(self, i64 game, Lines lines, i64 piece, i64 other) except -1 nogil

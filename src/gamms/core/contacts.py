@@ -142,7 +142,8 @@ class Lines:
         offsets: (rows + 1,) where the parts of each row begin.
         since, until: (parts,) of the turn.
         begins, ends: (3 * parts,) where the agent is at both times: x, y and z. In games that count edges a row has a
-            part for each node that it passes, of which only `begins` counts.
+            part for each node that it passes, of which there are only `begins`.
+        parts: how many there are.
     """
 
     def __init__(
@@ -154,6 +155,7 @@ class Lines:
         ends: memoryview[float],
     ) -> None:
         self.offsets = offsets
+        self.parts = len(since)
         self.since = since
         self.until = until
         self.begins = begins
@@ -236,33 +238,26 @@ class Pieces:
 
 
 class Contacts:
-    """The contacts of a turn of games, and what finds them.
+    """Finds the contacts of a turn of games.
+
+    `ask` says of which agents; then one of `find_on_nodes`, `find_by_paths` and `find_straight` finds their contacts.
 
     Attributes:
-        tracks, legs: of all agents.
         pieces: scratch, with room for all of one game.
-        names: (agents,) the keys of their names.
-        purposes, turns: (games,) what the draws follow from that decide between equals.
         games, a, b: (room,) the game of each contact, and the numbers of both agents.
         a_nodes, b_nodes: (room,) where they were.
         times, distances: (room,)
         draws: (room,) random bits of the pair.
         on_edges: (room,) whether they met on an edge.
         order: (room,) the contacts game by game, in each in the order of time, then of distance, then drawn.
-        crossing: whether agents meet on edges, too.
-        by_metres: whether the game is one by metres.
-        count: how many contacts were found: more than `room`, and it is to be done again with more room.
+        room: how many contacts there is room for.
+        count: how many contacts were found: more than `room`, and they are to be found again with more room.
         kept: how many are in `order`.
     """
 
     def __init__(
         self,
-        tracks: Tracks,
-        legs: Legs,
         pieces: Pieces,
-        names: memoryview[int],
-        purposes: memoryview[int],
-        turns: memoryview[int],
         games: memoryview[int],
         a: memoryview[int],
         b: memoryview[int],
@@ -273,16 +268,8 @@ class Contacts:
         draws: memoryview[int],
         on_edges: memoryview[int],
         order: memoryview[int],
-        *,
-        crossing: bool,
-        by_metres: bool,
     ) -> None:
-        self.tracks = tracks
-        self.legs = legs
         self.pieces = pieces
-        self.names = names
-        self.purposes = purposes
-        self.turns = turns
         self.games = games
         self.a = a
         self.b = b
@@ -293,11 +280,39 @@ class Contacts:
         self.draws = draws
         self.on_edges = on_edges
         self.order = order
-        self.crossing = crossing
-        self.by_metres = by_metres
         self.room = len(order)
         self.count = 0
         self.kept = 0
+
+    def ask(
+        self,
+        tracks: Tracks,
+        legs: Legs,
+        names: memoryview[int],
+        purposes: memoryview[int],
+        turns: memoryview[int],
+        *,
+        crossing: bool,
+        by_metres: bool,
+    ) -> None:
+        """Say what contacts are to be found.
+
+        Args:
+            tracks: of all agents.
+            legs: likewise.
+            names: (agents,) the keys of their names.
+            purposes: (games,) the keys of the purpose for which lots decide between equals.
+            turns: (games,) how many turns were played.
+            crossing: whether agents meet on edges, too.
+            by_metres: whether the games are by metres.
+        """
+        self.tracks = tracks
+        self.legs = legs
+        self.names = names
+        self.purposes = purposes
+        self.turns = turns
+        self.crossing = crossing
+        self.by_metres = by_metres
         self.limit = 0.0
         self.is_exact = False
 
@@ -308,7 +323,7 @@ class Contacts:
         self.count = 0
         self.kept = 0
         for game in range(len(self.purposes)):
-            if self.by_metres or self._may_meet(game):
+            if self.by_metres or self._share_nodes(game, self.tracks.nodes, self.tracks.lengths, self.pieces.first):
                 begin = self.count
                 self._on_nodes(game)
                 self._finish(game, begin)
@@ -412,17 +427,24 @@ class Contacts:
 
     # -- what agents do in a game --------------------------------------------------------------------------------------
 
-    def _may_meet(self, game: int) -> bool:
-        """Return whether agents of both sides pass one node."""
+    def _share_nodes(self, game: int, nodes: memoryview[int], lengths: memoryview[int], first: memoryview[int]) -> bool:
+        """Return whether agents of both sides pass one node: `nodes` and `lengths` of tracks, `first` of pieces."""
+        most = self.tracks.most
+        begin = game * self.tracks.agents
+        end = begin + self.tracks.agents
         found = False
-        for side in range(3):  # theirs are marked, ours looked up, and theirs taken out again
-            for row in range(game * self.tracks.agents, (game + 1) * self.tracks.agents):
-                if self.tracks.sides[row] & (OURS if side == 1 else THEIRS):
-                    for place in range(row * self.tracks.most, row * self.tracks.most + self.tracks.lengths[row]):
-                        if side == 1:
-                            found = found or self.pieces.first[self.tracks.nodes[place]] >= 0
-                        else:
-                            self.pieces.first[self.tracks.nodes[place]] = 0 if side == 0 else -1
+        for row in range(begin, end):
+            if self.tracks.sides[row] & THEIRS:
+                for place in range(row * most, row * most + lengths[row]):
+                    first[nodes[place]] = 0
+        for row in range(begin, end):
+            if self.tracks.sides[row] & OURS and not found:
+                for place in range(row * most, row * most + lengths[row]):
+                    found = found or first[nodes[place]] == 0
+        for row in range(begin, end):
+            if self.tracks.sides[row] & THEIRS:
+                for place in range(row * most, row * most + lengths[row]):
+                    first[nodes[place]] = -1
         return found
 
     def _put_visits(self, game: int) -> int:
@@ -471,7 +493,11 @@ class Contacts:
         return self.tracks.lengths[row] == 1 or self.tracks.nodes[first] == self.tracks.nodes[first + 1]
 
     def _put_steps(self, game: int) -> int:
-        """Add which nodes agents have passed last, from when until when, each with a part of lines as its leg."""
+        """Add which nodes agents have passed last, from when until when."""
+        soonest = INFINITE  # when the first of them reaches a node
+        for row in range(game * self.tracks.agents, (game + 1) * self.tracks.agents):
+            if self.tracks.sides[row] and self.tracks.lengths[row] > 1:
+                soonest = min(soonest, self.tracks.times[row * self.tracks.most + 1])
         for agent in range(self.tracks.agents):
             row = game * self.tracks.agents + agent
             if not self.tracks.sides[row]:
@@ -479,12 +505,15 @@ class Contacts:
             first = row * self.tracks.most
             last = first + self.tracks.lengths[row] - 1
             if self.tracks.at_end:
-                self.pieces.put(agent, self.tracks.nodes[last], ON_NODE, 1.0, INFINITE)
+                piece = self.pieces.put(agent, self.tracks.nodes[last], ON_NODE, 1.0, INFINITE)
+                self.pieces.keys[piece] = last - first
                 continue
             for place in range(first, last + 1):
                 until = INFINITE if place == last else self.tracks.times[place + 1]
                 leg = LEAVES if place == first and place < last and not self._is_there(row) else ON_NODE
-                self.pieces.put(agent, self.tracks.nodes[place], leg, self.tracks.times[place], until)
+                if leg == ON_NODE or until > soonest:  # else none comes while it counts as on the node that it leaves
+                    piece = self.pieces.put(agent, self.tracks.nodes[place], leg, self.tracks.times[place], until)
+                    self.pieces.keys[piece] = place - first
         return 0
 
     def _put_legs(self, game: int, are_known: bool) -> int:
@@ -738,19 +767,11 @@ class Contacts:
 
     def _place_steps(self, game: int, lines: Lines) -> int:
         """Say where steps are from west to east; their keys are the parts that say it."""
-        agent = -1
-        part = 0
         for piece in range(self.pieces.count):
-            if self.pieces.agents[piece] != agent:
-                agent = self.pieces.agents[piece]
-                row = game * self.tracks.agents + agent
-                part = lines.offsets[row]
-                if self.tracks.at_end:
-                    part += self.tracks.lengths[row] - 1
+            part = lines.offsets[game * self.tracks.agents + self.pieces.agents[piece]] + self.pieces.keys[piece]
             self.pieces.keys[piece] = part
             self.pieces.begins[piece] = lines.begins[3 * part]
             self.pieces.ends[piece] = lines.begins[3 * part]
-            part += 1
         return 0
 
     def _step_near(self, game: int, lines: Lines, piece: int, other: int) -> int:

@@ -4,11 +4,11 @@
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
-Rules: read `contacts.py` for which agents meet, then `tagging.py`, `flags.py` and `endings.py`, which also
-has what a rule may carry besides its function; `places.py`, `resources.py` and `payoffs.py` count what comes of it, and
-`territory.py` makes the data that they share. Conflicts: read
-`conflicts.py` for how they are found, and which agents win. `contacts_in_arrays.py` and `conflicts_in_arrays.py` do the
-same for the many games of a batch. May import: `context` and below. To add a rule write a
+Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`), then
+`tagging.py`, `flags.py` and `endings.py`, which also has what a rule may carry besides its function; `places.py`,
+`resources.py` and `payoffs.py` count what comes of it, and `territory.py` makes the data that they share. Conflicts:
+read `conflicts.py` for how they are found, and which agents win. `conflicts_in_arrays.py` does the same for the many
+games of a batch. May import: `context` and below. To add a rule write a
 function `rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered. If
 parameters of a function that makes rules name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so
 that scenario files with misspelt teams are refused.

@@ -69,8 +69,8 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
             given.
         air: whether aerial agents take part; each is at the node nearest to it, except for `euclid`. One that flew is
             there at the end of the turn.
-        passing: whether agents meet on their way, too; False: where they are at the end, and if they went along one
-            edge in opposite directions at any time. An agent that was put elsewhere since has met no agent on its way.
+        passing: whether agents meet on their way, too; False: where they are at the end, and if they passed each other
+            on an edge. An agent that was put elsewhere since has met no agent on its way.
             With a distance, agents are compared whenever one of the two reaches a node; one between two nodes counts as
             on the one that it has passed.
 
@@ -142,12 +142,13 @@ def ranked(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Ranked]:
     agents: list[IAgent] = ctx.game.agents
     if ctx.agent.block.flyers and not nearness.air:
         agents = [agent for agent in agents if agent.type is not AgentType.AERIAL]
-    ours, theirs = ({agent.name for agent in _playing_for(side, agents)} for side in (a, b))
-    if not ours or not theirs:
+    of_a, of_b = _play_for(a, agents), _play_for(b, agents)
+    if not (any(of_a) and any(of_b)):
         return []
-    agents = [agent for agent in agents if agent.name in ours or agent.name in theirs]
-    sides = [(agent.name in ours) + 2 * (agent.name in theirs) for agent in agents]
-    in_space = agents if nearness.unit == "euclid" and nearness.air else ()
+    sides = [one + 2 * other for one, other in zip(of_a, of_b, strict=True)]
+    agents = [agent for agent, side in zip(agents, sides, strict=True) if side]
+    sides = [side for side in sides if side]
+    in_space = agents if ctx.agent.block.flyers and nearness.unit == "euclid" else ()
     aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
     return _as_contacts(ctx, met_in_game(ctx, agents, sides, nearness, aerial))
 
@@ -172,9 +173,10 @@ def _as_contacts(ctx: Context, game: MetInGame) -> list[Ranked]:
     return found
 
 
-def _playing_for(side: Side, agents: list[IAgent]) -> list[IAgent]:
+def _play_for(side: Side, agents: list[IAgent]) -> list[bool]:
+    """Return of each agent whether it is of a side."""
     # NOTE: without a call for each agent (benchmarks: contacts).
-    return [*filter(side, agents)] if callable(side) else [agent for agent in agents if agent.team == side]
+    return [bool(side(agent)) for agent in agents] if callable(side) else [agent.team == side for agent in agents]
 
 
 def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:

@@ -3,7 +3,8 @@
 `met_in_game` asks it about the game of a context, `met_in_turn` about a turn of many games.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import accumulate, chain
 from typing import Any, NamedTuple
@@ -22,7 +23,7 @@ from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.near_nodes import NearNodes, Reach
+from gamms.rules.near_nodes import NearNodes
 from gamms.rules.visits import EdgesGoneAlong, tracks_of
 from gamms.typing import IAgent
 from gamms.typing.game import Track
@@ -63,105 +64,92 @@ class Met(NamedTuple):
         return some_rows(self, rows)
 
 
-class Paths(NamedTuple):
-    """The nodes that agents pass, as `core.Tracks` has them; arrays (rows, most) and (rows,).
+class Question(NamedTuple):
+    """What the core is asked.
 
     Attributes:
-        agents: how many a game has.
-        num_nodes: how many numbers of nodes there are.
-    """
-
-    agents: int
-    num_nodes: int
-    nodes: IntArray
-    times: FloatArray
-    lengths: IntArray
-    sides: IntArray
-
-
-class Legs(NamedTuple):
-    """The parts of edges that agents cover, as `core.Legs` has them; arrays (rows, most) and (rows,)."""
-
-    num_streets: int
-    counts: IntArray
-    sources: IntArray
-    targets: IntArray
-    streets: IntArray
-    flags: IntArray
-    begins: FloatArray
-    ends: FloatArray
-    since: FloatArray
-    until: FloatArray
-    lengths: FloatArray
-
-    @property
-    def most(self) -> int:
-        """How many legs a row has room for."""
-        return int(self.sources.shape[-1])
-
-
-def no_legs(rows: int) -> Legs:
-    """Return those of games that count edges."""
-    none = np.zeros((rows, 0), np.int64)
-    nothing = np.zeros((rows, 0))
-    counts = np.zeros(rows, np.int64)
-    return Legs(0, counts, none, none, none, none, nothing, nothing, nothing, nothing, nothing)
-
-
-class Lines(NamedTuple):
-    """The straight parts of ways, as `core.Lines` has them; arrays (rows + 1,), (parts,) and (parts, 3)."""
-
-    offsets: IntArray
-    since: FloatArray
-    until: FloatArray
-    begins: FloatArray
-    ends: FloatArray
-
-
-class Draws(NamedTuple):
-    """What the draws follow from: (agents,) the keys of names; (games,) keys of purposes, and turns."""
-
-    names: BitArray
-    purposes: BitArray
-    turns: IntArray
-
-
-def find(
-    paths: Paths, legs: Legs, draws: Draws, nearness: Nearness, near: Lines | Reach | None, *, by_metres: bool
-) -> Met:
-    """Return the contacts of a turn.
-
-    Args:
-        paths: of all agents.
-        legs: likewise.
-        draws: what decides between equals.
-        nearness: what counts as a contact.
+        tracks, legs: of all agents.
         near: what says how far places are from each other; None: agents meet on nodes.
+        names: (agents,) the keys of their names.
+        purposes, turns: (games,) the keys of the purpose for which lots decide between equals, and turns.
+        pieces: the most that the agents of one game do in a turn, one after the other.
+        keys: how many numbers of nodes and of streets there are at most.
         by_metres: whether the games are by metres.
     """
-    # Per agent at most: visits and legs, each with two entries.
-    parts = 0 if not isinstance(near, Lines) else len(near.since)
-    pieces = max(parts, paths.agents * 2 * (paths.nodes.shape[-1] + 2 * legs.most + 2))
-    tracks = core.Tracks(paths.agents, paths.nodes.shape[-1], *_flat(paths[2:]), at_end=not nearness.passing)
-    covered = core.Legs(legs.most, *_flat(legs[1:]))
-    scratch = _pieces(pieces, max(paths.num_nodes, legs.num_streets, 1))
-    nearby = None if near is None else (core.Lines if isinstance(near, Lines) else core.Reach)(*_flat(near))
-    room = _FIRST_ROOM
+
+    tracks: core.Tracks
+    legs: core.Legs
+    near: core.Lines | core.Reach | None
+    names: memoryview
+    purposes: memoryview
+    turns: memoryview
+    pieces: int
+    keys: int
+    by_metres: bool
+
+
+class _Room(NamedTuple):
+    """What the core writes into: of so many pieces, keys and contacts."""
+
+    pieces: int
+    keys: int
+    met: Met
+    order: IntArray
+    core: core.Contacts
+
+
+_IDLE: list[_Room] = []  # which is used again, as making one takes longer than to find the contacts of a few agents
+
+
+def find(question: Question, nearness: Nearness) -> Met:
+    """Return the contacts of a turn."""
+    contacts = _FIRST_ROOM
     while True:
-        met = _room_for(room)
-        order = np.empty(room, np.int64)
-        columns = _flat((*draws, *met, order))
-        found = core.Contacts(tracks, covered, scratch, *columns, crossing=nearness.crossing, by_metres=by_metres)
-        if nearby is None:
-            count = found.find_on_nodes()
-        elif isinstance(nearby, core.Lines):
-            count = found.find_straight(nearby, nearness.limit)
+        room = _room_for(question, contacts)
+        room.core.ask(
+            question.tracks,
+            question.legs,
+            question.names,
+            question.purposes,
+            question.turns,
+            crossing=nearness.crossing,
+            by_metres=question.by_metres,
+        )
+        if question.near is None:
+            contacts = room.core.find_on_nodes()
+        elif isinstance(question.near, core.Lines):
+            contacts = room.core.find_straight(question.near, nearness.limit)
         else:
-            count = found.find_by_paths(nearby, nearness.limit, by_metres and nearness.unit == "metres")
-        if count <= room:
-            rows = order[: found.kept]
-            return met.those(rows)
-        room = 2 * count
+            is_exact = question.by_metres and nearness.unit == "metres"
+            contacts = room.core.find_by_paths(question.near, nearness.limit, is_exact)
+        if contacts <= len(room.order):
+            found = _NONE if not room.core.kept else room.met.those(room.order[: room.core.kept])
+            _IDLE.append(room)
+            return found
+
+
+def _room_for(question: Question, contacts: int) -> _Room:
+    try:
+        idle = _IDLE.pop()
+    except IndexError:
+        idle = None
+    if idle is not None:
+        if question.pieces <= idle.pieces and question.keys <= idle.keys and contacts <= len(idle.order):
+            return idle
+        # What is once used is often used again, by a game and a batch in turn.
+        contacts = max(contacts, len(idle.order))
+    pieces = max(question.pieces, 0 if idle is None else idle.pieces)
+    keys = max(question.keys, 0 if idle is None else idle.keys)
+    met, order = _columns(contacts), np.empty(contacts, np.int64)
+    ints, floats, first = np.empty((6, pieces), np.int64), np.empty((4, pieces)), np.full(keys, -1)
+    scratch = core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], first, ints[5])))
+    return _Room(pieces, keys, met, order, core.Contacts(scratch, *_flat((*met, order))))
+
+
+def _columns(contacts: int) -> Met:
+    games, a, b, a_nodes, b_nodes, on_edges = np.empty((6, contacts), np.int64)
+    times, distances = np.empty((2, contacts))
+    return Met(games, a, b, a_nodes, b_nodes, times, distances, np.empty(contacts, np.uint64), on_edges)
 
 
 def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # of memoryviews, which are not subscriptable
@@ -169,18 +157,18 @@ def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # of memoryvie
     return [np.ascontiguousarray(column).reshape(-1).data for column in columns]
 
 
-def _pieces(room: int, keys: int) -> core.Pieces:
-    ints = np.empty((6, room), np.int64)
-    floats = np.empty((4, room))
-    first = np.full(keys, -1)
-    columns = (*ints[:3], *floats, *ints[3:5], first, ints[5])
-    return core.Pieces(*_flat(columns))
+def _column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, which is not subscriptable
+    """Return numbers as the core takes them: "q" and "Q" for integers with and without sign, "d" for floats."""
+    return memoryview(array(kind, values))
 
 
-def _room_for(contacts: int) -> Met:
-    games, a, b, a_nodes, b_nodes, on_edges = np.empty((6, contacts), np.int64)
-    times, distances = np.empty((2, contacts))
-    return Met(games, a, b, a_nodes, b_nodes, times, distances, np.empty(contacts, np.uint64), on_edges)
+def _most_pieces(agents: int, most: int, most_legs: int) -> int:
+    """Return how many pieces there are at most: visits and legs, each with two entries."""
+    return max(1, agents) * 2 * (most + 2 * most_legs + 2)
+
+
+_NONE = _columns(0)
+_NO_LEGS = core.Legs(0, *[_column("q")] * 5, *[_column("d")] * 5)  # in games that count edges
 
 
 # -- in the game of a context ------------------------------------------------------------------------------------------
@@ -221,68 +209,87 @@ def met_in_game(
     tracks = tracks_of(ctx, agents, passing=nearness.passing or not by_metres)
     edges = EdgesGoneAlong(ctx)
     numbers = _numbers(tracks)
-    paths = _paths(tracks, numbers, sides)
-    legs = _legs(edges, tracks, numbers) if by_metres else no_legs(len(agents))
-    near: Lines | Reach | None = None
+    paths = [track.path for track in tracks]
+    most = max(map(len, paths))
+    most_legs = max(len(track.legs) for track in tracks) if by_metres else 0
+    near: core.Lines | core.Reach | None = None
     if nearness.unit == "euclid":
         places = [in_air.get(agent.name) for agent in agents]
-        near = _lines(edges, tracks, places) if by_metres else _places(ctx.graph.graph, paths, numbers, places)
+        near = _lines(edges, tracks, places) if by_metres else _places(ctx.graph.graph, paths, places)
     elif nearness.unit is not None:
-        near = _reach(ctx.graph.graph, numbers, nearness)
-    names = kernels.name_keys(agent.name for agent in agents)
-    purpose = np.array([kernels.purpose_key(ctx.seed, "contacts")], np.uint64)
-    met = find(paths, legs, Draws(names, purpose, np.array([ctx.game.turn])), nearness, near, by_metres=by_metres)
-    return MetInGame(agents, list(numbers), met, tracks, in_air)
+        # Where none passes a node, those that agents have left do not count.
+        asked = numbers if by_metres or most > 2 else dict.fromkeys(path[-1] for path in paths)
+        near = _reach(ctx.graph.graph, asked, numbers, nearness)
+    question = Question(
+        core.Tracks(len(tracks), most, *_nodes_and_times(tracks, most, numbers, sides), at_end=not nearness.passing),
+        _legs(edges, tracks, most_legs, numbers) if by_metres else _NO_LEGS,
+        near,
+        _column("Q", [kernels.name_key(agent.name) for agent in agents]),
+        _column("Q", [kernels.purpose_key(ctx.seed, "contacts")]),
+        _column("q", [ctx.game.turn]),
+        max(_most_pieces(len(tracks), most, most_legs), near.parts if isinstance(near, core.Lines) else 0),
+        len(numbers) + most_legs * len(tracks),
+        by_metres,
+    )
+    return MetInGame(agents, list(numbers), find(question, nearness), tracks, in_air)
 
 
 def _numbers(tracks: Sequence[Track]) -> dict[int, int]:
     """Return node id -> its number, of all nodes on the ways of agents."""
-    nodes = dict.fromkeys(chain.from_iterable(track.path for track in tracks))
+    nodes = dict.fromkeys(chain.from_iterable([track.path for track in tracks]))
     for track in tracks:
         for leg in track.legs:
             nodes[leg.source] = nodes[leg.target] = None
-    return {node: number for number, node in enumerate(nodes)}
+    return dict(zip(nodes, range(len(nodes)), strict=True))
 
 
-def _paths(tracks: Sequence[Track], numbers: Mapping[int, int], sides: Sequence[int]) -> Paths:
-    lengths = [len(track.path) for track in tracks]
-    most = max(lengths)
-    nodes = np.zeros((len(tracks), most), np.int64)
-    times = np.ones((len(tracks), most))
-    counts = np.array(lengths)
-    is_there = np.arange(most) < counts[:, None]
-    nodes[is_there] = [numbers[node] for track in tracks for node in track.path]
-    times[is_there] = [time for track in tracks for time in track.times]
-    return Paths(len(tracks), len(numbers), nodes, times, counts, np.array(sides, np.int64))
+def _nodes_and_times(
+    tracks: Sequence[Track], most: int, numbers: Mapping[int, int], sides: Sequence[int]
+) -> Iterator[Any]:
+    """Yield the columns of `core.Tracks`."""
+    nodes, times = list[int](), list[float]()
+    for track in tracks:
+        path = track.path
+        nodes += path
+        times += track.times
+        if len(path) < most:
+            nodes += path[-1:] * (most - len(path))
+            times += (1.0,) * (most - len(path))
+    yield _column("q", map(numbers.__getitem__, nodes))
+    yield _column("d", times)
+    yield _column("q", [len(track.path) for track in tracks])
+    yield _column("q", sides)
 
 
-def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], numbers: Mapping[int, int]) -> Legs:
-    rows = [(row, place, leg) for row, track in enumerate(tracks) for place, leg in enumerate(track.legs)]
-    most = max(len(track.legs) for track in tracks)
+def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, numbers: Mapping[int, int]) -> core.Legs:
     streets: dict[int, int] = {}
     ints = np.zeros((4, len(tracks), most), np.int64)
     floats = np.zeros((5, len(tracks), most))
-    for row, place, leg in rows:
-        length = edges.length_of(leg)
-        flags = _BACKWARDS * (leg.street != leg.edge) + _TURNS * (leg.back is not None) + _REMOVED * (length is None)
-        street = streets.setdefault(leg.street, len(streets))
-        ints[:, row, place] = numbers[leg.source], numbers[leg.target], street, flags
-        floats[:, row, place] = leg.begin, leg.end, leg.since, leg.until, length or 0.0
+    for row, track in enumerate(tracks):
+        for place, leg in enumerate(track.legs):
+            length = edges.length_of(leg)
+            flags = (
+                _BACKWARDS * (leg.street != leg.edge) + _TURNS * (leg.back is not None) + _REMOVED * (length is None)
+            )
+            street = streets.setdefault(leg.street, len(streets))
+            ints[:, row, place] = numbers[leg.source], numbers[leg.target], street, flags
+            floats[:, row, place] = leg.begin, leg.end, leg.since, leg.until, length or 0.0
     counts = np.array([len(track.legs) for track in tracks])
-    return Legs(len(streets), counts, *ints, *floats)
+    return core.Legs(most, *_flat((counts, *ints, *floats)))
 
 
-def _reach(graph: Graph, numbers: Mapping[int, int], nearness: Nearness) -> Reach:
+def _reach(graph: Graph, asked: Iterable[int], numbers: Mapping[int, int], nearness: Nearness) -> core.Reach:
+    """Return how far it is from the nodes that are asked for to those that have numbers."""
     search = partial(nodes_within, graph) if nearness.unit == "hops" else _by_length(graph)
-    rows = []
-    for node in numbers:
+    offsets, counts = [0] * len(numbers), [0] * len(numbers)
+    ends, distances = list[int](), list[float]()
+    for node in asked:
         far = search(node, nearness.limit)
-        rows.append(sorted((numbers[end], far[end]) for end in far.keys() & numbers.keys()))
-    counts = [len(row) for row in rows]
-    ends = [number for row in rows for number, _ in row]
-    far = [metres for row in rows for _, metres in row]
-    offsets = [0, *accumulate(counts)][:-1]
-    return Reach(np.array(offsets), np.array(counts), np.array(ends, np.int64), np.array(far, np.float64))
+        row = sorted([(numbers[end], far[end]) for end in far.keys() & numbers.keys()])
+        offsets[numbers[node]], counts[numbers[node]] = len(ends), len(row)
+        ends += [end for end, _ in row]
+        distances += [distance for _, distance in row]
+    return core.Reach(_column("q", offsets), _column("q", counts), _column("q", ends), _column("d", distances))
 
 
 def _by_length(graph: Graph) -> Any:
@@ -300,28 +307,26 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
     return hops
 
 
-def _places(graph: Graph, paths: Paths, numbers: Mapping[int, int], in_air: Sequence[Position | None]) -> Lines:
+def _places(graph: Graph, paths: Sequence[Sequence[int]], in_air: Sequence[Position | None]) -> core.Lines:
     """Return where agents are on the nodes that they pass, in games that count edges."""
-    rows, most = paths.nodes.shape
-    xyz = np.zeros((len(numbers), 3))
-    xyz[:, :2] = graph.positions([*numbers])
-    begins = xyz[paths.nodes]
-    for row, place in enumerate(in_air):
-        if place is not None:
-            begins[row] = place
-    nothing = np.zeros(rows * most)
-    return Lines(np.arange(rows + 1) * most, nothing, nothing, begins, begins)
+    nodes = dict.fromkeys(chain.from_iterable(paths))
+    xyz = {node: (x, y, 0.0) for node, (x, y) in zip(nodes, graph.positions([*nodes]).tolist(), strict=True)}
+    places = [xyz[node] if at is None else at for path, at in zip(paths, in_air, strict=True) for node in path]
+    offsets = _column("q", [0, *accumulate(map(len, paths))])
+    nothing = _column("d")
+    points = _column("d", chain.from_iterable(places))
+    return core.Lines(offsets, nothing, nothing, points, points)
 
 
-def _lines(edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None]) -> Lines:
+def _lines(edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None]) -> core.Lines:
     rows = [list(edges.lines_of(track, at)) for track, at in zip(tracks, in_air, strict=True)]
     lines = [line for row in rows for line in row]
-    offsets = np.array([0, *accumulate(len(row) for row in rows)])
-    since = np.array([line[0] for line in lines])
-    until = np.array([line[1] for line in lines])
-    begins = np.array([line[2] for line in lines], np.float64)
-    ends = np.array([line[3] for line in lines], np.float64)
-    return Lines(offsets, since, until, begins, ends)
+    offsets = _column("q", [0, *accumulate(map(len, rows))])
+    since = _column("d", [since for since, _, _, _ in lines])
+    until = _column("d", [until for _, until, _, _ in lines])
+    begins = _column("d", chain.from_iterable([begin for _, _, begin, _ in lines]))
+    ends = _column("d", chain.from_iterable([end for _, _, _, end in lines]))
+    return core.Lines(offsets, since, until, begins, ends)
 
 
 # -- in many games -----------------------------------------------------------------------------------------------------
@@ -342,31 +347,30 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
     sides[~turn.alive] = 0
     by_move = turn.is_there_by_move
     nodes, times, lengths = _steps_of(turn, by_move)
-    by_metres = turn.paths is not None and turn.paths.legs is not None
-    legs = no_legs(turn.node.size)
-    if turn.paths is not None and turn.paths.legs is not None:
-        legs = _legs_of(turn, turn.paths.legs, by_move)
-    most = nodes.shape[-1]
-    paths = Paths(
-        turn.node.shape[1],
-        turn.streets.num_nodes,
-        nodes.reshape(-1, most),
-        times.reshape(-1, most),
-        lengths.reshape(-1),
-        sides.reshape(-1),
-    )
-    near: Lines | Reach | None = None
+    agents, most = nodes.shape[1:]
+    legs = None if turn.paths is None or turn.paths.legs is None else _legs_of(turn, turn.paths.legs, by_move)
+    near: core.Lines | core.Reach | None = None
     if nearness.unit == "euclid":
         in_air = turn.in_air() if nearness.air else None
-        near = _places_of(turn, nodes, in_air)
-        if turn.paths is not None and turn.paths.legs is not None:
-            near = _lines_of(turn, legs, turn.paths.legs.edge, in_air, passing=nearness.passing)
+        near = _places_of(turn, nodes, in_air) if legs is None else _lines_of(turn, legs, in_air, nearness)
     elif nearness.unit is not None:
-        near = _near_nodes(turn, nearness).around(
-            np.concatenate([column.ravel() for column in (nodes, legs.sources, legs.targets)])
-        )
-    draws = Draws(turn.roster.keys, purposes_in(turn, "contacts"), turn.turn)
-    return find(paths, legs, draws, nearness, near, by_metres=by_metres)
+        asked = nodes if legs is None else np.concatenate((nodes, legs.sources, legs.targets), axis=-1)
+        near = core.Reach(*_flat(_near_nodes(turn, nearness).around(asked)))
+    most_legs = 0 if legs is None else legs.sources.shape[-1]
+    parts = near.parts if isinstance(near, core.Lines) else 0
+    names, purposes, turns = _flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn))
+    question = Question(
+        core.Tracks(agents, most, *_flat((nodes, times, lengths, sides)), at_end=not nearness.passing),
+        _NO_LEGS if legs is None else core.Legs(most_legs, *_flat(legs[1:])),
+        near,
+        names,
+        purposes,
+        turns,
+        max(parts, _most_pieces(agents, most, most_legs)),
+        max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),
+        legs is not None,
+    )
+    return find(question, nearness)
 
 
 def one_to_one_of_games(games: IntArray, a: IntArray, b: IntArray, agents: int) -> IntArray:
@@ -392,18 +396,42 @@ def _steps_of(turn: ArrayTurn, by_move: BoolArray) -> tuple[IntArray, FloatArray
     return nodes, times, 1 + has_moved
 
 
-def _legs_of(turn: ArrayTurn, legs: LegsOfTurn, by_move: BoolArray) -> Legs:
+class _Legs(NamedTuple):
+    """The legs of a turn of many games, (games, agents, most).
+
+    Attributes:
+        edges: rows of edges.
+        counts: (games, agents) how many an agent has; the others see `core.Legs`.
+    """
+
+    edges: IntArray
+    counts: IntArray
+    sources: IntArray
+    targets: IntArray
+    streets: IntArray
+    flags: IntArray
+    begins: FloatArray
+    ends: FloatArray
+    since: FloatArray
+    until: FloatArray
+    lengths: FloatArray
+
+    @property
+    def are_there(self) -> BoolArray:
+        """Which there are, (games, agents, most)."""
+        return np.arange(self.edges.shape[-1]) < self.counts[..., None]
+
+
+def _legs_of(turn: ArrayTurn, legs: LegsOfTurn, by_move: BoolArray) -> _Legs:
     columns, edge, back = movement_in(turn).columns, legs.edge, legs.back
     ids = columns.edge_ids
     counts = np.where(by_move, (edge >= 0).sum(axis=-1), 0)
     streets = np.where((back >= 0) & (ids[back] < ids[edge]), back, edge)
-    at = np.nonzero(edge >= 0)
     flags = _BACKWARDS * (streets != edge) + _TURNS * (back >= 0)
+    at = np.nonzero(edge >= 0)
     flags[at] += _REMOVED * (movement_in(turn).all_roads.states(edge[at], turn.games[at[0]]) == REMOVED)
-    ends = (columns.sources[edge], columns.targets[edge], streets, flags)
-    spans = (legs.begin, legs.end, legs.since, legs.until, columns.lengths[edge])
-    parts: list[Any] = [column.reshape(counts.size, edge.shape[-1]) for column in (*ends, *spans)]
-    return Legs(len(ids), counts.reshape(-1), *parts)
+    ends, lengths = (columns.sources[edge], columns.targets[edge]), columns.lengths[edge]
+    return _Legs(edge, counts, *ends, streets, flags, legs.begin, legs.end, legs.since, legs.until, lengths)
 
 
 def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
@@ -411,56 +439,48 @@ def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
     return turn.shared(("near", unit, limit), lambda: NearNodes(turn.streets, limit, by_length=unit == "metres"))
 
 
-def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> Lines:
+def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> core.Lines:
     """Return where agents are on the nodes that they pass, in games that count edges."""
     begins = np.zeros((*nodes.shape, 3))
     for axis, places in enumerate(turn.streets.axes):
         begins[..., axis] = places[nodes]
     if in_air is not None:
         begins[:, in_air[0]] = in_air[1][:, :, None]
-    nothing = np.zeros(nodes.size)
-    return Lines(np.arange(turn.node.size + 1) * nodes.shape[-1], nothing, nothing, begins, begins)
+    offsets, nothing = np.arange(turn.node.size + 1) * nodes.shape[-1], np.zeros(0)
+    return core.Lines(*_flat((offsets, nothing, nothing, begins, begins)))
 
 
 def _lines_of(
-    turn: ArrayTurn, legs: Legs, edges: IntArray, in_air: tuple[IntArray, FloatArray] | None, *, passing: bool
-) -> Lines:
+    turn: ArrayTurn, legs: _Legs, in_air: tuple[IntArray, FloatArray] | None, nearness: Nearness
+) -> core.Lines:
     """Return the straight parts of the ways of agents, by the lines on the map, in games by metres."""
     agents = turn.node.shape[1]
-    visits = turn.visits(turn.alive, passing=passing)
+    visits = turn.visits(turn.alive, passing=nearness.passing)
     here = np.zeros((len(visits.at), 3))
     for axis, places in enumerate(turn.streets.axes):
         here[:, axis] = places[visits.nodes]
     if in_air is not None:
         some = np.flatnonzero(np.isin(visits.agents, in_air[0]))
         here[some] = in_air[1][visits.at[some], np.searchsorted(in_air[0], visits.agents[some])]
-    edge = edges.reshape(legs.sources.shape)
-    counts = (np.arange(legs.most) < legs.counts[:, None]) & (legs.flags & _REMOVED == 0)
-    counts &= turn.alive.reshape(-1, 1)
-    begins, since, until = legs.begins, legs.since, legs.until
-    if not passing:  # those that are on an edge at the end
-        is_last = np.arange(legs.most) == legs.counts[:, None] - 1
+    counts = legs.are_there & (legs.flags & _REMOVED == 0) & turn.alive[..., None]
+    if not nearness.passing:  # those that are on an edge at the end
+        is_last = np.arange(legs.edges.shape[-1]) == legs.counts[..., None] - 1
         counts &= is_last & (legs.ends > 0.0) & (legs.ends < 1.0)
-        begins = legs.ends
-        since = until = np.ones(begins.shape)
-    rows, places = np.nonzero(counts)
-    at = rows, places
-    which, share, x, y = movement_in(turn).lines.corners(edge[at], begins[at], legs.ends[at])
+    at = np.nonzero(counts)
+    begin, end, since, until = (column[at] for column in (legs.begins, legs.ends, legs.since, legs.until))
+    if not nearness.passing:
+        begin, since, until = end, np.ones(len(end)), np.ones(len(end))
+    which, share, x, y = movement_in(turn).lines.corners(legs.edges[at], begin, end)
     is_last, is_first = np.diff(which, append=-1) != 0, np.diff(which, prepend=-1) != 0
-    begin, end, start, stop = begins[at], legs.ends[at], since[at], until[at]
     with np.errstate(divide="ignore", invalid="ignore"):
-        pace = np.where(end != begin, (stop - start) / (end - begin), 0.0)
-    time = start[which] + (share - begin[which]) * pace[which]
-    time[is_first], time[is_last] = start, stop
+        pace = np.where(end != begin, (until - since) / (end - begin), 0.0)
+    time = since[which] + (share - begin[which]) * pace[which]
+    time[is_first], time[is_last] = since, until
     first, last = np.flatnonzero(~is_last), np.flatnonzero(~is_first)
     corners = np.stack((x, y, np.zeros(len(x))), axis=-1)
+    rows = at[0] * agents + at[1]
     keys = np.concatenate((visits.at * agents + visits.agents, rows[which[first]]))
     order = np.argsort(keys, kind="stable")
     offsets = np.searchsorted(keys[order], np.arange(turn.node.size + 1))
-    columns = (
-        (visits.begin, time[first]),
-        (visits.end, time[last]),
-        (here, corners[first]),
-        (here, corners[last]),
-    )
-    return Lines(offsets, *(np.concatenate(parts)[order] for parts in columns))
+    parts = (visits.begin, time[first]), (visits.end, time[last]), (here, corners[first]), (here, corners[last])
+    return core.Lines(*_flat((offsets, *(np.concatenate(both)[order] for both in parts))))

@@ -1,0 +1,278 @@
+"""Contacts of one game by the core: facts, and random games against the definition, pair by pair."""
+
+from array import array
+from itertools import pairwise, product
+from math import dist, inf
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamms.core import contacts as core
+from gamms.core import draws
+
+NODES = 5
+XY = [(0.0, 0.0), (3.0, 0.0), (3.0, 4.0), (0.0, 4.0), (1.5, 2.0)]
+OURS, THEIRS = 1, 2
+
+
+def ints(values):
+    return memoryview(array("q", values))
+
+
+def keys(values):
+    return memoryview(array("Q", values))
+
+
+def floats(values):
+    return memoryview(array("d", values))
+
+
+NO_LEGS = core.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
+
+
+def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, room=1000, seed=7):
+    """The contacts of games, each a list of agents (side, path, times), in their order.
+
+    Each is (game, a, b, time, distance, on an edge?, where a was, where b was).
+    """
+    agents = len(games[0])
+    most = max(len(path) for game in games for _, path, _ in game)
+    rows = [agent for game in games for agent in game]
+    tracks = core.Tracks(
+        agents,
+        most,
+        ints([node for _, path, _ in rows for node in (*path, *path[-1:] * (most - len(path)))]),
+        floats([time for _, path, times in rows for time in (*times, *[1.0] * (most - len(path)))]),
+        ints([len(path) for _, path, _ in rows]),
+        ints([side for side, _, _ in rows]),
+        at_end=at_end,
+    )
+    pieces = agents * 2 * (most + 2)
+    scratch = core.Pieces(
+        *[ints([0] * pieces) for _ in range(3)],
+        *[floats([0.0] * pieces) for _ in range(4)],
+        ints([0] * pieces),
+        ints([0] * pieces),
+        ints([-1] * NODES),
+        ints([0] * pieces),
+    )
+    columns = [ints([0] * room) for _ in range(5)]
+    times, distances = floats([0.0] * room), floats([0.0] * room)
+    bits, on_edges, order = keys([0] * room), ints([0] * room), ints([0] * room)
+    found = core.Contacts(scratch, *columns, times, distances, bits, on_edges, order)
+    names, purposes = keys(range(1, agents + 1)), keys([seed + game for game in range(len(games))])
+    found.ask(tracks, NO_LEGS, names, purposes, ints([3] * len(games)), crossing=crossing, by_metres=False)
+    if reach is not None:
+        count = found.find_by_paths(table(reach), limit, False)
+    elif limit is not None:
+        points = [value for _, path, _ in rows for node in path for value in (*XY[node], 0.0)]
+        offsets = [0]
+        for _, path, _ in rows:
+            offsets.append(offsets[-1] + len(path))
+        lines = core.Lines(ints(offsets), floats([]), floats([]), floats(points), floats(points))
+        count = found.find_straight(lines, limit)
+    else:
+        count = found.find_on_nodes()
+    if count > room:
+        return count
+    at, a, b, a_nodes, b_nodes = columns
+    return [
+        (at[k], a[k], b[k], times[k], distances[k], bool(on_edges[k]), a_nodes[k], b_nodes[k])
+        for k in order[: found.kept]
+    ]
+
+
+def table(reach):
+    """`core.Reach` of node -> {node: distance}."""
+    rows = [sorted(reach.get(node, {}).items()) for node in range(NODES)]
+    counts = [len(row) for row in rows]
+    offsets = [sum(counts[:node]) for node in range(NODES)]
+    flat = [entry for row in rows for entry in row]
+    return core.Reach(ints(offsets), ints(counts), ints([end for end, _ in flat]), floats([far for _, far in flat]))
+
+
+def pairs(*args, **kwargs):
+    return [(one[1], one[2], one[3]) for one in contacts(*args, **kwargs)]
+
+
+# -- facts ------------------------------------------------------------------------------------------------------------
+
+
+def test_agents_meet_on_a_node_from_when_the_later_one_is_there():
+    game = [(OURS, (0,), (0.0,)), (THEIRS, (1, 0), (0.0, 0.5)), (THEIRS, (1, 0, 1), (0.0, 0.25, 0.5))]
+    assert contacts([game]) == [(0, 0, 2, 0.25, 0.0, False, 0, 0), (0, 0, 1, 0.5, 0.0, False, 0, 0)]
+
+
+def test_a_node_that_is_left_at_once_belongs_to_the_turn_before():
+    assert pairs([[(OURS, (0,), (0.0,)), (THEIRS, (0, 1), (0.0, 1.0))]]) == []
+
+
+def test_an_agent_that_waits_is_on_its_node_from_the_beginning_on_with_and_without_a_distance():
+    game = [(OURS, (0,), (0.0,)), (THEIRS, (0, 0, 1), (0.0, 0.5, 1.0))]
+    assert pairs([game])[0] == (0, 1, 0.0)
+    assert pairs([game], reach={node: {node: 0.0} for node in range(NODES)}, limit=0.0)[0] == (0, 1, 0.0)
+    assert pairs([game], limit=0.0)[0] == (0, 1, 0.0)
+
+
+def test_agents_pass_each_other_only_while_both_are_on_the_edge():
+    together = [(OURS, (0, 1), (0.0, 0.5)), (THEIRS, (1, 0), (0.25, 1.0))]
+    one_after_the_other = [(OURS, (0, 1), (0.0, 0.5)), (THEIRS, (1, 1, 0), (0.0, 0.5, 1.0))]
+    assert contacts([together], crossing=True) == [(0, 0, 1, 0.25, 0.0, True, 0, 1)]
+    assert contacts([together], crossing=True, at_end=True) == [(0, 0, 1, 1.0, 0.0, True, 1, 0)]
+    assert set(pairs([one_after_the_other], crossing=True)) == {(0, 1, 0.5)}  # on the node, as the one comes
+    assert pairs([one_after_the_other], crossing=True, at_end=True) == []
+
+
+def test_an_agent_of_both_sides_meets_others_and_not_itself():
+    game = [(OURS + THEIRS, (0,), (0.0,)), (OURS + THEIRS, (0,), (0.0,))]
+    assert sorted(pairs([game])) == [(0, 1, 0.0), (1, 0, 0.0)]
+
+
+def test_paths_count_there_and_back():
+    reach = {0: {0: 0.0, 1: 2.0}, 1: {1: 0.0}, 2: {2: 0.0, 1: 1.0}}
+    game = [(OURS, (1,), (0.0,)), (THEIRS, (0,), (0.0,)), (THEIRS, (2,), (0.0,))]
+    assert [one[:5] for one in contacts([game], reach=reach, limit=2.0)] == [(0, 0, 2, 0.0, 1.0), (0, 0, 1, 0.0, 2.0)]
+
+
+def test_lots_follow_from_both_names_in_their_order():
+    game = [(OURS, (0,), (0.0,)), *[(THEIRS, (0,), (0.0,))] * 6]
+    order = [b for _, b, _ in pairs([game])]
+    bits = {b: draws.bits_at(draws.turn_key(draws.first_key(7, draws.mix(1) ^ (b + 1)), 3), 0) for b in range(1, 7)}
+    assert order == sorted(bits, key=bits.get)
+
+
+def test_games_do_not_touch_each_other():
+    near, apart = [(OURS, (0,), (0.0,)), (THEIRS, (0,), (0.0,))], [(OURS, (0,), (0.0,)), (THEIRS, (1,), (0.0,))]
+    assert [one[0] for one in contacts([apart, near, apart, near])] == [1, 3]
+
+
+def test_more_contacts_than_there_is_room_for_are_counted():
+    game = [(OURS, (0,), (0.0,)), *[(THEIRS, (0,), (0.0,))] * 5]
+    assert contacts([game], room=4) == 5
+
+
+def test_contacts_are_matched_in_their_order():
+    made = ints([9] * 5)
+    core.match(ints([0, 0, 0, 1, 1]), ints([0, 0, 2, 0, 2]), ints([1, 3, 3, 1, 1]), ints([-1] * 4), made)
+    assert made.tolist() == [1, 0, 1, 1, 0]
+
+
+# -- the definition ---------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def tracks(draw):
+    path = [draw(st.integers(0, NODES - 1))]
+    for _ in range(draw(st.integers(0, 3))):
+        path.append(draw(st.integers(0, NODES - 1).filter(lambda node: node != path[-1])))
+    steps = len(path) - 1
+    times = [k / steps for k in range(steps + 1)] if steps else [draw(st.sampled_from([0.0, 1.0]))]
+    parts = draw(st.integers(1, 3))
+    part = draw(st.integers(0, parts - 1))
+    if steps:
+        times = [(part + time) / parts for time in times]
+        if part:
+            path, times = [path[0], *path], [0.0, *times]
+    return draw(st.integers(0, 3)), tuple(path), tuple(times)
+
+
+def presence(path, times):
+    """When an agent is on a node: (node, from, until)."""
+    stays = len(path) == 1 or path[0] == path[1]
+    for k in range(0 if stays else 1, len(path)):
+        until = 1.0 if k == len(path) - 1 else times[k + 1] if path[k] == path[k + 1] else times[k]
+        yield path[k], times[k], until
+
+
+def passed(path, times, now):
+    """The node that an agent has passed last; None before it is there."""
+    return next((node for node, time in reversed([*zip(path, times, strict=True)]) if time <= now), None)
+
+
+def arrives(path, times):
+    stays = len(path) == 1 or path[0] == path[1]
+    return set(times if stays else times[1:])
+
+
+def on_nodes(one, other):
+    for (node, begin, end), (there, came, left) in product(presence(*one), presence(*other)):
+        if node == there and begin <= left and came <= end:
+            yield max(begin, came), 0.0, False
+
+
+def on_edges(one, other):
+    legs = [
+        [(*way, *span) for way, span in zip(pairwise(path), pairwise(times), strict=True)]
+        for path, times in (one, other)
+    ]
+    for (a, b, begin, end), (c, d, came, left) in product(*legs):
+        if (a, b) == (d, c) and a != b and begin < left and came < end:
+            yield max(begin, came), 0.0, True
+
+
+def near(one, other, distance):
+    for now in arrives(*one) | arrives(*other):
+        if now == 0.0 and not (0.0 in arrives(*one) and 0.0 in arrives(*other)):
+            continue
+        here, there = passed(*one, now), passed(*other, now)
+        if here is not None and there is not None and distance(here, there) < inf:
+            yield now, distance(here, there), False
+
+
+def expected(game, found):
+    return {
+        (a, b, *meeting)
+        for (a, (side, *one)), (b, (other_side, *other)) in product(enumerate(game), enumerate(game))
+        if a != b and side & OURS and other_side & THEIRS
+        for meeting in found(one, other)
+    }
+
+
+games = st.lists(st.lists(tracks(), min_size=3, max_size=3), min_size=1, max_size=3)
+
+
+@given(games)
+def test_contacts_on_nodes_and_edges_are_those_of_the_definition(games):
+    found = contacts(games, crossing=True)
+    for number, game in enumerate(games):
+        met = {one[1:6] for one in found if one[0] == number}
+        assert met == expected(game, lambda one, other: [*on_nodes(one, other), *on_edges(one, other)])
+
+
+distances = st.dictionaries(
+    st.integers(0, NODES - 1), st.dictionaries(st.integers(0, NODES - 1), st.sampled_from([1.0, 2.0])), max_size=4
+)
+
+
+@given(games, distances)
+def test_contacts_by_paths_are_those_of_the_definition(games, reach):
+    reach = {node: {**reach.get(node, {}), node: 0.0} for node in range(NODES)}
+
+    def distance(one, other):
+        return min(reach[one].get(other, inf), reach[other].get(one, inf))
+
+    found = contacts(games, reach=reach, limit=2.0)
+    for number, game in enumerate(games):
+        met = {one[1:6] for one in found if one[0] == number}
+        assert met == expected(game, lambda one, other: near(one, other, distance))
+
+
+@given(games, st.sampled_from([0.0, 2.5, 4.0, 5.0]))
+def test_contacts_in_straight_lines_are_those_of_the_definition(games, limit):
+    def distance(one, other):
+        far = dist(XY[one], XY[other])
+        return far if far <= limit else inf
+
+    found = contacts(games, limit=limit)
+    for number, game in enumerate(games):
+        met = {one[1:6] for one in found if one[0] == number}
+        assert met == expected(game, lambda one, other: near(one, other, distance))
+
+
+@given(games, st.booleans())
+def test_contacts_come_in_the_order_of_time_and_those_of_a_pair_by_one_lot(games, crossing):
+    found = contacts(games, crossing=crossing)
+    assert [one[0] for one in found] == sorted(one[0] for one in found)
+    for number in range(len(games)):
+        times = [one[3] for one in found if one[0] == number]
+        assert times == sorted(times)
