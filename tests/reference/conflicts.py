@@ -1,0 +1,88 @@
+"""Which agents have to stay where moves conflict: docs/rules.md, Conflicts."""
+
+from dataclasses import dataclass
+from math import inf
+
+from reference.draws import bits
+
+
+@dataclass
+class Conflicts:
+    """The conflicts of a game, and how they are resolved."""
+
+    capacity: object = 1
+    among: str = "all"
+    allow_swaps: bool = True
+    resolve: object = "at_random"
+
+    def stopped(self, game, movers, ends):
+        """Return the names of the agents of `movers` that stay, of which each would go to its node of `ends`."""
+        there = {agent.name: agent.node for agent in game.living()}
+        goes = {agent.name: agent for agent in movers if ends[agent.name] != agent.node}
+        losers = set()
+        if not self.allow_swaps:
+            losers |= self.swaps_lost(game, goes, ends)
+        while True:
+            lost = set()
+            for name in losers:
+                goes.pop(name, None)
+            for (node, _), wanting in self.by_node(goes, ends).items():
+                team = wanting[0].team
+                room = self.room(node)
+                stays = [
+                    name
+                    for name in there
+                    if name not in goes
+                    and there[name] == node
+                    and (self.among == "all" or game.agents[name].team == team)
+                ]
+                places = max(0, room - len(stays))
+                if len(wanting) > places:
+                    lost |= {agent.name for agent in wanting} - set(self.winners(game, wanting, places))
+            if not lost:
+                return losers
+            losers |= lost
+
+    def by_node(self, goes, ends):
+        """Return the agents that want to go to each node, each team by itself where these count by themselves."""
+        wanting = {}
+        for name, agent in goes.items():
+            group = None if self.among == "all" else agent.team
+            wanting.setdefault((ends[name], group), []).append(agent)
+        return wanting
+
+    def swaps_lost(self, game, goes, ends):
+        """Return those that may not go, because others that won come towards them."""
+        groups = {}
+        for name, agent in goes.items():
+            pair = frozenset((agent.node, ends[name]))
+            groups.setdefault((pair, None if self.among == "all" else agent.team), []).append(agent)
+        lost = set()
+        for agents in groups.values():
+            if len({agent.node for agent in agents}) == 2:
+                winners = self.winners(game, agents, 1)
+                starts = {agent.node for agent in agents if agent.name in winners}
+                lost |= {agent.name for agent in agents if agent.node not in starts}
+        return lost
+
+    def room(self, node):
+        """Return how many agents may end a turn on a node."""
+        room = self.capacity
+        if isinstance(room, str):
+            raise NotImplementedError("attributes of nodes are not in the subset of the reference")
+        if isinstance(room, dict):
+            room = room.get(node)
+        return inf if room is None else room
+
+    def winners(self, game, agents, places):
+        """Return the names of those that win the places."""
+        if self.resolve == "nobody" or not places:
+            return []
+        if self.resolve == "at_random":
+            ranked = sorted(agents, key=lambda agent: bits(game.seed, ("conflicts",), agent.name, game.turn))
+        elif isinstance(self.resolve, dict) and set(self.resolve) == {"by_priority"}:
+            teams = self.resolve["by_priority"]
+            ranked = sorted(agents, key=lambda agent: (teams.index(agent.team), agent.name))
+        else:
+            raise NotImplementedError(f"the resolver {self.resolve!r} is not in the subset of the reference")
+        return [agent.name for agent in ranked[:places]]

@@ -1,0 +1,6 @@
+"""Games that are played by the library and by the reference, and compared."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # for the package `reference`

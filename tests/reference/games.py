@@ -1,0 +1,152 @@
+"""Random scenarios in the subset of the reference, and strategies that go by all that they know."""
+
+from functools import cache
+from pathlib import Path
+from random import Random
+from zlib import crc32
+
+from gamms.scenario import Scenario
+
+NUMBER_OF_MAPS = 12
+TEAMS = ("red", "blue", "green")
+SPEEDS = (None, None, 1, 2, 3, 4, 0.5, 1.5)
+HAS_FAIR_CONTACTS = False  # whether an order of play invents no meetings, and `tag` rules share their contacts
+
+
+@cache
+def map_of(number):
+    """Return a scenario that has the map alone."""
+    given = {"generator": {"function": "maps:streets", "with": {"number": number}}}
+    return Scenario(folder=Path(__file__).parent, max_turns=8, map=given, teams={"red": {"count": 1}})
+
+
+def scenario_of(number):
+    """Return a random scenario."""
+    rng = Random(number)
+    base = map_of(number % NUMBER_OF_MAPS)
+    nodes = base.columns().node_ids.tolist()
+    teams = {team: team_of(rng, team, nodes) for team in TEAMS[: rng.randint(2, 3)]}
+    changes = {"teams": teams, "seed": number, "max_turns": rng.randint(4, 9)}
+    changes["settings"] = {"on_illegal": "stay"}
+    if rng.random() < 0.3:
+        changes["settings"]["order"] = order_of(rng, list(teams))
+    changes["rules"] = rules_of(rng, list(teams), nodes, changes["settings"].get("order"))
+    if rng.random() < 0.5:
+        changes["conflicts"] = conflicts_of(rng, list(teams), nodes)
+    return base.replace(**changes)
+
+
+def team_of(rng, team, nodes):
+    """Return a random team, whose agents have names that are in no order."""
+    agents = []
+    for i in range(rng.randint(1, 3)):
+        agent = {"name": f"{rng.choice('abcxyz')}{i}{team}", "node": rng.choice(nodes)}
+        speed = rng.choice(SPEEDS)
+        if speed is not None:
+            agent["speed"] = speed
+        agents.append(agent)
+    return {"agents": agents}
+
+
+def order_of(rng, teams):
+    """Return a random order of play."""
+    rng.shuffle(teams)
+    cut = rng.randint(1, len(teams))
+    return [part for part in (teams[:cut], teams[cut:]) if part]
+
+
+def rules_of(rng, teams, nodes, order):
+    """Return random rules."""
+    has_order = order is not None and len(order) > 1
+    rules = []
+    land = {node: rng.choice(teams) for node in nodes if rng.random() < 0.8}
+    territory = rng.choice([None, land, "territory"])
+    if territory == "territory":
+        rules.append({"rule": "gamms.rules.territory:published", "with": {"nodes": land}})
+    if rng.random() < 0.7 and (HAS_FAIR_CONTACTS or not has_order):
+        count = rng.randint(1, 2) if HAS_FAIR_CONTACTS else 1
+        rules += [{"rule": "tag", "with": tag_of(rng, teams, territory)} for _ in range(count)]
+    if rng.random() < 0.6:
+        rules.append({"rule": "capture_flag", "with": flags_of(rng, teams, nodes, territory)})
+    if rng.random() < 0.3:
+        team, goals = rng.choice(teams), rng.sample(nodes, 2)
+        nodes_or_starts = rng.choice([goals, goals[0], f"starts of {rng.choice(teams)}"])
+        rules.append(
+            {"rule": "arrive", "with": {"team": team, "nodes": nodes_or_starts, "passing": rng.random() < 0.7}}
+        )
+    if rng.random() < 0.5:
+        given = {"after": rng.randint(1, 3), "times": rng.choice([None, 1, 2])}
+        rules.append({"rule": "respawn", "with": given})
+    if rng.random() < 0.2:
+        rules.append("last_team")
+    if rng.random() < 0.2:
+        rules.append({"rule": "none_left", "with": {"team": rng.choice(teams)}})
+    if rng.random() < 0.3:
+        rules.append({"rule": "time_limit", "with": {"turns": rng.randint(2, 8)}})
+    return rules
+
+
+def tag_of(rng, teams, territory):
+    """Return random keywords of a `tag` rule."""
+    taggers, tagged = rng.sample(teams, 2)
+    given = {"taggers": taggers, "tagged": tagged, "mutual": rng.random() < 0.4}
+    given |= rng.choice([{}, {}, {"hops": rng.choice([0, 1, 2])}, {"metres": 2.5}, {"euclid": 1.5}])
+    given["then"] = rng.choice(["respawn", "eliminate"])
+    given["score"] = rng.choice([0, 1, 2.5])
+    if territory is not None and rng.random() < 0.5:
+        given["territory"] = territory
+    if HAS_FAIR_CONTACTS and rng.random() < 0.2:
+        given["passing"] = False
+    return given
+
+
+def flags_of(rng, teams, nodes, territory):
+    """Return random keywords of a `capture_flag` rule."""
+    flags = {team: rng.choice(nodes) for team in rng.sample(teams, rng.randint(1, len(teams)))}
+    given = {"flags": flags, "goal": rng.choice([None, 1, 2]), "passing": rng.random() < 0.8}
+    if territory is not None and rng.random() < 0.6:
+        given["territory"] = territory
+    return given
+
+
+def conflicts_of(rng, teams, nodes):
+    """Return random keywords of conflicts."""
+    by_node = {node: rng.choice([0, 1, 2]) for node in rng.sample(nodes, 4)}
+    return {
+        "capacity": rng.choice([1, 1, 2, None, by_node]),
+        "among": rng.choice(["all", "all", "team"]),
+        "allow_swaps": rng.random() < 0.6,
+        "resolve": rng.choice(["at_random", "at_random", "nobody", {"by_priority": rng.sample(teams, len(teams))}]),
+    }
+
+
+def wander(state):
+    """Do what follows from all that an agent knows: go near or far, along lists, wait, or try what is not legal."""
+    legal = state["legal"]
+    known = [state["name"], state["turn"], state["curr_pos"], legal, state["blocked"] is None, sorted(state["memory"])]
+    known += [plain(state["facts"]), state["draw"].below(1000), state.get("inbox")]
+    lot = crc32(repr(known).encode())
+    state["memory"][lot % 7] = None
+    one, other = legal[lot // 8 % len(legal)], legal[lot // 64 % len(legal)]
+    wanted = [
+        one,
+        one,
+        one,
+        other,
+        [one],
+        [one, state["curr_pos"]],
+        [one, other],
+        [one, one, other],
+        [one, state["curr_pos"]],
+    ]
+    wanted += [{"node_id": one}, lot // 64 % 40, "nowhere", state["curr_pos"]]
+    state["action"] = wanted[lot // 512 % len(wanted)]
+    if isinstance(state["action"], list) and not HAS_FAIR_CONTACTS and state["action"][0] == state["curr_pos"]:
+        state["action"] = state["action"][:1]
+
+
+def plain(value):
+    """Return mappings, however they are made, as lists that print alike."""
+    if hasattr(value, "items"):
+        return sorted((repr(key), plain(one)) for key, one in value.items())
+    return value
