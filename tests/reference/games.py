@@ -33,6 +33,9 @@ def scenario_of(number):
     changes["rules"] = rules_of(rng, list(teams), nodes, changes["settings"].get("order"))
     if rng.random() < 0.5:
         changes["conflicts"] = conflicts_of(rng, list(teams), nodes)
+    if rng.random() < 0.4:
+        names = [agent["name"] for team in teams.values() for agent in team["agents"]]
+        changes["channels"] = {name: channel_of(rng, list(teams), names, nodes) for name in ("radio", "shout")}
     return base.replace(**changes)
 
 
@@ -120,11 +123,31 @@ def conflicts_of(rng, teams, nodes):
     }
 
 
+def channel_of(rng, teams, names, nodes):
+    """Return random keywords of a channel."""
+    given = rng.choice([{"range_m": 2.5}, {"range_m": 9}, {"hops": 1}, {"hops": 3}, {"range_m": 4, "hops": 2}])
+    given = dict(given)
+    if rng.random() < 0.5:
+        given["loss"] = rng.choice([0.3, 0.6, [[0, 0.1], [3, 0.9]]])
+    if rng.random() < 0.4:
+        given["relay"] = rng.choice([True, rng.sample(teams, 1), rng.sample(names, 2)])
+    if rng.random() < 0.4:
+        given["delay_turns"] = rng.randint(1, 3)
+    if rng.random() < 0.3:
+        given["teams"] = rng.sample(teams, rng.randint(1, len(teams)))
+    if rng.random() < 0.3:
+        given["eavesdroppers"] = rng.sample(names, 1)
+    if rng.random() < 0.3:
+        where = rng.choice([{"agent": rng.choice(names)}, {"team": rng.choice(teams)}, {"at": rng.choice(nodes)}])
+        given["jammers"] = [{**where, "radius_m": rng.choice([0.5, 2])}]
+    return given
+
+
 def wander(state):
     """Do what follows from all that an agent knows: go near or far, along lists, wait, or try what is not legal."""
     legal = state["legal"]
     known = [state["name"], state["turn"], state["curr_pos"], legal, state["blocked"] is None, sorted(state["memory"])]
-    known += [plain(state["facts"]), state["draw"].below(1000), state.get("inbox")]
+    known += [plain(state["facts"]), state["draw"].below(1000), plain(state.get("inbox"))]
     lot = crc32(repr(known).encode())
     state["memory"][lot % 7] = None
     one, other = legal[lot // 8 % len(legal)], legal[lot // 64 % len(legal)]
@@ -143,10 +166,31 @@ def wander(state):
     state["action"] = wanted[lot // 512 % len(wanted)]
     if isinstance(state["action"], list) and not HAS_FAIR_CONTACTS and state["action"][0] == state["curr_pos"]:
         state["action"] = state["action"][:1]
+    if "outbox" in state:
+        call(state, lot // 4096)
+
+
+def call(state, lot):
+    """Send what follows from a lot: to all, to a team, to an agent, or to nobody that there is."""
+    for _ in range(lot % 3):
+        to = [None, None, "red", "blue", "green", state["name"], *known_names(state)][
+            lot // 8 % 8 % (6 + len(known_names(state)))
+        ]
+        state["outbox"].append(
+            {"channel": ("radio", "shout", "none")[lot // 64 % 13 % 7 % 3], "to": to, "body": lot % 97}
+        )
+        lot = lot // 3 + 11
+
+
+def known_names(state):
+    """Return the names of those that an agent has heard."""
+    return sorted({message["sender"] for message in state["inbox"]})
 
 
 def plain(value):
     """Return mappings, however they are made, as lists that print alike."""
     if hasattr(value, "items"):
         return sorted((repr(key), plain(one)) for key, one in value.items())
+    if isinstance(value, (list, tuple)):
+        return [plain(one) for one in value]
     return value

@@ -11,6 +11,7 @@ from fractions import Fraction
 from itertools import pairwise
 from math import inf
 
+from reference.channels import Channel, deliver, inbox_of
 from reference.conflicts import Conflicts
 from reference.draws import Draw
 from reference.rules import RULES, publish_beforehand
@@ -90,6 +91,7 @@ class Game:
         self.agents = agents_of(given["teams"], starts, strategies or {})
         self.order = settings["order"] or [list(dict.fromkeys(agent.team for agent in self.agents.values()))]
         self.conflicts = Conflicts(**given["conflicts"]) if given.get("conflicts") else None
+        self.channels = {name: Channel(name, **keys) for name, keys in given.get("channels", {}).items()}
         self.facts = dict(given.get("facts", {}))
         self.turn = 0
         self.scores, self.events, self.messages, self.ends = {}, [], [], []
@@ -121,6 +123,7 @@ class Game:
                     routes[agent.name] = None
                 self.move(agent, routes[agent.name], begin, end)
         self.turn += 1
+        deliver(self, outboxes)
         for rule in self.rules:
             rule.play(self)
         self.finish()
@@ -128,6 +131,10 @@ class Game:
     def living(self):
         """Return the living agents in the order of their names."""
         return [agent for _, agent in sorted(self.agents.items()) if agent.alive]
+
+    def xy_of(self, agent):
+        """Return where an agent is on the map."""
+        return self.streets.xy[agent.node]
 
     # What agents know and decide.
 
@@ -146,6 +153,8 @@ class Game:
         }
         if self.is_metric:
             state["offset_m"] = float(agent.offset)
+        if self.channels:
+            state["inbox"], state["outbox"] = inbox_of(self, agent), []
         return state
 
     def legal(self, agent):

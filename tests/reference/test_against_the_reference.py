@@ -23,7 +23,8 @@ def seen_by(seen):
 
     def strategy(state):
         wander(state)
-        known = {key: plain(state[key]) for key in ("curr_pos", "legal", "facts", "action")}
+        keys = ("curr_pos", "legal", "facts", "inbox", "outbox", "action")
+        known = {key: plain(state[key]) for key in keys if key in state}
         seen.append({"name": state["name"], "is_blocked": state["blocked"] is not None, **known})
 
     return strategy
@@ -43,6 +44,7 @@ def engine_after_turn(ctx):
         "scores": {name: score for name, score in game.scores.items() if score},
         "facts": plain(game.facts),
         "events": [dict(event) for event in game.events],
+        "messages": [{key: value for key, value in one.items() if key != "size"} for one in game.messages],
         "over": game.over,
     }
 
@@ -55,6 +57,7 @@ def reference_after_turn(game, movers):
         "scores": {name: score for name, score in game.scores.items() if score},
         "facts": plain(game.facts),
         "events": game.events,
+        "messages": game.messages,
         "over": game.over,
     }
 
@@ -71,6 +74,8 @@ def check_game(number):
             ctx.game.step()
             game.step()
             assert seen == wanted, f"game {number}, turn {game.turn}"
+            seen.clear()
+            wanted.clear()
             assert engine_after_turn(ctx) == reference_after_turn(game, movers), f"game {number}, turn {game.turn}"
         rows = ctx.game.result().agents
         for name, agent in game.agents.items():
@@ -82,3 +87,29 @@ def check_game(number):
 def test_games_are_those_of_the_reference(part):
     for number in range(part, 800, 8):
         check_game(number)
+
+
+@pytest.mark.slow
+def test_many_more_games_are_those_of_the_reference():
+    for number in range(100_000, 103_000):
+        check_game(number)
+
+
+@pytest.mark.parametrize("number", range(200_000, 200_010))
+def test_games_of_batches_are_those_of_the_reference(number):
+    scenario = scenario_of(number)
+    strategies = dict.fromkeys(scenario.to_dict()["teams"], wander)
+    seeds = range(number, number + 20)  # of fewer games a batch plays them one by one
+    with scenario.batch(seeds=seeds, strategies=strategies) as games:
+        games.run()
+        for i, seed in enumerate(seeds):
+            result, game = games.result(i), Game(scenario, seed=seed, strategies=strategies)
+            game.run()
+            assert result.turns == game.turn
+            assert [dict(event) for event in result.events] == game.events
+            assert {name: score for name, score in result.scores.items() if score} == game.scores
+            assert [{key: one[key] for key in one if key != "size"} for one in result.messages] == game.messages
+            rows = {name: [row[key] for key in ("node", "alive", "moves")] for name, row in result.agents.items()}
+            assert rows == {agent.name: [agent.node, agent.alive, agent.moves] for agent in game.agents.values()}
+            if game.over is not None:
+                assert {key: getattr(result, key) for key in game.over} == game.over
