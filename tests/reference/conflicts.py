@@ -15,28 +15,21 @@ class Conflicts:
     allow_swaps: bool = True
     resolve: object = "at_random"
 
-    def stopped(self, game, movers, ends):
-        """Return the names of the agents of `movers` that stay, of which each would go to its node of `ends`."""
-        there = {agent.name: agent.node for agent in game.living()}
-        goes = {agent.name: agent for agent in movers if ends[agent.name] != agent.node}
-        losers = set()
-        if not self.allow_swaps:
-            losers |= self.swaps_lost(game, goes, ends)
+    def stopped(self, game, walks):
+        """Return the names of the agents that stay, of which each would go as its walk says; names -> walks."""
+        there = {agent.name: game.node_of(agent) for agent in game.living()}
+        ends = {name: walk.node if not game.motion.is_metric else walk.end for name, walk in walks.items()}
+        goes = {name: game.agents[name] for name in walks if ends[name] != there[name]}
+        losers = set() if self.allow_swaps else self.swaps_lost(game, goes, there, ends)
         while True:
-            lost = set()
             for name in losers:
                 goes.pop(name, None)
-            for (node, _), wanting in self.by_node(goes, ends).items():
-                team = wanting[0].team
-                room = self.room(node)
-                stays = [
-                    name
-                    for name in there
-                    if name not in goes
-                    and there[name] == node
-                    and (self.among == "all" or game.agents[name].team == team)
-                ]
-                places = max(0, room - len(stays))
+            lost = set()
+            for (node, team), wanting in self.by_node(goes, ends).items():
+                stays = [name for name in there if name not in goes and there[name] == node]
+                if self.among == "team":
+                    stays = [name for name in stays if game.agents[name].team == team]
+                places = max(0, self.room(node) - len(stays))
                 if len(wanting) > places:
                     lost |= {agent.name for agent in wanting} - set(self.winners(game, wanting, places))
             if not lost:
@@ -47,15 +40,19 @@ class Conflicts:
         """Return the agents that want to go to each node, each team by itself where these count by themselves."""
         wanting = {}
         for name, agent in goes.items():
+            if ends[name] is None:
+                continue
             group = None if self.among == "all" else agent.team
             wanting.setdefault((ends[name], group), []).append(agent)
         return wanting
 
-    def swaps_lost(self, game, goes, ends):
+    def swaps_lost(self, game, goes, there, ends):
         """Return those that may not go, because others that won come towards them."""
         groups = {}
         for name, agent in goes.items():
-            pair = frozenset((agent.node, ends[name]))
+            pair = frozenset((there[name], ends[name]))
+            if None in pair:
+                continue
             groups.setdefault((pair, None if self.among == "all" else agent.team), []).append(agent)
         lost = set()
         for agents in groups.values():

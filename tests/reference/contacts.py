@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from reference.draws import bits
-from reference.tracks import Ride, Stay
+from reference.moves import Ride, Stay
 
 
 @dataclass(order=True)
@@ -37,7 +37,9 @@ def contacts(game, ours, theirs, how, allows=lambda a_node, b_node: True):
                 moments = [one for one in meetings(game, a, b, how) if allows(*one[2:])]
                 if moments:
                     lot = bits(game.seed, ("contacts",), repr((a.name, b.name)), game.turn)
-                    time, distance, a_node, b_node = min(moments)
+                    time, distance, a_node, b_node = min(
+                        moments, key=lambda one: one[:2]
+                    )  # on a node rather than on an edge
                     found.append(Contact(time, distance, lot, a.name, b.name, a_node, b_node))
     return sorted(found)
 
@@ -56,6 +58,10 @@ def meetings(game, a, b, how):
     """Return all moments (time, distance, node of a, node of b) at which two agents are in contact."""
     kind = next((kind for kind in ("hops", "metres", "euclid") if how.get(kind) is not None), None)
     crosses = kind is None if how.get("crossing") is None else how["crossing"]
+    if game.motion.is_metric:
+        if kind in ("metres", "euclid") or not how.get("passing", True) or (crosses and kind):
+            raise NotImplementedError(f"contacts by {how} in games by metres are not in the subset of the reference")
+        return on_nodes(a, b) + on_streets(game, a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])
     found = on_edges(a, b) if crosses else []
     if not how.get("passing", True):
         found = [(Fraction(1), 0.0, *nodes) for _, _, *nodes in found]
@@ -91,10 +97,44 @@ def on_edges(a, b):
     ]
 
 
+def on_streets(game, a, b):
+    """Return the moments at which both are at one place between two nodes, in games by metres."""
+    found = []
+    for one in a.track:
+        for other in b.track:
+            are_rides = isinstance(one, Ride) and isinstance(other, Ride)
+            if are_rides and {one.source, one.target} == {other.source, other.target}:
+                time = same_place(game.streets.out[one.source][one.target], one, other)
+                if time is not None:
+                    found.append((time, 0.0, one.source, other.source))
+    return found
+
+
+def same_place(length, one, other):
+    """Return the first time at which two on one street are at one place, None if they never are."""
+    begin, end = max(one.begin, other.begin), min(one.end, other.end)
+    if begin > end:
+        return None
+    at, speed = place_on(length, one, begin, one.source)
+    other_at, other_speed = place_on(length, other, begin, one.source)
+    if speed == other_speed:
+        return begin if at == other_at else None
+    time = begin + (other_at - at) / (speed - other_speed)
+    is_between_nodes = 0 < at + speed * (time - begin) < length
+    return time if is_between_nodes and begin <= time <= end and time > 0 else None
+
+
+def place_on(length, ride, time, source):
+    """Return where an agent is on a street at a time, in metres from one end of it, and how fast it goes from there."""
+    speed = (ride.x1 - ride.x0) / (ride.end - ride.begin) if ride.end > ride.begin else Fraction(0)
+    at = ride.x0 + speed * (time - ride.begin)
+    return (at, speed) if ride.source == source else (length - at, -speed)
+
+
 def near_each_other(game, a, b, kind, most):
     """Return the moments at which one of both reaches a node, or both stay, and they are near enough."""
-    begins = {one.begin for agent in (a, b) for one in agent.track if isinstance(one, Stay) and one.begin > 0}
-    if all(isinstance(agent.track[0], Stay) and agent.track[0].begin == 0 for agent in (a, b)):
+    begins = reach_times(a) | reach_times(b)
+    if not any(leaves_at_once(agent) for agent in (a, b)):
         begins.add(Fraction(0))
     found = []
     for time in sorted(begins):
@@ -104,6 +144,17 @@ def near_each_other(game, a, b, kind, most):
             if distance <= most:
                 found.append((time, float(distance), a_node, b_node))
     return found
+
+
+def reach_times(agent):
+    """Return when an agent reaches a node that it was not on, or is put on one."""
+    return {one.begin for one in agent.track if isinstance(one, Stay) and one.begin > 0}
+
+
+def leaves_at_once(agent):
+    """Return whether an agent is under way to another node when the turn begins, or is not there yet."""
+    first = agent.track[0]
+    return first.begin > 0 or (isinstance(first, Ride) and len(agent.path) > 1)
 
 
 def node_at(agent, time):

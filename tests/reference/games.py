@@ -10,6 +10,7 @@ from gamms.scenario import Scenario
 NUMBER_OF_MAPS = 12
 TEAMS = ("red", "blue", "green")
 SPEEDS = (None, None, 1, 2, 3, 4, 0.5, 1.5)
+SPEEDS_IN_METRES = (None, 0.5, 1, 2, 2, 4)
 HAS_FAIR_CONTACTS = False  # whether an order of play invents no meetings, and `tag` rules share their contacts
 
 
@@ -25,12 +26,14 @@ def scenario_of(number):
     rng = Random(number)
     base = map_of(number % NUMBER_OF_MAPS)
     nodes = base.columns().node_ids.tolist()
-    teams = {team: team_of(rng, team, nodes) for team in TEAMS[: rng.randint(2, 3)]}
+    is_metric = rng.random() < 0.4
+    speeds = SPEEDS_IN_METRES if is_metric else SPEEDS
+    teams = {team: team_of(rng, team, nodes, speeds) for team in TEAMS[: rng.randint(2, 3)]}
     changes = {"teams": teams, "seed": number, "max_turns": rng.randint(4, 9)}
-    changes["settings"] = {"on_illegal": "stay"}
+    changes["settings"] = {"on_illegal": "stay"} | ({"speed_unit": "metres"} if is_metric else {})
     if rng.random() < 0.3:
         changes["settings"]["order"] = order_of(rng, list(teams))
-    changes["rules"] = rules_of(rng, list(teams), nodes, changes["settings"].get("order"))
+    changes["rules"] = rules_of(rng, list(teams), nodes, changes["settings"])
     if rng.random() < 0.5:
         changes["conflicts"] = conflicts_of(rng, list(teams), nodes)
     if rng.random() < 0.4:
@@ -39,12 +42,12 @@ def scenario_of(number):
     return base.replace(**changes)
 
 
-def team_of(rng, team, nodes):
+def team_of(rng, team, nodes, speeds):
     """Return a random team, whose agents have names that are in no order."""
     agents = []
     for i in range(rng.randint(1, 3)):
         agent = {"name": f"{rng.choice('abcxyz')}{i}{team}", "node": rng.choice(nodes)}
-        speed = rng.choice(SPEEDS)
+        speed = rng.choice(speeds)
         if speed is not None:
             agent["speed"] = speed
         agents.append(agent)
@@ -58,9 +61,9 @@ def order_of(rng, teams):
     return [part for part in (teams[:cut], teams[cut:]) if part]
 
 
-def rules_of(rng, teams, nodes, order):
+def rules_of(rng, teams, nodes, settings):
     """Return random rules."""
-    has_order = order is not None and len(order) > 1
+    has_order, is_metric = len(settings.get("order", ())) > 1, "speed_unit" in settings
     rules = []
     land = {node: rng.choice(teams) for node in nodes if rng.random() < 0.8}
     territory = rng.choice([None, land, "territory"])
@@ -68,7 +71,7 @@ def rules_of(rng, teams, nodes, order):
         rules.append({"rule": "gamms.rules.territory:published", "with": {"nodes": land}})
     if rng.random() < 0.7 and (HAS_FAIR_CONTACTS or not has_order):
         count = rng.randint(1, 2) if HAS_FAIR_CONTACTS else 1
-        rules += [{"rule": "tag", "with": tag_of(rng, teams, territory)} for _ in range(count)]
+        rules += [{"rule": "tag", "with": tag_of(rng, teams, territory, is_metric)} for _ in range(count)]
     if rng.random() < 0.6:
         rules.append({"rule": "capture_flag", "with": flags_of(rng, teams, nodes, territory)})
     if rng.random() < 0.3:
@@ -89,16 +92,17 @@ def rules_of(rng, teams, nodes, order):
     return rules
 
 
-def tag_of(rng, teams, territory):
+def tag_of(rng, teams, territory, is_metric):
     """Return random keywords of a `tag` rule."""
     taggers, tagged = rng.sample(teams, 2)
     given = {"taggers": taggers, "tagged": tagged, "mutual": rng.random() < 0.4}
-    given |= rng.choice([{}, {}, {"hops": rng.choice([0, 1, 2])}, {"metres": 2.5}, {"euclid": 1.5}])
+    distances = [{}, {}, {"hops": rng.choice([0, 1, 2])}, {"metres": 2.5}, {"euclid": 1.5}]
+    given |= rng.choice(distances[:3] if is_metric else distances)
     given["then"] = rng.choice(["respawn", "eliminate"])
     given["score"] = rng.choice([0, 1, 2.5])
     if territory is not None and rng.random() < 0.5:
         given["territory"] = territory
-    if HAS_FAIR_CONTACTS and rng.random() < 0.2:
+    if HAS_FAIR_CONTACTS and not is_metric and rng.random() < 0.2:
         given["passing"] = False
     return given
 
@@ -147,6 +151,7 @@ def wander(state):
     """Do what follows from all that an agent knows: go near or far, along lists, wait, or try what is not legal."""
     legal = state["legal"]
     known = [state["name"], state["turn"], state["curr_pos"], legal, state["blocked"] is None, sorted(state["memory"])]
+    known += [(state["edge"] or ())[:2], state["offset_m"]] if "edge" in state else []
     known += [plain(state["facts"]), state["draw"].below(1000), plain(state.get("inbox"))]
     lot = crc32(repr(known).encode())
     state["memory"][lot % 7] = None
@@ -162,7 +167,7 @@ def wander(state):
         [one, one, other],
         [one, state["curr_pos"]],
     ]
-    wanted += [{"node_id": one}, lot // 64 % 40, "nowhere", state["curr_pos"]]
+    wanted += [{"node_id": one}, lot // 64 % 40, "nowhere", None if "edge" in state else one, state["curr_pos"]]
     state["action"] = wanted[lot // 512 % len(wanted)]
     if isinstance(state["action"], list) and not HAS_FAIR_CONTACTS and state["action"][0] == state["curr_pos"]:
         state["action"] = state["action"][:1]

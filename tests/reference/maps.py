@@ -4,7 +4,7 @@ from random import Random
 
 import networkx as nx
 
-LENGTHS = (1.0, 2.0, 2.5, 0.5)
+LENGTHS = (0.5, 1.0, 2.0, 4.0)  # and speeds are such that all times and places are exact
 
 
 def streets(number):

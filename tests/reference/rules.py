@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from reference.contacts import contacts, one_to_one
 from reference.draws import bits
-from reference.tracks import Stay
+from reference.moves import Stay
 
 LEADER = object()  # the team with the highest score wins, if it is one alone
 
@@ -43,7 +43,7 @@ def reaches(agent):
 
 def ends(agent):
     """Return where an agent is at the end of the turn, as `reaches` does."""
-    return [(Fraction(1), agent.node)]
+    return [(Fraction(1), one.node) for one in agent.track[-1:] if isinstance(one, Stay)]
 
 
 @dataclass

@@ -8,15 +8,14 @@ Read `Game.step` first: it is the turn of docs/game.md. The rules are in `rules.
 
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import pairwise
 from math import inf
 
 from reference.channels import Channel, deliver, inbox_of
 from reference.conflicts import Conflicts
 from reference.draws import Draw
+from reference.moves import ByEdges, ByMetres, Illegal, Stay
 from reference.rules import RULES, publish_beforehand
 from reference.streets import Streets
-from reference.tracks import Stay, track_along
 
 KEYS = {
     "name",
@@ -56,15 +55,6 @@ class Agent:
     blocks: int = 0
     illegal: int = 0
 
-    @property
-    def place(self):
-        """Where it is, as one value."""
-        return self.node, self.target, self.offset
-
-
-class Illegal(Exception):
-    """An action that is not legal."""
-
 
 class Game:
     """A game of a scenario.
@@ -85,8 +75,8 @@ class Game:
             raise NotImplementedError("the subset of the reference has on_illegal='stay', and edges or metres")
         self.seed = given.get("seed") if seed is None else seed
         self.max_turns = given.get("max_turns") or inf
-        self.is_metric = settings["speed_unit"] == "metres"
         self.streets = Streets.of(scenario.columns())
+        self.motion = (ByMetres if settings["speed_unit"] == "metres" else ByEdges)(self.streets)
         starts = {name: int(nodes[0]) for name, nodes in scenario.starts([self.seed]).items()}
         self.agents = agents_of(given["teams"], starts, strategies or {})
         self.order = settings["order"] or [list(dict.fromkeys(agent.team for agent in self.agents.values()))]
@@ -114,14 +104,14 @@ class Game:
             movers = [agent for agent in self.living() if agent.team in teams]
             states = {agent.name: self.state_of(agent) for agent in movers}
             routes = {agent.name: self.decision(agent, states[agent.name], outboxes) for agent in movers}
-            ends = {agent.name: self.end_of(agent, routes[agent.name]) for agent in movers}
-            stopped = self.conflicts.stopped(self, movers, ends) if self.conflicts else set()
+            walks = {agent.name: self.motion.walk(agent, routes[agent.name], begin, end) for agent in movers}
+            for name in self.conflicts.stopped(self, walks) if self.conflicts else ():
+                agent = self.agents[name]
+                agent.blocked = "a conflict"
+                agent.blocks += 1
+                walks[name] = self.motion.walk(agent, (), begin, end)
             for agent in movers:
-                if agent.name in stopped:
-                    agent.blocked = "a conflict"
-                    agent.blocks += 1
-                    routes[agent.name] = None
-                self.move(agent, routes[agent.name], begin, end)
+                self.move(agent, walks[agent.name])
         self.turn += 1
         deliver(self, outboxes)
         for rule in self.rules:
@@ -133,8 +123,17 @@ class Game:
         return [agent for _, agent in sorted(self.agents.items()) if agent.alive]
 
     def xy_of(self, agent):
-        """Return where an agent is on the map."""
-        return self.streets.xy[agent.node]
+        """Return where an agent is on the map; one that has covered part of an edge counts as on the node behind."""
+        x, y = self.streets.xy[agent.node]
+        if agent.target is None or not self.motion.is_metric:
+            return x, y
+        x1, y1 = self.streets.xy[agent.target]
+        part = float(agent.offset / self.streets.out[agent.node][agent.target])
+        return x + part * (x1 - x), y + part * (y1 - y)
+
+    def node_of(self, agent):
+        """Return the node that an agent is on, None between two nodes in a game by metres."""
+        return None if self.motion.is_metric and agent.target is not None else agent.node
 
     # What agents know and decide.
 
@@ -145,110 +144,39 @@ class Game:
             "team": agent.team,
             "turn": self.turn,
             "curr_pos": agent.node,
-            "legal": self.legal(agent),
+            "legal": self.motion.legal(agent),
             "blocked": agent.blocked,
             "facts": self.facts,
             "memory": agent.memory,
             "draw": Draw(self.seed, agent.name, self.turn),
         }
-        if self.is_metric:
+        if self.motion.is_metric:
             state["offset_m"] = float(agent.offset)
+            state["edge"] = None if agent.target is None else (agent.node, agent.target)
         if self.channels:
             state["inbox"], state["outbox"] = inbox_of(self, agent), []
         return state
 
-    def legal(self, agent):
-        """Return the nodes that an agent may move to: its own, its neighbours, and what else it reaches in a turn."""
-        near = [agent.node, *self.streets.neighbours(agent.node)]
-        reached = []
-        if agent.speed is not None:
-            ways = self.ways(agent)
-            reached = [node for node in self.streets.xy if node in ways and ways[node][0] <= agent.speed]
-            reached = [node for node in reached if node not in near]
-        return (*near, *reached)
-
-    def ways(self, agent):
-        """Return node -> (how much of an agent's speed the way takes, the way), from where the agent is."""
-        ways = {}
-        for end, (far, _, way) in self.streets.ways_from(agent.node, self.is_metric).items():
-            ways[end] = (far, len(way), way)
-        if agent.target is not None:
-            rest = 1 - agent.offset
-            for end, (far, _, way) in self.streets.ways_from(agent.target, self.is_metric).items():
-                if agent.node not in way:
-                    ways[end] = min(ways[end], (rest + far, len(way) + 1, (agent.node, *way)))
-        return {end: (far, way) for end, (far, _, way) in ways.items()}
-
     def decision(self, agent, state, outboxes):
-        """Ask an agent; return the nodes that it wants to go along, from its own, or None to stay."""
+        """Ask an agent; return the nodes that it wants to go along, none to stay."""
         agent.blocked = None
         if agent.strategy is None:
-            return None
+            return ()
         agent.strategy(state)
         try:
-            route = self.route(agent, state["action"])
+            route = self.motion.route(agent, state["action"])
         except Illegal as why:
             agent.blocked = str(why)
             agent.illegal += 1
-            return None
+            return ()
         outboxes[agent.name] = state.get("outbox", [])
         return route
 
-    def route(self, agent, action):
-        """Return the nodes that an action means, from the agent's own, or None to stay. Raises Illegal."""
-        if isinstance(action, dict):
-            action = action["node_id"]
-        if isinstance(action, (list, tuple)):
-            return self.route_along(agent, list(action))
-        if action == agent.node:
-            return None
-        if agent.speed is None:
-            if action not in self.streets.neighbours(agent.node):
-                raise Illegal(f"{action!r} is not legal")
-            return (agent.node, action)
-        ways = self.ways(agent)
-        if action not in ways:
-            raise Illegal(f"no way leads to {action!r}")
-        return ways[action][1]
-
-    def route_along(self, agent, nodes):
-        """Return the route along a list of nodes, each next to the one before; a node twice is a pause."""
-        route = [agent.node, *(nodes[1:] if nodes[:1] == [agent.node] else nodes)]
-        if agent.speed is None and len(route) > 2:
-            raise Illegal("an agent without a speed goes along one edge")
-        for start, end in pairwise(route):
-            if end != start and end not in self.streets.out.get(start, {}):
-                raise Illegal(f"no edge leads from {start!r} to {end!r}")
-        return tuple(route) if len(route) > 1 else None
-
-    # Moves.
-
-    def end_of(self, agent, route):
-        """Return the node on which an agent is going to be at the end of its way."""
-        return self.walk(agent, route)[0][-1]
-
-    def walk(self, agent, route):
-        """Return the nodes that an agent passes on a route in one turn, its own first, and where it gets beyond them.
-
-        That is the next node, None if there is none, and how much of the edge to it is covered.
-        """
-        nodes, left = [agent.node], Fraction(1) if agent.speed is None else agent.speed
-        for end in (route or ())[1:]:
-            covered = agent.offset if len(nodes) == 1 and end == agent.target else Fraction(0)
-            if left < 1 - covered:
-                is_edge = end != nodes[-1]
-                return nodes, *((end, covered + left) if is_edge and covered + left else (None, Fraction(0)))
-            left -= 1 - covered
-            nodes.append(end)
-        return nodes, None, Fraction(0)
-
-    def move(self, agent, route, begin, end):
-        """Let an agent go along its route, as far as a turn leads, in a part of the turn."""
-        nodes, target, offset = self.walk(agent, route)
-        agent.path = tuple(nodes)
-        agent.track = track_along(nodes, begin, end)
-        agent.node, agent.target, agent.offset = nodes[-1], target, offset
-        if nodes[-1] != nodes[0]:
+    def move(self, agent, walk):
+        """Let an agent be where its walk leads."""
+        agent.path, agent.track = tuple(walk.path), walk.track
+        agent.node, agent.target, agent.offset = walk.node, walk.target, walk.offset
+        if walk.path[0] != walk.path[-1]:
             agent.moves += 1
 
     # What rules do.

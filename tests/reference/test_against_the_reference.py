@@ -23,7 +23,7 @@ def seen_by(seen):
 
     def strategy(state):
         wander(state)
-        keys = ("curr_pos", "legal", "facts", "inbox", "outbox", "action")
+        keys = ("curr_pos", "offset_m", "legal", "inbox", "outbox", "action")
         known = {key: plain(state[key]) for key in keys if key in state}
         seen.append({"name": state["name"], "is_blocked": state["blocked"] is not None, **known})
 
@@ -35,11 +35,25 @@ def without_pauses(path):
     return [node for i, node in enumerate(path) if i == 0 or node != path[i - 1]]
 
 
+def place_of(agent):
+    """Return where an agent of the library is: the node passed last, the next one if between two, and the metres."""
+    if agent.edge is None:
+        return agent.current_node_id, None, 0.0
+    return agent.current_node_id, *(end for end in agent.edge[:2] if end != agent.current_node_id), agent.offset_m
+
+
+def reference_place_of(game, agent):
+    """Return the same of an agent of the reference."""
+    if game.node_of(agent) is not None:
+        return agent.node, None, 0.0
+    return agent.node, agent.target, float(agent.offset)
+
+
 def engine_after_turn(ctx):
     """Return what can be seen of a game of the library after a turn."""
     game = ctx.game
     return {
-        "nodes": {agent.name: agent.current_node_id for agent in game.agents},
+        "places": {agent.name: place_of(agent) for agent in game.agents},
         "paths": {name: without_pauses(move.path) for name, move in game.moves.items()},
         "scores": {name: score for name, score in game.scores.items() if score},
         "facts": plain(game.facts),
@@ -52,7 +66,7 @@ def engine_after_turn(ctx):
 def reference_after_turn(game, movers):
     """Return what can be seen of a game of the reference after a turn in which these agents moved."""
     return {
-        "nodes": {agent.name: agent.node for agent in game.living()},
+        "places": {agent.name: reference_place_of(game, agent) for agent in game.living()},
         "paths": {name: without_pauses(game.agents[name].path) for name in movers},
         "scores": {name: score for name, score in game.scores.items() if score},
         "facts": plain(game.facts),
@@ -109,7 +123,11 @@ def test_games_of_batches_are_those_of_the_reference(number):
             assert [dict(event) for event in result.events] == game.events
             assert {name: score for name, score in result.scores.items() if score} == game.scores
             assert [{key: one[key] for key in one if key != "size"} for one in result.messages] == game.messages
-            rows = {name: [row[key] for key in ("node", "alive", "moves")] for name, row in result.agents.items()}
-            assert rows == {agent.name: [agent.node, agent.alive, agent.moves] for agent in game.agents.values()}
+            rows = {
+                name: [row[key] for key in ("node", "alive", "moves", "illegal")] for name, row in result.agents.items()
+            }
+            assert rows == {
+                agent.name: [agent.node, agent.alive, agent.moves, agent.illegal] for agent in game.agents.values()
+            }
             if game.over is not None:
                 assert {key: getattr(result, key) for key in game.over} == game.over
