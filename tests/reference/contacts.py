@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from fractions import Fraction
 
-from reference.draws import bits
+from reference.draws import bits_of_pair
 from reference.moves import Ride, Stay
 
 
@@ -21,7 +21,7 @@ class Contact:
 
 
 def contacts(game, ours, theirs, how, allows=lambda a_node, b_node: True):
-    """Return the first contact of each two agents, one of each side, in their order.
+    """Return the first contact of each two agents, one of each side.
 
     Args:
         game: the game.
@@ -36,21 +36,20 @@ def contacts(game, ours, theirs, how, allows=lambda a_node, b_node: True):
             if a.name != b.name:
                 moments = [one for one in meetings(game, a, b, how) if allows(*one[2:])]
                 if moments:
-                    lot = bits(game.seed, ("contacts",), repr((a.name, b.name)), game.turn)
-                    time, distance, a_node, b_node = min(
-                        moments, key=lambda one: one[:2]
-                    )  # on a node rather than on an edge
+                    lot = bits_of_pair(game.seed, ("contacts",), a.name, b.name, game.turn)
+                    # At one time on a node rather than on an edge, which come first.
+                    time, distance, a_node, b_node = min(moments, key=lambda one: one[:2])
                     found.append(Contact(time, distance, lot, a.name, b.name, a_node, b_node))
-    return sorted(found)
+    return found
 
 
-def one_to_one(found):
-    """Return those contacts whose agents are in no earlier one that was taken."""
+def one_to_one(met):
+    """Return those of (contact, rule) whose agents are in no earlier one that was taken."""
     taken, pairs = set(), []
-    for one in found:
+    for one, rule in met:
         if not taken & {one.a, one.b}:
             taken |= {one.a, one.b}
-            pairs.append(one)
+            pairs.append((one, rule))
     return pairs
 
 
@@ -62,16 +61,12 @@ def meetings(game, a, b, how):
         if kind in ("metres", "euclid") or not how.get("passing", True) or (crosses and kind):
             raise NotImplementedError(f"contacts by {how} in games by metres are not in the subset of the reference")
         return on_nodes(a, b) + on_streets(game, a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])
-    found = on_edges(a, b) if crosses else []
+    crossed = on_edges(a, b) if crosses else []
     if not how.get("passing", True):
-        found = [(Fraction(1), 0.0, *nodes) for _, _, *nodes in found]
-        nodes = (a.node, b.node)
-        distance = 0.0 if a.node == b.node else None
-        if kind is not None:
-            distance = game.streets.distance(a.node, b.node, kind)
-            distance = distance if distance <= how[kind] else None
-        return found if distance is None else [*found, (Fraction(1), distance, *nodes)]
-    return found + (on_nodes(a, b) if kind is None else near_each_other(game, a, b, kind, how[kind]))
+        distance = game.streets.distance(a.node, b.node, kind or "hops")
+        distances = [distance] if distance <= (how[kind] if kind else 0) else [0] if crossed else []
+        return [(Fraction(1), float(one), a.node, b.node) for one in distances]
+    return (on_nodes(a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])) + crossed
 
 
 def on_nodes(a, b):

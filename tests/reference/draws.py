@@ -27,6 +27,11 @@ def bits_of(purpose, name, turn, k=0):
     return mix(turn_key + (k + 1) * GAMMA)
 
 
+def bits_of_pair(seed, purpose, one, other, turn):
+    """Return 64 random bits for two names, in this order."""
+    return bits(seed, purpose, repr((one, other)), turn)
+
+
 def first_key(purpose, name):
     """Return where the draws of one purpose and name begin."""
     return mix(purpose ^ name)

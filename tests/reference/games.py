@@ -11,7 +11,7 @@ NUMBER_OF_MAPS = 12
 TEAMS = ("red", "blue", "green")
 SPEEDS = (None, None, 1, 2, 3, 4, 0.5, 1.5)
 SPEEDS_IN_METRES = (None, 0.5, 1, 2, 2, 4)
-HAS_FAIR_CONTACTS = False  # whether an order of play invents no meetings, and `tag` rules share their contacts
+HAS_FAIR_CONTACTS = False  # whether an order of play invents no meetings, and rules that tag share contacts
 
 
 @cache
@@ -71,7 +71,11 @@ def rules_of(rng, teams, nodes, settings):
         rules.append({"rule": "gamms.rules.territory:published", "with": {"nodes": land}})
     if rng.random() < 0.7 and (HAS_FAIR_CONTACTS or not has_order):
         count = rng.randint(1, 2) if HAS_FAIR_CONTACTS else 1
-        rules += [{"rule": "tag", "with": tag_of(rng, teams, territory, is_metric)} for _ in range(count)]
+        tags = [tag_of(rng, teams, territory, is_metric) for _ in range(count)]
+        sides = {
+            (tag["taggers"], tag["tagged"]): tag for tag in tags
+        }  # which of two with the same sides counts is open
+        rules += [{"rule": "tag", "with": tag} for tag in sides.values()]
     if rng.random() < 0.6:
         rules.append({"rule": "capture_flag", "with": flags_of(rng, teams, nodes, territory)})
     if rng.random() < 0.3:
@@ -169,7 +173,8 @@ def wander(state):
     ]
     wanted += [{"node_id": one}, lot // 64 % 40, "nowhere", None if "edge" in state else one, state["curr_pos"]]
     state["action"] = wanted[lot // 512 % len(wanted)]
-    if isinstance(state["action"], list) and not HAS_FAIR_CONTACTS and state["action"][0] == state["curr_pos"]:
+    may_wait = HAS_FAIR_CONTACTS or "edge" in state
+    if isinstance(state["action"], list) and not may_wait and state["action"][0] == state["curr_pos"]:
         state["action"] = state["action"][:1]
     if "outbox" in state:
         call(state, lot // 4096)

@@ -146,18 +146,30 @@ class ByMetres(ByEdges):
     is_metric = True
 
     def legal(self, agent):
-        """Return both ends of the edge that an agent is on, what lies beyond, and what else it reaches in a turn."""
-        if agent.target is None:
-            return super().legal(agent)
-        ends = [agent.node, agent.target] if self.can_turn(agent) else [agent.target]
-        beyond = [node for end in reversed(ends) for node in self.streets.neighbours(end)]
-        near = list(dict.fromkeys([*ends, *beyond]))
-        return (*near, *self.reached(agent, near))
+        """Return both ends of the edge that an agent is on, the nodes next to them, and what else it reaches in a turn.
 
-    def reached(self, agent, near):
-        """Return the nodes in reach in a turn but those near, the nearest first, of equally near ones the lowest id."""
-        ways = self.ways(agent)
-        return sorted(super().reached(agent, near), key=lambda node: (ways[node][0], node))
+        First what is ahead, then what is behind; of what is reached the nearest first, then the lowest id.
+        """
+        ends = [end for _, end in self.begun(agent)]
+        near = [node for end in ends for node in self.streets.neighbours(end)]
+        reached = [node for begun in self.begun(agent) for node in self.reached(agent, *begun)]
+        own = [agent.node] if agent.node in ends else []
+        return tuple(dict.fromkeys([*own, *ends, *near, *reached]))
+
+    def begun(self, agent):
+        """Return (metres, node) of each node to which an agent may go at first: its own, or both ends of its edge."""
+        if agent.target is None:
+            return [(Fraction(0), agent.node)]
+        ahead = [(self.streets.out[agent.node][agent.target] - agent.offset, agent.target)]
+        return ahead + ([(agent.offset, agent.node)] if self.can_turn(agent) else [])
+
+    def reached(self, agent, covered, start):
+        """Return the nodes in reach in a turn beyond a node that is so many metres away, the nearest first."""
+        if agent.speed is None:
+            return []
+        ways = self.streets.ways_from(start, True)
+        found = [(way[0], node) for node, way in ways.items() if covered + way[0] <= agent.speed]
+        return [node for _, node in sorted(found)]
 
     def can_turn(self, agent):
         """Return whether an agent may turn round on its edge: an edge leads back that is as long."""
@@ -169,9 +181,7 @@ class ByMetres(ByEdges):
         if agent.target is None:
             return super().ways(agent)
         ways = {}
-        rest = self.streets.out[agent.node][agent.target] - agent.offset
-        begun = [(rest, agent.target)] + ([(agent.offset, agent.node)] if self.can_turn(agent) else [])
-        for covered, node in begun:
+        for covered, node in self.begun(agent):
             for end, (far, count, way) in self.streets.ways_from(node, True).items():
                 if end not in ways or covered + far < ways[end][0]:
                     ways[end] = (covered + far, count + 1, (agent.node, *way))
@@ -209,7 +219,8 @@ class ByMetres(ByEdges):
         walk = Walk([agent.node], [], agent.node, agent.target, agent.offset)
         left = agent.speed
         if left is None:
-            left = self.streets.out[agent.node][route[0]] if route and route[0] != agent.node else Fraction(1)
+            others = [node for node in route if node != agent.node]
+            left = self.streets.out[agent.node][others[0]] if others else Fraction(1)
         rate = left / (end - begin)
         now = begin
         waits = self.standing(walk, Fraction(0), begin)

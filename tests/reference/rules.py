@@ -90,21 +90,30 @@ class Tag:
         return land.get(b_node) == self.taggers, self.mutual and land.get(a_node) == self.tagged
 
     def play(self, game):
-        """Match all contacts; count the tags; then move those that were tagged."""
-        out = []
-        for one in one_to_one(self.contacts(game)):
-            tags, is_tagged = self.tags(game, one.a_node, one.b_node)
-            a, b = game.agents[one.a], game.agents[one.b]
-            for tagger, other, node, counts in ((a, b, one.b_node, tags), (b, a, one.a_node, is_tagged)):
-                if counts:
-                    game.emit("tag", agent=tagger.name, other=other.name, node=node)
-                    game.score(tagger.team, self.score)
-                    out.append(other)
-        for agent in out:
-            if self.then == "eliminate":
+        """Let all rules that tag act as one, in the place of the first: match contacts, count tags, then move."""
+        rules = [rule for rule in game.rules if isinstance(rule, Tag)]
+        if self is not rules[0]:
+            return
+        met = sorted((one, number) for number, rule in enumerate(rules) for one in rule.contacts(game))
+        tagged = []
+        for one, number in one_to_one(met):
+            tagged += [(agent, rules[number].then) for agent in rules[number].count(game, one)]
+        for agent, then in tagged:
+            if then == "eliminate":
                 game.eliminate(agent)
             else:
                 game.put(agent)
+
+    def count(self, game, one):
+        """Count the tags of a contact; return those that are tagged."""
+        a, b = game.agents[one.a], game.agents[one.b]
+        tags, is_tagged = self.tags(game, one.a_node, one.b_node)
+        found = [(a, b, one.b_node)] if tags else []
+        found += [(b, a, one.a_node)] if is_tagged else []
+        for tagger, other, node in found:
+            game.emit("tag", agent=tagger.name, other=other.name, node=node)
+            game.score(tagger.team, self.score)
+        return [other for _, other, _ in found]
 
 
 @dataclass
