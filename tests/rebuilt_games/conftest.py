@@ -1,7 +1,7 @@
-"""Makes the games of this folder, and those among the examples, importable."""
+"""Makes the games of this folder, those among the examples, and the package `reference` importable."""
 
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parents[1] / "examples")]
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "examples"), str(HERE.parent)]

@@ -5,6 +5,7 @@ the same.
 """
 
 import logging
+import os
 
 import pytest
 
@@ -103,7 +104,7 @@ def test_games_are_those_of_the_reference(part):
         check_game(number)
 
 
-@pytest.mark.slow
+@pytest.mark.skipif(os.environ.get("GAMMS_ALL_PLAYS") != "1", reason="takes a minute")
 def test_many_more_games_are_those_of_the_reference():
     for number in range(100_000, 103_000):
         check_game(number)
