@@ -15,6 +15,10 @@ class Conflicts:
     allow_swaps: bool = True
     resolve: object = "at_random"
 
+    def __post_init__(self):
+        if isinstance(self.capacity, str):
+            raise NotImplementedError(f"not in the subset of the reference: the attribute {self.capacity} of nodes")
+
     def stopped(self, game, walks):
         """Return the names of the agents that stay, of which each would go as its walk says; names -> walks."""
         there = {agent.name: game.node_of(agent) for agent in game.living()}
@@ -65,8 +69,6 @@ class Conflicts:
     def room(self, node):
         """Return how many agents may end a turn on a node."""
         room = self.capacity
-        if isinstance(room, str):
-            raise NotImplementedError("attributes of nodes are not in the subset of the reference")
         if isinstance(room, dict):
             room = room.get(node)
         return inf if room is None else room

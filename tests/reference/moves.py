@@ -135,7 +135,8 @@ def track_by_edges(path, begin, end):
         if source == target:
             track.append(Stay(now, now + each, source))
         else:
-            track += [Ride(now, now + each, source, target), Stay(now + each, now + each, target)]
+            track.append(Ride(now, now + each, source, target))
+        track.append(Stay(now + each, now + each, target))
         now += each
     return [*track, Stay(end, Fraction(1), path[-1])]
 

@@ -305,7 +305,6 @@ class Arrive:
 
 
 RULES = {
-    "gamms.rules.territory:published": Published,
     "territory:published": Published,
     "tag": Tag,
     "capture_flag": CaptureFlag,

@@ -6,7 +6,7 @@ not in the subset is refused by its name. Random games are compared with it in `
 Read `Game.step` first: it is the turn of docs/game.md. The rules are in `rules.py`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from math import inf
 
@@ -17,19 +17,12 @@ from reference.moves import ByEdges, ByMetres, Illegal, Stay
 from reference.rules import RULES, publish_beforehand
 from reference.streets import Streets
 
-KEYS = {
-    "name",
-    "description",
-    "seed",
-    "max_turns",
-    "map",
-    "teams",
-    "rules",
-    "conflicts",
-    "channels",
-    "settings",
-    "facts",
-}
+KEYS = {"name", "description", "seed", "max_turns", "map", "sensors", "teams", "rules", "conflicts", "channels"}
+KEYS |= {"settings", "facts"}
+TEAM_KEYS = {"agents", "count", "near", "within", "apart", "from", "speed", "strategy", "sensors"}
+AGENT_KEYS = {"name", "node", "speed", "strategy", "sensors"}
+OWN = {"carriers", "captures", "out_since", "come_back"}  # what rules remember, which are no keywords
+MOTIONS = {"edges": ByEdges, "metres": ByMetres}
 SETTINGS = {"on_illegal": "stay", "speed_unit": "edges", "order": None}
 
 
@@ -67,26 +60,29 @@ class Game:
 
     def __init__(self, scenario, seed=None, strategies=None):
         given = scenario.to_dict()
-        refuse("keys of scenarios", given, KEYS)
+        refuse("key of a scenario", given, KEYS)
         settings = given.get("settings", {})
-        refuse("settings", settings, SETTINGS)
+        refuse("setting", settings, SETTINGS)
         settings = SETTINGS | settings
-        if settings["on_illegal"] != "stay" or settings["speed_unit"] not in ("edges", "metres"):
-            raise NotImplementedError("the subset of the reference has on_illegal='stay', and edges or metres")
+        refuse("value of on_illegal", [settings["on_illegal"]], ["stay"])
+        refuse("unit of speeds", [settings["speed_unit"]], MOTIONS)
         self.seed = given.get("seed") if seed is None else seed
         self.max_turns = given.get("max_turns") or inf
         self.streets = Streets.of(scenario.columns())
-        self.motion = (ByMetres if settings["speed_unit"] == "metres" else ByEdges)(self.streets)
+        self.motion = MOTIONS[settings["speed_unit"]](self.streets)
         starts = {name: int(nodes[0]) for name, nodes in scenario.starts([self.seed]).items()}
         self.agents = agents_of(given["teams"], starts, strategies or {})
         self.order = settings["order"] or [list(dict.fromkeys(agent.team for agent in self.agents.values()))]
-        self.conflicts = Conflicts(**given["conflicts"]) if given.get("conflicts") else None
-        self.channels = {name: Channel(name, **keys) for name, keys in given.get("channels", {}).items()}
+        self.conflicts = made(Conflicts, "keyword of conflicts", given["conflicts"]) if given.get("conflicts") else None
+        self.channels = {
+            name: made(Channel, "keyword of channels", {"name": name} | keys)
+            for name, keys in given.get("channels", {}).items()
+        }
         self.facts = dict(given.get("facts", {}))
         self.turn = 0
         self.scores, self.events, self.messages, self.ends = {}, [], [], []
         self.over = None
-        self.rules = [make_rule(one) for one in given.get("rules", [])]
+        self.rules = [rule_of(one) for one in given.get("rules", [])]
         self.rules.sort(key=lambda rule: rule.rank)  # a stable sort: those of one rank as they were added
         for rule in self.rules:
             publish_beforehand(self, rule)
@@ -218,35 +214,52 @@ class Game:
             self.over = {"reason": "; ".join(reasons), "winner": winner, "truncated": ends[0][2]}
 
 
+def random_walk(state):
+    """Go to one of the legal nodes, each as likely; from between two nodes go on to the next."""
+    edge = state.get("edge")
+    state["action"] = state["draw"].choice(state["legal"]) if edge is None else edge[1]
+
+
+STRATEGIES = {"gamms.strategies:random_walk": random_walk, None: None}
+
+
 def agents_of(teams, starts, strategies):
-    """Return the agents of a scenario by name."""
+    """Return the agents of a scenario by name. Sensors are left out: strategies of the reference get none."""
     agents = {}
     for team, keys in teams.items():
-        refuse("keys of teams", keys, {"agents", "count", "near", "within", "apart", "from", "speed", "strategy"})
+        refuse("key of a team", keys, TEAM_KEYS)
         named = {one["name"]: one for one in keys.get("agents", ())}
         named |= {f"{team}_{number}": {} for number in range(keys.get("count", 0))}
         for name, own in named.items():
-            refuse("keys of agents", own, {"name", "node", "speed", "strategy"})
+            refuse("key of an agent", own, AGENT_KEYS)
             speed = own.get("speed", keys.get("speed"))
-            strategy = strategies.get(name, strategies.get(team, own.get("strategy", keys.get("strategy"))))
-            if isinstance(strategy, (str, dict)):
-                raise NotImplementedError(f"give the strategy {strategy!r} by strategies=")
+            strategy = strategies.get(name, strategies.get(team))
+            if strategy is None:
+                given = own.get("strategy", keys.get("strategy"))
+                refuse("strategy", [given if isinstance(given, (str, type(None))) else str(given)], STRATEGIES)
+                strategy = STRATEGIES[given]
             agents[name] = Agent(name, team, starts[name], None if speed is None else Fraction(speed), strategy)
             agents[name].node = starts[name]
     return agents
 
 
-def make_rule(given):
+def rule_of(given):
     """Return the rule of an item of a scenario's list."""
     given = {"rule": given} if isinstance(given, str) else given
-    refuse("keys of rules", given, {"rule", "with", "name"})
+    refuse("key of a rule", given, {"rule", "with", "name"})
     name = given["rule"].removeprefix("gamms.rules:").removeprefix("gamms.rules.")
-    if name not in RULES:
-        raise NotImplementedError(f"the rule {name!r} is not in the subset of the reference")
-    return RULES[name](**given.get("with", {}))
+    refuse("rule", [name], RULES)
+    return made(RULES[name], f"keyword of {name}", given.get("with", {}))
+
+
+def made(kind, what, keywords):
+    """Return an instance of a dataclass; refuse keywords that it does not have."""
+    refuse(what, keywords, [one.name for one in fields(kind) if one.name not in OWN])
+    return kind(**keywords)
 
 
 def refuse(what, given, known):
-    """Refuse keys that are not in the subset."""
-    if others := sorted(set(given) - set(known)):
+    """Refuse what is not in the subset by its name."""
+    others = [str(one) for one in given if one not in known]
+    if others:
         raise NotImplementedError(f"not in the subset of the reference: the {what} {', '.join(others)}")

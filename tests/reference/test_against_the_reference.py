@@ -6,9 +6,11 @@ the same.
 
 import logging
 import os
+from pathlib import Path
 
 import pytest
 
+import gamms
 from reference.games import plain, scenario_of, wander
 from reference.simulator import Game
 
@@ -132,3 +134,51 @@ def test_games_of_batches_are_those_of_the_reference(number):
             }
             if game.over is not None:
                 assert {key: getattr(result, key) for key in game.over} == game.over
+
+
+@pytest.mark.parametrize("name", ["grid_tag", "pursuit"])
+def test_scenarios_of_the_gallery_can_be_played_by_the_reference(name):
+    scenario = gamms.scenario.load(Path(gamms.__file__).parent / "data" / "gallery" / f"{name}.yaml")
+    walks = dict.fromkeys(scenario.to_dict()["teams"], gamms.strategies.random_walk)
+    for seed in range(3):
+        result, game = scenario.play(seed=seed, strategies=walks), Game(scenario, seed=seed, strategies=walks)
+        game.run()
+        assert [dict(event) for event in result.events] == game.events
+        assert {key: getattr(result, key) for key in game.over} == game.over
+
+
+def test_a_walk_that_a_scenario_names_is_played_by_the_reference():
+    walks = gamms.scenario.Scenario(
+        max_turns=20,
+        map={"grid": {"width": 3, "height": 3}},
+        teams={team: {"count": 2, "strategy": "gamms.strategies:random_walk"} for team in ("red", "blue")},
+        rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}],
+    )
+    for seed in range(5):
+        game = Game(walks, seed=seed)
+        game.run()
+        result = walks.play(seed=seed)
+        assert game.events
+        assert (result.scores, [dict(event) for event in result.events]) == (game.scores, game.events)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"conflicts": {"edge_capacity": 1}}, "edge_capacity"),
+        ({"conflicts": {"capacity": "room"}}, "room"),
+        ({"settings": {"legal": "any"}}, "legal"),
+        ({"settings": {"on_illegal": "stay", "speed_unit": "metres_per_second"}}, "metres_per_second"),
+        ({"teams.red.type": "aerial", "teams.red.speed": 1}, "type"),
+        ({"teams.red.strategy": "gamms.strategies:chase"}, "chase"),
+        ({"rules": [{"rule": "resource", "with": {"name": "fuel", "start": 1}}]}, "resource"),
+        ({"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "air": True}}]}, "air"),
+        ({"channels": {"radio": {"range_m": 5, "line_of_sight": True}}}, "line_of_sight"),
+    ],
+)
+def test_what_is_not_in_the_subset_is_refused_by_name(changes, named):
+    grid = gamms.scenario.Scenario(
+        seed=1, map={"grid": {"width": 3, "height": 3}}, teams={"red": {"count": 2}, "blue": {"count": 1}}
+    )
+    with pytest.raises(NotImplementedError, match=named):
+        Game(grid.replace(**changes))
