@@ -18,8 +18,8 @@ from sphinx.application import Sphinx
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent / "scripts"))
 import pages  # noqa: E402
-import reference  # noqa: E402
 
+import reference  # noqa: E402
 from gamms import __version__  # noqa: E402
 
 project = "GAMMS"

@@ -11,6 +11,7 @@ import gamms
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import pages
+
 import reference
 
 EXAMPLES = sorted(page.stem for page in pages.EXAMPLES.glob("*.md"))

@@ -2,17 +2,16 @@
 
 from hashlib import blake2b
 
+import plain_game.draws
 from numpy.random import Generator, Philox
-
-import reference.draws
-from reference.draws import Draw, bits
+from plain_game.draws import Draw, bits
 
 __all__ = ["Draw", "bits", "fraction", "stream"]
 
 
 def fraction(*key):
-    """Return a number in [0, 1); see `reference.draws.bits`."""
-    return reference.draws.fraction(bits(*key))
+    """Return a number in [0, 1); see `plain_game.draws.bits`."""
+    return plain_game.draws.fraction(bits(*key))
 
 
 def stream(seed, *names):

@@ -3,4 +3,4 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent.parent))  # for the package `reference`
+sys.path.insert(0, str(Path(__file__).parent))  # for the package `plain_game`, and for random scenarios

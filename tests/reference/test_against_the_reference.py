@@ -9,10 +9,10 @@ import os
 from pathlib import Path
 
 import pytest
+from plain_game.simulator import Game
+from random_scenarios import plain, scenario_of, wander
 
 import gamms
-from reference.games import plain, scenario_of, wander
-from reference.simulator import Game
 
 
 @pytest.fixture(autouse=True)

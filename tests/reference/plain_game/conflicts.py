@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import inf
 
-from reference.draws import bits
+from plain_game.draws import bits
 
 
 @dataclass

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from fractions import Fraction
 
-from reference.draws import bits_of_pair
-from reference.moves import Ride, Stay
+from plain_game.draws import bits_of_pair
+from plain_game.moves import Ride, Stay
 
 
 @dataclass(order=True)

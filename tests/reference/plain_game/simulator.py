@@ -1,21 +1,15 @@
-"""The specification of a game: a plain simulator of what the documentation says, independent of the library's engine.
-
-It plays a scenario that is in its subset, one turn at a time, by dicts, lists and fractions: exact, and slow. What is
-not in the subset is refused by its name. Random games are compared with it in `test_against_the_reference.py`.
-
-Read `Game.step` first: it is the turn of docs/game.md. The rules are in `rules.py`.
-"""
+"""A game of a scenario, turn by turn: docs/game.md. Read `Game.step` first."""
 
 from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from math import inf
 
-from reference.channels import Channel, deliver, inbox_of
-from reference.conflicts import Conflicts
-from reference.draws import Draw
-from reference.moves import ByEdges, ByMetres, Illegal, Stay
-from reference.rules import RULES, publish_beforehand
-from reference.streets import Streets
+from plain_game.channels import Channel, deliver, inbox_of
+from plain_game.conflicts import Conflicts
+from plain_game.draws import Draw
+from plain_game.moves import ByEdges, ByMetres, Illegal, Stay
+from plain_game.rules import RULES, publish_beforehand
+from plain_game.streets import Streets
 
 KEYS = {"name", "description", "seed", "max_turns", "map", "sensors", "teams", "rules", "conflicts", "channels"}
 KEYS |= {"settings", "facts"}

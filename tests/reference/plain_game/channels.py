@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import dist
 
-from reference.draws import bits, bits_of, fraction, hashed
+from plain_game.draws import bits, bits_of, fraction, hashed
 
 
 @dataclass

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from reference.contacts import contacts, one_to_one
-from reference.draws import bits
-from reference.moves import Stay
+from plain_game.contacts import contacts, one_to_one
+from plain_game.draws import bits
+from plain_game.moves import Stay
 
 LEADER = object()  # the team with the highest score wins, if it is one alone
 
