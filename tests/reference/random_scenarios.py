@@ -63,7 +63,8 @@ def order_of(rng, teams):
 
 def rules_of(rng, teams, nodes, settings):
     """Return random rules."""
-    has_order, is_metric = len(settings.get("order", ())) > 1, "speed_unit" in settings
+    has_order = len(settings.get("order", ())) > 1
+    is_metric = "speed_unit" in settings
     rules = []
     land = {node: rng.choice(teams) for node in nodes if rng.random() < 0.8}
     territory = rng.choice([None, land, "territory"])
@@ -79,7 +80,8 @@ def rules_of(rng, teams, nodes, settings):
     if rng.random() < 0.6:
         rules.append({"rule": "capture_flag", "with": flags_of(rng, teams, nodes, territory)})
     if rng.random() < 0.3:
-        team, goals = rng.choice(teams), rng.sample(nodes, 2)
+        team = rng.choice(teams)
+        goals = rng.sample(nodes, 2)
         nodes_or_starts = rng.choice([goals, goals[0], f"starts of {rng.choice(teams)}"])
         rules.append(
             {"rule": "arrive", "with": {"team": team, "nodes": nodes_or_starts, "passing": rng.random() < 0.7}}
@@ -159,7 +161,8 @@ def wander(state):
     known += [plain(state["facts"]), state["draw"].below(1000), plain(state.get("inbox"))]
     lot = crc32(repr(known).encode())
     state["memory"][lot % 7] = None
-    one, other = legal[lot // 8 % len(legal)], legal[lot // 64 % len(legal)]
+    one = legal[lot // 8 % len(legal)]
+    other = legal[lot // 64 % len(legal)]
     wanted = [
         one,
         one,

@@ -84,7 +84,8 @@ def reference_after_turn(game, movers):
 def check_game(number):
     """Play a random game by the library and by the reference, and compare them turn by turn."""
     scenario = scenario_of(number)
-    seen, wanted = [], []
+    seen = []
+    wanted = []
     teams = scenario.to_dict()["teams"]
     game = Game(scenario, strategies=dict.fromkeys(teams, seen_by(wanted)))
     with scenario.build(strategies=dict.fromkeys(teams, seen_by(seen))) as ctx:
@@ -127,7 +128,8 @@ def test_games_of_batches_are_those_of_the_reference(number):
     with scenario.batch(seeds=seeds, strategies=strategies) as games:
         games.run()
         for i, seed in enumerate(seeds):
-            result, game = games.result(i), Game(scenario, seed=seed, strategies=strategies)
+            result = games.result(i)
+            game = Game(scenario, seed=seed, strategies=strategies)
             game.run()
             assert result.turns == game.turn
             assert [dict(event) for event in result.events] == game.events
@@ -148,7 +150,8 @@ def test_scenarios_of_the_gallery_can_be_played_by_the_reference(name):
     scenario = gamms.scenario.load(Path(gamms.__file__).parent / "data" / "gallery" / f"{name}.yaml")
     walks = dict.fromkeys(scenario.to_dict()["teams"], gamms.strategies.random_walk)
     for seed in range(3):
-        result, game = scenario.play(seed=seed, strategies=walks), Game(scenario, seed=seed, strategies=walks)
+        result = scenario.play(seed=seed, strategies=walks)
+        game = Game(scenario, seed=seed, strategies=walks)
         game.run()
         assert [dict(event) for event in result.events] == game.events
         assert {key: getattr(result, key) for key in game.over} == game.over

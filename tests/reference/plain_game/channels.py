@@ -96,7 +96,8 @@ def problem_of(game, sender, message):
     """Return why a message cannot be sent, None if it can."""
     if set(message) != {"channel", "to", "body"}:
         return "a message has the keys channel, to and body"
-    channel, to = game.channels.get(message["channel"]), message["to"]
+    channel = game.channels.get(message["channel"])
+    to = message["to"]
     if channel is None or not channel.is_open_to(sender):
         return "the agent has no such channel"
     if to is not None and not addressees(game, channel, sender, to):
@@ -117,7 +118,8 @@ def addressees(game, channel, sender, to):
 def deliver(game, outboxes):
     """Send what agents have put into their outboxes: work out who hears each message, and when."""
     for name, outbox in outboxes.items():
-        sender, sent = game.agents[name], {}
+        sender = game.agents[name]
+        sent = {}
         for message in outbox:
             problem = problem_of(game, sender, message)
             if problem is not None:
@@ -154,7 +156,10 @@ def entry_of(game, channel, sender, message, number):
 def spread(game, channel, sender, number):
     """Return name -> by how many transmissions a message comes to it, and the names of all agents in reach of one."""
     others = [agent for agent in game.living() if agent is not sender]
-    waves, in_reach, transmitters, wave = {}, set(), [sender], 1
+    waves = {}
+    in_reach = set()
+    transmitters = [sender]
+    wave = 1
     while transmitters:
         new = []
         for receiver in others:

@@ -45,7 +45,8 @@ def contacts(game, ours, theirs, how, allows=lambda a_node, b_node: True):
 
 def one_to_one(met):
     """Return those of (contact, rule) whose agents are in no earlier one that was taken."""
-    taken, pairs = set(), []
+    taken = set()
+    pairs = []
     for one, rule in met:
         if not taken & {one.a, one.b}:
             taken |= {one.a, one.b}
@@ -56,17 +57,17 @@ def one_to_one(met):
 def meetings(game, a, b, how):
     """Return all moments (time, distance, node of a, node of b) at which two agents are in contact."""
     kind = next((kind for kind in ("hops", "metres", "euclid") if how.get(kind) is not None), None)
-    crosses = kind is None if how.get("crossing") is None else how["crossing"]
     if game.motion.is_metric:
-        if kind in ("metres", "euclid") or not how.get("passing", True) or (crosses and kind):
-            raise NotImplementedError(f"contacts by {how} in games by metres are not in the subset of the reference")
+        if kind in ("metres", "euclid") or not how["passing"]:
+            raise NotImplementedError("not in the subset of the reference: a distance, or passing, in games by metres")
         return on_nodes(a, b) + on_streets(game, a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])
-    crossed = on_edges(a, b) if crosses else []
-    if not how.get("passing", True):
+    if not how["passing"]:
         distance = game.streets.distance(a.node, b.node, kind or "hops")
-        distances = [distance] if distance <= (how[kind] if kind else 0) else [0] if crossed else []
-        return [(Fraction(1), float(one), a.node, b.node) for one in distances]
-    return (on_nodes(a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])) + crossed
+        if kind is None and on_edges(a, b):
+            distance = 0
+        is_near = distance <= (how[kind] if kind else 0)
+        return [(Fraction(1), float(distance), a.node, b.node)] if is_near else []
+    return on_nodes(a, b) + on_edges(a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])
 
 
 def on_nodes(a, b):
@@ -107,7 +108,8 @@ def on_streets(game, a, b):
 
 def same_place(length, one, other):
     """Return the first time at which two on one street are at one place, None if they never are."""
-    begin, end = max(one.begin, other.begin), min(one.end, other.end)
+    begin = max(one.begin, other.begin)
+    end = min(one.end, other.end)
     if begin > end:
         return None
     at, speed = place_on(length, one, begin, one.source)
@@ -133,7 +135,8 @@ def near_each_other(game, a, b, kind, most):
         begins.add(Fraction(0))
     found = []
     for time in sorted(begins):
-        a_node, b_node = node_at(a, time), node_at(b, time)
+        a_node = node_at(a, time)
+        b_node = node_at(b, time)
         if a_node is not None and b_node is not None:
             distance = game.streets.distance(a_node, b_node, kind)
             if distance <= most:

@@ -111,13 +111,16 @@ class ByEdges:
 
     def walk(self, agent, route, begin, end):
         """Return how an agent goes along a route in a part of the turn, as far as its speed leads."""
-        path, left = [agent.node], Fraction(1) if agent.speed is None else agent.speed
-        target, offset = None, Fraction(0)
+        path = [agent.node]
+        left = Fraction(1) if agent.speed is None else agent.speed
+        target = None
+        offset = Fraction(0)
         for node in route:
             covered = agent.offset if len(path) == 1 and node == agent.target else Fraction(0)
             if left < 1 - covered:
                 if node != path[-1] and covered + left:
-                    target, offset = node, covered + left
+                    target = node
+                    offset = covered + left
                 break
             left -= 1 - covered
             path.append(node)
@@ -130,7 +133,8 @@ def track_by_edges(path, begin, end):
         return [Stay(Fraction(0), Fraction(1), path[0])]
     # One that waits for its part of the turn reaches its node once more when this begins.
     track = [Stay(Fraction(0), begin, path[0]), Stay(begin, begin, path[0])] if begin else []
-    each, now = (end - begin) / (len(path) - 1), begin
+    each = (end - begin) / (len(path) - 1)
+    now = begin
     for source, target in pairwise(path):
         if source == target:
             track.append(Stay(now, now + each, source))
@@ -229,18 +233,22 @@ class ByMetres(ByEdges):
             if node == walk.node and walk.target is None:
                 continue
             if walk.target is None:
-                walk.target, walk.offset = node, Fraction(0)
+                walk.target = node
+                walk.offset = Fraction(0)
             goal = self.streets.out[walk.node][walk.target] if node == walk.target else Fraction(0)
             far = min(abs(goal - walk.offset), left)
             there = walk.offset + far if goal > walk.offset else walk.offset - far
             walk.track.append(Ride(now, now + far / rate, walk.node, walk.target, walk.offset, there))
-            now, left, walk.offset = now + far / rate, left - far, there
+            now += far / rate
+            left -= far
+            walk.offset = there
             if there != goal:
                 break
             if node == walk.target:
                 walk.node = node
                 walk.path.append(node)
-            walk.target, walk.offset = None, Fraction(0)
+            walk.target = None
+            walk.offset = Fraction(0)
             walk.track.append(Stay(now, now, walk.node))
             if not left:
                 break

@@ -68,7 +68,6 @@ class Tag:
     hops: float | None = None
     metres: float | None = None
     euclid: float | None = None
-    crossing: bool | None = None
     passing: bool = True
     then: str = "respawn"
     score: float = 1
@@ -106,7 +105,8 @@ class Tag:
 
     def count(self, game, one):
         """Count the tags of a contact; return those that are tagged."""
-        a, b = game.agents[one.a], game.agents[one.b]
+        a = game.agents[one.a]
+        b = game.agents[one.b]
         tags, is_tagged = self.tags(game, one.a_node, one.b_node)
         found = [(a, b, one.b_node)] if tags else []
         found += [(b, a, one.a_node)] if is_tagged else []

@@ -13,6 +13,7 @@ class Streets:
 
     xy: dict  # node -> (x, y)
     out: dict = field(default_factory=dict)  # node -> {next node: length of the edge in metres}
+    is_bent: bool = False  # whether edges have other places on them than their ends
 
     @classmethod
     def of(cls, columns):
@@ -27,6 +28,7 @@ class Streets:
             if nodes[target] in streets.out[nodes[source]]:
                 raise NotImplementedError("parallel edges are not in the subset of the reference")
             streets.out[nodes[source]][nodes[target]] = Fraction(length)
+        streets.is_bent = bool(columns.polylines)
         streets.ways_from = cache(streets.ways_from)
         return streets
 
@@ -43,7 +45,8 @@ class Streets:
 
         Of equally long ways it is the one with the fewest edges; of these the one with the lowest ids from the start.
         """
-        found, waiting = {}, [(Fraction(0), 0, (node,))]
+        found = {}
+        waiting = [(Fraction(0), 0, (node,))]
         while waiting:
             far, count, way = heappop(waiting)
             if way[-1] in found:
@@ -58,5 +61,6 @@ class Streets:
         """Return how far two nodes are from each other: "euclid", or "hops" and "metres" by the shorter direction."""
         if kind == "euclid":
             return dist(self.xy[a], self.xy[b])
-        ways, back = self.ways_from(a, kind == "metres"), self.ways_from(b, kind == "metres")
+        ways = self.ways_from(a, kind == "metres")
+        back = self.ways_from(b, kind == "metres")
         return min(ways[b][0] if b in ways else inf, back[a][0] if a in back else inf)
