@@ -11,7 +11,6 @@ NUMBER_OF_MAPS = 12
 TEAMS = ("red", "blue", "green")
 SPEEDS = (None, None, 1, 2, 3, 4, 0.5, 1.5)
 SPEEDS_IN_METRES = (None, 0.5, 1, 2, 2, 4)
-HAS_FAIR_CONTACTS = False  # whether an order of play invents no meetings, and rules that tag share contacts
 
 
 @cache
@@ -63,19 +62,16 @@ def order_of(rng, teams):
 
 def rules_of(rng, teams, nodes, settings):
     """Return random rules."""
-    has_order = len(settings.get("order", ())) > 1
     is_metric = "speed_unit" in settings
     rules = []
     land = {node: rng.choice(teams) for node in nodes if rng.random() < 0.8}
     territory = rng.choice([None, land, "territory"])
     if territory == "territory":
         rules.append({"rule": "gamms.rules.territory:published", "with": {"nodes": land}})
-    if rng.random() < 0.7 and (HAS_FAIR_CONTACTS or not has_order):
-        count = rng.randint(1, 2) if HAS_FAIR_CONTACTS else 1
-        tags = [tag_of(rng, teams, territory, is_metric) for _ in range(count)]
-        sides = {
-            (tag["taggers"], tag["tagged"]): tag for tag in tags
-        }  # which of two with the same sides counts is open
+    if rng.random() < 0.7:
+        tags = [tag_of(rng, teams, territory, is_metric) for _ in range(rng.randint(1, 2))]
+        # Which of two rules with the same sides counts at one moment is open.
+        sides = {(tag["taggers"], tag["tagged"]): tag for tag in tags}
         rules += [{"rule": "tag", "with": tag} for tag in sides.values()]
     if rng.random() < 0.6:
         rules.append({"rule": "capture_flag", "with": flags_of(rng, teams, nodes, territory)})
@@ -103,12 +99,12 @@ def tag_of(rng, teams, territory, is_metric):
     taggers, tagged = rng.sample(teams, 2)
     given = {"taggers": taggers, "tagged": tagged, "mutual": rng.random() < 0.4}
     distances = [{}, {}, {"hops": rng.choice([0, 1, 2])}, {"metres": 2.5}, {"euclid": 1.5}]
-    given |= rng.choice(distances[:3] if is_metric else distances)
+    given |= rng.choice(distances[:2] if is_metric else distances)
     given["then"] = rng.choice(["respawn", "eliminate"])
     given["score"] = rng.choice([0, 1, 2.5])
     if territory is not None and rng.random() < 0.5:
         given["territory"] = territory
-    if HAS_FAIR_CONTACTS and not is_metric and rng.random() < 0.2:
+    if not is_metric and rng.random() < 0.2:
         given["passing"] = False
     return given
 
@@ -176,9 +172,6 @@ def wander(state):
     ]
     wanted += [{"node_id": one}, lot // 64 % 40, "nowhere", None if "edge" in state else one, state["curr_pos"]]
     state["action"] = wanted[lot // 512 % len(wanted)]
-    may_wait = HAS_FAIR_CONTACTS or "edge" in state
-    if isinstance(state["action"], list) and not may_wait and state["action"][0] == state["curr_pos"]:
-        state["action"] = state["action"][:1]
     if "outbox" in state:
         call(state, lot // 4096)
 

@@ -58,9 +58,9 @@ def meetings(game, a, b, how):
     """Return all moments (time, distance, node of a, node of b) at which two agents are in contact."""
     kind = next((kind for kind in ("hops", "metres", "euclid") if how.get(kind) is not None), None)
     if game.motion.is_metric:
-        if kind in ("metres", "euclid") or not how["passing"]:
+        if kind is not None or not how["passing"]:
             raise NotImplementedError("not in the subset of the reference: a distance, or passing, in games by metres")
-        return on_nodes(a, b) + on_streets(game, a, b) if kind is None else near_each_other(game, a, b, kind, how[kind])
+        return on_nodes(a, b) + on_streets(game, a, b)
     if not how["passing"]:
         distance = game.streets.distance(a.node, b.node, kind or "hops")
         if kind is None and on_edges(a, b):
@@ -150,9 +150,8 @@ def reach_times(agent):
 
 
 def leaves_at_once(agent):
-    """Return whether an agent is under way to another node when the turn begins, or is not there yet."""
-    first = agent.track[0]
-    return first.begin > 0 or (isinstance(first, Ride) and len(agent.path) > 1)
+    """Return whether an agent leaves its node when the turn begins, or is put on one later."""
+    return isinstance(agent.track[0], Ride) or agent.track[0].begin > 0
 
 
 def node_at(agent, time):
