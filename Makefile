@@ -7,8 +7,8 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # What `gamms.core` is compiled from: an edit builds it again. The folder is newer than a file that was taken out of it.
 CORE := setup.py src/gamms/core $(wildcard src/gamms/core/*.py src/gamms/core/*.pxd)
 # Tests of what the core computes, and the laws of what rests on it.
-CORE_TESTS := tests/core tests/kernels
-LAWS := $(CORE_TESTS) tests/batch tests/game tests/rules
+CORE_TESTS := tests/core tests/kernels tests/rules
+LAWS := $(CORE_TESTS) tests/batch tests/game
 
 .PHONY: demo test test-core test-torch check bench docs figures format release-check lowest reproduce clean
 
