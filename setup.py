@@ -62,15 +62,15 @@ class BuildCore(build_ext):
         self.force = True  # neither Cython nor setuptools notices other directives and flags
         in_place = self.inplace
         self.inplace = False
+        built = [Path(self.build_lib, self.get_ext_filename(one.name)) for one in self.extensions]
+        for file in [*built, *built_in_place()] if in_place else built:  # of an earlier build
+            file.unlink(missing_ok=True)
         try:
             self._write_c()
             super().run()
         except (CCompilerError, PlatformError) as error:  # such as Windows without a compiler
             self.warn(str(error))
         self.inplace = in_place
-        built = [Path(self.build_lib, self.get_ext_filename(one.name)) for one in self.extensions]
-        if in_place:
-            remove_built()
         if all(file.is_file() for file in built):
             if in_place:
                 self.copy_extensions_to_source()
@@ -120,11 +120,9 @@ class BuildCore(build_ext):
             wheel.py_limited_api = False
 
 
-def remove_built() -> None:
-    """Remove compiled modules beside the text, which an earlier build has left."""
-    for pattern in ("*.so", "*.pyd"):
-        for file in CORE.glob(pattern):
-            file.unlink()
+def built_in_place() -> list[Path]:
+    """Return the compiled modules beside the text."""
+    return [*CORE.glob("*.so"), *CORE.glob("*.pyd")]
 
 
 if PROFILE == "python":

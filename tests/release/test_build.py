@@ -186,8 +186,11 @@ def test_two_builds_in_two_folders_are_the_same_bytes(checkout, tmp_path):
 
 @needs_compiler
 def test_a_build_in_place_that_fails_leaves_no_module_of_an_earlier_one(checkout):
-    module = checkout / "src/gamms/core/draws.abi3.so"
-    module.write_text("of an earlier build")
-    said = run(sys.executable, "setup.py", "build_ext", "--inplace", "--compiler=none", folder=checkout)
+    for name in modules_of(checkout):
+        for folder in (checkout / "src/gamms", checkout / "out/gamms"):
+            (folder / "core").mkdir(parents=True, exist_ok=True)
+            (folder / f"{name}.abi3.so").write_text("of an earlier build")
+    options = ["--inplace", "--build-lib=out", "--compiler=none"]
+    said = run(sys.executable, "setup.py", "build_ext", *options, folder=checkout)
     assert "gamms: the core could not be compiled" in said
-    assert not module.exists()
+    assert not list(checkout.rglob("*.so"))
