@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="there, setuptools finds
 
 ROOT = Path(__file__).parents[2]
 BUILT_FROM = ("LICENSE", "MANIFEST.in", "NOTICE", "README.md", "pyproject.toml", "setup.py", "src", "tools")
-NO_COMPILER = {"CC": "/bin/false", "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": ""}  # and no ziglang
+NO_COMPILER = {"CC": "/bin/false", "PIP_NO_INDEX": "1", "PIP_CONFIG_FILE": os.devnull}  # and no ziglang
 WHEEL = "import sys, build_backend; print(build_backend.build_wheel(sys.argv[1]))"
 GAME = """
 import hashlib, pathlib, gamms, gamms.core
@@ -50,8 +50,8 @@ def checkout(tmp_path):
 
 
 def run(*command, folder, **environment):
-    """Run Python in a folder, without what these tests add to its path; return its output and errors."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "GAMMS"))}
+    """Run Python in a folder, without the variables of this process that matter; return its output and errors."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "GAMMS", "PIP"))}
     done = subprocess.run(
         list(map(str, command)),
         cwd=folder,
