@@ -61,16 +61,23 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, roo
     bits, on_edges, order = keys([0] * room), ints([0] * room), ints([0] * room)
     found = core.Contacts(scratch, *columns, times, distances, bits, on_edges, order)
     names, purposes = keys(range(1, agents + 1)), keys([seed + game for game in range(len(games))])
-    found.ask(tracks, NO_LEGS, names, purposes, ints([3] * len(games)), crossing=crossing, by_metres=False)
+    nodes = ints([node for _, path, _ in rows for node in (*path, *path[-1:] * (most - len(path)))])
+    found.ask(
+        tracks,
+        NO_LEGS,
+        names,
+        purposes,
+        ints([3] * len(games)),
+        reach=table(reach or {}),
+        places=core.Places(nodes, floats([value for x, y in XY for value in (x, y, 0.0)])),
+        lines=core.Lines(ints([]), *[floats([])] * 4),
+        crossing=crossing,
+        by_metres=False,
+    )
     if reach is not None:
-        count = found.find_by_paths(table(reach), limit, False)
+        count = found.find_by_paths(limit, False)
     elif limit is not None:
-        points = [value for _, path, _ in rows for node in path for value in (*XY[node], 0.0)]
-        offsets = [0]
-        for _, path, _ in rows:
-            offsets.append(offsets[-1] + len(path))
-        lines = core.Lines(ints(offsets), floats([]), floats([]), floats(points), floats(points))
-        count = found.find_straight(lines, limit)
+        count = found.find_near_places(limit)
     else:
         count = found.find_on_nodes()
     if count > room:

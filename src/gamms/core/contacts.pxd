@@ -39,6 +39,12 @@ cdef class Reach:
 
 
 @cython.final
+cdef class Places:
+    cdef const i64[::1] numbers
+    cdef const double[::1] xyz
+
+
+@cython.final
 cdef class Lines:
     cdef readonly i64 parts
     cdef const i64[::1] offsets
@@ -66,6 +72,9 @@ cdef class Contacts:
     cdef Tracks tracks
     cdef Legs legs
     cdef Pieces pieces
+    cdef Reach reach
+    cdef Places places
+    cdef Lines lines
     cdef const u64[::1] names, purposes
     cdef const i64[::1] turns
     cdef i64[::1] games, a, b, a_nodes, b_nodes, on_edges, order
@@ -78,9 +87,11 @@ cdef class Contacts:
     @cython.locals(game=i64, begin=i64)
     cpdef Py_ssize_t find_on_nodes(self) except -1 nogil
     @cython.locals(game=i64, begin=i64)
-    cpdef Py_ssize_t find_by_paths(self, Reach reach, double limit, bint is_exact) except -1 nogil
+    cpdef Py_ssize_t find_by_paths(self, double limit, bint is_exact) except -1 nogil
     @cython.locals(game=i64, begin=i64)
-    cpdef Py_ssize_t find_straight(self, Lines lines, double limit) except -1 nogil
+    cpdef Py_ssize_t find_near_places(self, double limit) except -1 nogil
+    @cython.locals(game=i64, begin=i64)
+    cpdef Py_ssize_t find_on_lines(self, double limit) except -1 nogil
     @cython.locals(contact=i64, last=i64, pair=u64, key=u64)
     cdef int _finish(self, i64 game, i64 begin) except -1 nogil
     @cython.locals(kept=i64, previous=i64, place=i64, contact=i64, has_been_near=bint, before=double)
@@ -115,26 +126,26 @@ cdef class Contacts:
     @cython.locals(begin=double, share=double, span=double)
     cdef double _place_on_street(self, i64 piece, double time) except? -1.0 nogil
     @cython.locals(side=int, piece=i64, node=i64, entry=i64, other=i64, back=double, distance=double)
-    cdef int _near(self, i64 game, Reach reach) except -1 nogil
+    cdef int _near(self, i64 game) except -1 nogil
     @cython.locals(time=double, a_node=i64, b_node=i64)
     cdef int _come_near(self, i64 game, i64 piece, i64 other, double distance) except -1 nogil
     @cython.locals(theirs=i64, width=double, farthest=double, piece=i64, rim=double, first=i64, last=i64, middle=i64)
-    cdef int _straight(self, i64 game, Lines lines) except -1 nogil
+    cdef int _sweep(self, i64 game) except -1 nogil
     @cython.locals(agent=i64, row=i64, part=i64, piece=i64)
-    cdef int _put_lines(self, i64 game, Lines lines) except -1 nogil
-    @cython.locals(part=i64, piece=i64)
-    cdef int _place_steps(self, i64 game, Lines lines) except -1 nogil
+    cdef int _put_lines(self, i64 game) except -1 nogil
+    @cython.locals(row=i64, place=i64, piece=i64)
+    cdef int _place_steps(self, i64 game) except -1 nogil
     @cython.locals(a=i64, b=i64, x=double, y=double, z=double, far=double)
-    cdef int _step_near(self, i64 game, Lines lines, i64 piece, i64 other) except -1 nogil
+    cdef int _step_near(self, i64 game, i64 piece, i64 other) except -1 nogil
     @cython.locals(
         part=i64, their=i64, since=double, until=double, limit=double, x=double, y=double, z=double, far=double,
         dx=double, dy=double, dz=double, square=double, mixed=double, inside=double, share=double
     )
-    cdef int _approach(self, i64 game, Lines lines, i64 piece, i64 other) except -1 nogil
+    cdef int _approach(self, i64 game, i64 piece, i64 other) except -1 nogil
     @cython.locals(a=i64, b=i64, a_node=i64, b_node=i64)
     cdef int _meet_on_way(self, i64 game, double time, double distance, i64 piece, i64 other) except -1 nogil
     @cython.locals(side=int, piece=i64, end=int, node=i64, other=i64)
-    cdef int _within(self, i64 game, Reach reach) except -1 nogil
+    cdef int _within(self, i64 game) except -1 nogil
     @cython.locals(leg=i64)
     cdef Py_ssize_t _door(self, i64 piece, int end, bint is_entry) except? -1 nogil
     @cython.locals(leg=i64, begin=double, end=double)
@@ -142,7 +153,7 @@ cdef class Contacts:
     @cython.locals(since=double, until=double)
     cdef double _even(self, i64 piece, double begin, double end, double time) except? -1.0 nogil
     @cython.locals(row=i64, entry=i64, other=i64, since=double, until=double, is_source=bint, begin=double, last=double)
-    cdef int _go_from(self, i64 game, Reach reach, i64 piece, int end, i64 node, int side) except -1 nogil
+    cdef int _go_from(self, i64 game, i64 piece, int end, i64 node, int side) except -1 nogil
     @cython.locals(since=double, until=double, length=double, first=double, last=double, passing=double)
     cdef int _along_street(self, i64 game, i64 piece, i64 other, int side) except -1 nogil
     @cython.locals(begin=double, end=double)

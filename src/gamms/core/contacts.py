@@ -135,14 +135,26 @@ class Reach:
         return INFINITE
 
 
+class Places:
+    """Where agents are on the nodes that they pass, in games that count edges.
+
+    Attributes:
+        numbers: (rows * most,) the number of the place of each node that is passed.
+        xyz: (3 * places,) x, y and z of each place.
+    """
+
+    def __init__(self, numbers: memoryview[int], xyz: memoryview[float]) -> None:
+        self.numbers = numbers
+        self.xyz = xyz
+
+
 class Lines:
-    """Straight parts of the ways of agents.
+    """Straight parts of the ways of agents, in games by metres.
 
     Attributes:
         offsets: (rows + 1,) where the parts of each row begin.
         since, until: (parts,) of the turn.
-        begins, ends: (3 * parts,) where the agent is at both times: x, y and z. In games that count edges a row has a
-            part for each node that it passes, of which there are only `begins`.
+        begins, ends: (3 * parts,) where the agent is at both times: x, y and z.
         parts: how many there are.
     """
 
@@ -240,7 +252,8 @@ class Pieces:
 class Contacts:
     """Finds the contacts of a turn of games.
 
-    `ask` says of which agents; then one of `find_on_nodes`, `find_by_paths` and `find_straight` finds their contacts.
+    `ask` says of which agents; then `find_on_nodes`, `find_by_paths`, `find_near_places` or `find_on_lines` finds their
+    contacts.
 
     Attributes:
         pieces: scratch, with room for all of one game.
@@ -292,6 +305,9 @@ class Contacts:
         purposes: memoryview[int],
         turns: memoryview[int],
         *,
+        reach: Reach,
+        places: Places,
+        lines: Lines,
         crossing: bool,
         by_metres: bool,
     ) -> None:
@@ -303,6 +319,9 @@ class Contacts:
             names: (agents,) the keys of their names.
             purposes: (games,) the keys of the purpose for which lots decide between equals.
             turns: (games,) how many turns were played.
+            reach: of all nodes that they pass, for `find_by_paths`.
+            places: for `find_near_places`.
+            lines: for `find_on_lines`.
             crossing: whether agents meet on edges, too.
             by_metres: whether the games are by metres.
         """
@@ -313,6 +332,9 @@ class Contacts:
         self.turns = turns
         self.crossing = crossing
         self.by_metres = by_metres
+        self.reach = reach
+        self.places = places
+        self.lines = lines
         self.limit = 0.0
         self.is_exact = False
 
@@ -329,11 +351,10 @@ class Contacts:
                 self._finish(game, begin)
         return self.count
 
-    def find_by_paths(self, reach: Reach, limit: float, is_exact: bool) -> int:
+    def find_by_paths(self, limit: float, is_exact: bool) -> int:
         """Find the agents that are near each other by the shorter of the paths there and back.
 
         Args:
-            reach: of all nodes that they pass.
             limit: what is near.
             is_exact: whether it counts where on edges they are, rather than which nodes they have passed last.
         """
@@ -344,21 +365,37 @@ class Contacts:
         for game in range(len(self.purposes)):
             begin = self.count
             if is_exact:
-                self._within(game, reach)
+                self._within(game)
             else:
-                self._near(game, reach)
+                self._near(game)
             self._finish(game, begin)
         return self.count
 
-    def find_straight(self, lines: Lines, limit: float) -> int:
-        """Find the agents that are near each other in a straight line; by metres also on their way."""
+    def find_near_places(self, limit: float) -> int:
+        """Find the agents that are near each other in a straight line, on the nodes that they have passed last."""
         self.limit = limit
-        self.is_exact = self.by_metres
         self.count = 0
         self.kept = 0
         for game in range(len(self.purposes)):
             begin = self.count
-            self._straight(game, lines)
+            self.pieces.count = 0
+            self._put_steps(game)
+            self._place_steps(game)
+            self._sweep(game)
+            self._finish(game, begin)
+        return self.count
+
+    def find_on_lines(self, limit: float) -> int:
+        """Find the agents that are near each other in a straight line, wherever they are on their way."""
+        self.limit = limit
+        self.is_exact = True
+        self.count = 0
+        self.kept = 0
+        for game in range(len(self.purposes)):
+            begin = self.count
+            self.pieces.count = 0
+            self._put_lines(game)
+            self._sweep(game)
             self._finish(game, begin)
         return self.count
 
@@ -672,7 +709,7 @@ class Contacts:
 
     # -- within a distance, where the nodes count that were passed last ------------------------------------------------
 
-    def _near(self, game: int, reach: Reach) -> int:
+    def _near(self, game: int) -> int:
         """Find the pairs that are near each other whenever one of the two reaches a node."""
         self.pieces.count = 0
         self._put_steps(game)
@@ -685,14 +722,14 @@ class Contacts:
                 if not self._is_of(game, piece, THEIRS if side else OURS):
                     continue
                 node = self.pieces.nodes[piece]
-                for entry in range(reach.offsets[node], reach.offsets[node] + reach.counts[node]):
-                    other = self.pieces.first[reach.ends[entry]]
+                for entry in range(self.reach.offsets[node], self.reach.offsets[node] + self.reach.counts[node]):
+                    other = self.pieces.first[self.reach.ends[entry]]
                     if other < 0:
                         continue
-                    back = reach.ahead(reach.ends[entry], node)
+                    back = self.reach.ahead(self.reach.ends[entry], node)
                     if side and back < INFINITE:  # then it was found from the other side
                         continue
-                    distance = min(reach.far[entry], back)
+                    distance = min(self.reach.far[entry], back)
                     while other >= 0:
                         if side:
                             self._come_near(game, other, piece, distance)
@@ -717,15 +754,9 @@ class Contacts:
 
     # -- in a straight line --------------------------------------------------------------------------------------------
 
-    def _straight(self, game: int, lines: Lines) -> int:
-        """Find the pairs that are near each other in a straight line."""
-        self.pieces.count = 0
+    def _sweep(self, game: int) -> int:
+        """Find the pieces that are near each other in a straight line, from west to east."""
         theirs = 0
-        if self.by_metres:
-            self._put_lines(game, lines)
-        else:
-            self._put_steps(game)
-            self._place_steps(game, lines)
         width = 0.0
         farthest = 0.0
         for piece in range(self.pieces.count):
@@ -748,62 +779,63 @@ class Contacts:
                         last = middle
                 while first < theirs and self.pieces.begins[self.pieces.order[first]] <= self.pieces.ends[piece] + rim:
                     if self.by_metres:
-                        self._approach(game, lines, piece, self.pieces.order[first])
+                        self._approach(game, piece, self.pieces.order[first])
                     else:
-                        self._step_near(game, lines, piece, self.pieces.order[first])
+                        self._step_near(game, piece, self.pieces.order[first])
                     first += 1
         return 0
 
-    def _put_lines(self, game: int, lines: Lines) -> int:
+    def _put_lines(self, game: int) -> int:
         """Add the straight parts of the ways of agents."""
         for agent in range(self.tracks.agents):
             row = game * self.tracks.agents + agent
             if self.tracks.sides[row]:
-                for part in range(lines.offsets[row], lines.offsets[row + 1]):
-                    piece = self.pieces.put(agent, -1, part, lines.since[part], lines.until[part])
-                    self.pieces.begins[piece] = min(lines.begins[3 * part], lines.ends[3 * part])
-                    self.pieces.ends[piece] = max(lines.begins[3 * part], lines.ends[3 * part])
+                for part in range(self.lines.offsets[row], self.lines.offsets[row + 1]):
+                    piece = self.pieces.put(agent, -1, part, self.lines.since[part], self.lines.until[part])
+                    self.pieces.begins[piece] = min(self.lines.begins[3 * part], self.lines.ends[3 * part])
+                    self.pieces.ends[piece] = max(self.lines.begins[3 * part], self.lines.ends[3 * part])
         return 0
 
-    def _place_steps(self, game: int, lines: Lines) -> int:
-        """Say where steps are from west to east; their keys are the parts that say it."""
+    def _place_steps(self, game: int) -> int:
+        """Say where steps are from west to east; their keys are the numbers of their places."""
         for piece in range(self.pieces.count):
-            part = lines.offsets[game * self.tracks.agents + self.pieces.agents[piece]] + self.pieces.keys[piece]
-            self.pieces.keys[piece] = part
-            self.pieces.begins[piece] = lines.begins[3 * part]
-            self.pieces.ends[piece] = lines.begins[3 * part]
+            row = game * self.tracks.agents + self.pieces.agents[piece]
+            place = self.places.numbers[row * self.tracks.most + self.pieces.keys[piece]]
+            self.pieces.keys[piece] = place
+            self.pieces.begins[piece] = self.places.xyz[3 * place]
+            self.pieces.ends[piece] = self.places.xyz[3 * place]
         return 0
 
-    def _step_near(self, game: int, lines: Lines, piece: int, other: int) -> int:
+    def _step_near(self, game: int, piece: int, other: int) -> int:
         """Note that two agents are near each other on nodes."""
         a = 3 * self.pieces.keys[piece]
         b = 3 * self.pieces.keys[other]
-        x = lines.begins[a] - lines.begins[b]
-        y = lines.begins[a + 1] - lines.begins[b + 1]
-        z = lines.begins[a + 2] - lines.begins[b + 2]
+        x = self.places.xyz[a] - self.places.xyz[b]
+        y = self.places.xyz[a + 1] - self.places.xyz[b + 1]
+        z = self.places.xyz[a + 2] - self.places.xyz[b + 2]
         far = x * x + y * y + z * z
         if far <= self.limit * self.limit:  # squares are compared, which are the same on every machine
             self._come_near(game, piece, other, sqrt(far))
         return 0
 
-    def _approach(self, game: int, lines: Lines, piece: int, other: int) -> int:
+    def _approach(self, game: int, piece: int, other: int) -> int:
         """Note when two agents on straight parts are first near each other."""
         part = self.pieces.legs[piece]
         their = self.pieces.legs[other]
-        since = max(lines.since[part], lines.since[their])
-        until = min(lines.until[part], lines.until[their])
+        since = max(self.lines.since[part], self.lines.since[their])
+        until = min(self.lines.until[part], self.lines.until[their])
         if since > until:
             return 0
         limit = self.limit * self.limit
-        x = lines.at(part, 0, since) - lines.at(their, 0, since)
-        y = lines.at(part, 1, since) - lines.at(their, 1, since)
-        z = lines.at(part, 2, since) - lines.at(their, 2, since)
+        x = self.lines.at(part, 0, since) - self.lines.at(their, 0, since)
+        y = self.lines.at(part, 1, since) - self.lines.at(their, 1, since)
+        z = self.lines.at(part, 2, since) - self.lines.at(their, 2, since)
         far = x * x + y * y + z * z
         if far <= limit:
             return self._meet_on_way(game, since, sqrt(far), piece, other)
-        dx = lines.at(part, 0, until) - lines.at(their, 0, until) - x
-        dy = lines.at(part, 1, until) - lines.at(their, 1, until) - y
-        dz = lines.at(part, 2, until) - lines.at(their, 2, until) - z
+        dx = self.lines.at(part, 0, until) - self.lines.at(their, 0, until) - x
+        dy = self.lines.at(part, 1, until) - self.lines.at(their, 1, until) - y
+        dz = self.lines.at(part, 2, until) - self.lines.at(their, 2, until) - z
         square = dx * dx + dy * dy + dz * dz
         mixed = x * dx + y * dy + z * dz
         # |gap + share * change| = limit is a quadratic equation; its smaller root is when they come near.
@@ -825,7 +857,7 @@ class Contacts:
 
     # -- along the edges, exactly --------------------------------------------------------------------------------------
 
-    def _within(self, game: int, reach: Reach) -> int:
+    def _within(self, game: int) -> int:
         """Find the pairs that are near each other along the edges, on nodes or between them."""
         self.pieces.count = 0
         self._put_visits(game)
@@ -844,7 +876,7 @@ class Contacts:
                     for end in range(2):
                         node = self._door(piece, end, False)
                         if node >= 0:
-                            self._go_from(game, reach, piece, end, node, side)
+                            self._go_from(game, piece, end, node, side)
             self.pieces.forget(2 * self.pieces.count)
             for piece in range(self.pieces.count):
                 self.pieces.keys[piece] = -1
@@ -895,19 +927,19 @@ class Contacts:
         until = self.pieces.until[piece]
         return end if until <= since else begin + (end - begin) * (time - since) / (until - since)
 
-    def _go_from(self, game: int, reach: Reach, piece: int, end: int, node: int, side: int) -> int:
+    def _go_from(self, game: int, piece: int, end: int, node: int, side: int) -> int:
         """Follow the paths that leave where an agent is by a node; their changes of length end with the self.pieces."""
-        for row in range(reach.offsets[node], reach.offsets[node] + reach.counts[node]):
-            entry = self.pieces.first[reach.ends[row]]
+        for row in range(self.reach.offsets[node], self.reach.offsets[node] + self.reach.counts[node]):
+            entry = self.pieces.first[self.reach.ends[row]]
             while entry >= 0:
                 other = entry >> 1
                 since = max(self.pieces.since[piece], self.pieces.since[other])
                 until = min(self.pieces.until[piece], self.pieces.until[other])
                 if since <= until:
                     is_source = (entry & 1) == 0
-                    begin = reach.far[row] + self._metres_to(piece, end == 1, since)
+                    begin = self.reach.far[row] + self._metres_to(piece, end == 1, since)
                     begin += self._metres_to(other, is_source, since)
-                    last = reach.far[row] + self._metres_to(piece, end == 1, until)
+                    last = self.reach.far[row] + self._metres_to(piece, end == 1, until)
                     last += self._metres_to(other, is_source, until)
                     self._come_within(game, piece, other, since, until, begin, last, side)
                 entry = self.pieces.next[entry]

@@ -64,6 +64,9 @@ class Met(NamedTuple):
         return some_rows(self, rows)
 
 
+Near = core.Reach | core.Places | core.Lines | None
+
+
 class Question(NamedTuple):
     """What the core is asked.
 
@@ -79,7 +82,7 @@ class Question(NamedTuple):
 
     tracks: core.Tracks
     legs: core.Legs
-    near: core.Lines | core.Reach | None
+    near: Near
     names: memoryview
     purposes: memoryview
     turns: memoryview
@@ -106,22 +109,28 @@ def find(question: Question, nearness: Nearness) -> Met:
     contacts = _FIRST_ROOM
     while True:
         room = _room_for(question, contacts)
+        near = question.near
         room.core.ask(
             question.tracks,
             question.legs,
             question.names,
             question.purposes,
             question.turns,
+            reach=near if isinstance(near, core.Reach) else _NO_REACH,
+            places=near if isinstance(near, core.Places) else _NO_PLACES,
+            lines=near if isinstance(near, core.Lines) else _NO_LINES,
             crossing=nearness.crossing,
             by_metres=question.by_metres,
         )
-        if question.near is None:
-            contacts = room.core.find_on_nodes()
-        elif isinstance(question.near, core.Lines):
-            contacts = room.core.find_straight(question.near, nearness.limit)
-        else:
+        if isinstance(near, core.Reach):
             is_exact = question.by_metres and nearness.unit == "metres"
-            contacts = room.core.find_by_paths(question.near, nearness.limit, is_exact)
+            contacts = room.core.find_by_paths(nearness.limit, is_exact)
+        elif isinstance(near, core.Places):
+            contacts = room.core.find_near_places(nearness.limit)
+        elif isinstance(near, core.Lines):
+            contacts = room.core.find_on_lines(nearness.limit)
+        else:
+            contacts = room.core.find_on_nodes()
         if contacts <= len(room.order):
             found = _NONE if not room.core.kept else room.met.those(room.order[: room.core.kept])
             _IDLE.append(room)
@@ -162,12 +171,15 @@ def _column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, wh
     return memoryview(array(kind, values))
 
 
-def _most_pieces(agents: int, most: int, most_legs: int) -> int:
-    """Return how many pieces there are at most: visits and legs, each with two entries."""
-    return max(1, agents) * 2 * (most + 2 * most_legs + 2)
+def _most_pieces(agents: int, most: int, most_legs: int | None) -> int:
+    """Return how many pieces there are at most: visits, and in games by metres legs, each with two entries."""
+    return agents * (most if most_legs is None else 2 * (most + 2 * most_legs + 1))
 
 
 _NONE = _columns(0)
+_NO_REACH = core.Reach(_column("q"), _column("q"), _column("q"), _column("d"))
+_NO_PLACES = core.Places(_column("q"), _column("d"))
+_NO_LINES = core.Lines(_column("q"), *[_column("d")] * 4)
 _NO_LEGS = core.Legs(0, *[_column("q")] * 5, *[_column("d")] * 5)  # in games that count edges
 
 
@@ -212,10 +224,10 @@ def met_in_game(
     paths = [track.path for track in tracks]
     most = max(map(len, paths))
     most_legs = max(len(track.legs) for track in tracks) if by_metres else 0
-    near: core.Lines | core.Reach | None = None
+    near: Near = None
     if nearness.unit == "euclid":
         places = [in_air.get(agent.name) for agent in agents]
-        near = _lines(edges, tracks, places) if by_metres else _places(ctx.graph.graph, paths, places)
+        near = _lines(edges, tracks, places) if by_metres else _places(ctx.graph.graph, paths, most, numbers, places)
     elif nearness.unit is not None:
         # Where none passes a node, those that agents have left do not count.
         asked = numbers if by_metres or most > 2 else dict.fromkeys(path[-1] for path in paths)
@@ -227,7 +239,10 @@ def met_in_game(
         _column("Q", [kernels.name_key(agent.name) for agent in agents]),
         _column("Q", [kernels.purpose_key(ctx.seed, "contacts")]),
         _column("q", [ctx.game.turn]),
-        max(_most_pieces(len(tracks), most, most_legs), near.parts if isinstance(near, core.Lines) else 0),
+        max(
+            _most_pieces(len(tracks), most, most_legs if by_metres else None),
+            near.parts if isinstance(near, core.Lines) else 0,
+        ),
         len(numbers) + most_legs * len(tracks),
         by_metres,
     )
@@ -307,15 +322,23 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
     return hops
 
 
-def _places(graph: Graph, paths: Sequence[Sequence[int]], in_air: Sequence[Position | None]) -> core.Lines:
-    """Return where agents are on the nodes that they pass, in games that count edges."""
-    nodes = dict.fromkeys(chain.from_iterable(paths))
-    xyz = {node: (x, y, 0.0) for node, (x, y) in zip(nodes, graph.positions([*nodes]).tolist(), strict=True)}
-    places = [xyz[node] if at is None else at for path, at in zip(paths, in_air, strict=True) for node in path]
-    offsets = _column("q", [0, *accumulate(map(len, paths))])
-    nothing = _column("d")
-    points = _column("d", chain.from_iterable(places))
-    return core.Lines(offsets, nothing, nothing, points, points)
+def _places(
+    graph: Graph,
+    paths: Sequence[Sequence[int]],
+    most: int,
+    numbers: Mapping[int, int],
+    in_air: Sequence[Position | None],
+) -> core.Places:
+    places = [(x, y, 0.0) for x, y in graph.positions([*numbers]).tolist()]
+    found: list[int] = []
+    for path, place in zip(paths, in_air, strict=True):
+        if place is None:
+            found += [numbers[node] for node in path]
+            found += [0] * (most - len(path))
+        else:
+            found += [len(places)] * most
+            places.append(place)
+    return core.Places(_column("q", found), _column("d", chain.from_iterable(places)))
 
 
 def _lines(edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None]) -> core.Lines:
@@ -349,7 +372,7 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
     nodes, times, lengths = _steps_of(turn, by_move)
     agents, most = nodes.shape[1:]
     legs = None if turn.paths is None or turn.paths.legs is None else _legs_of(turn, turn.paths.legs, by_move)
-    near: core.Lines | core.Reach | None = None
+    near: Near = None
     if nearness.unit == "euclid":
         in_air = turn.in_air() if nearness.air else None
         near = _places_of(turn, nodes, in_air) if legs is None else _lines_of(turn, legs, in_air, nearness)
@@ -366,7 +389,7 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         names,
         purposes,
         turns,
-        max(parts, _most_pieces(agents, most, most_legs)),
+        max(parts, _most_pieces(agents, most, None if legs is None else most_legs)),
         max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),
         legs is not None,
     )
@@ -439,15 +462,16 @@ def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
     return turn.shared(("near", unit, limit), lambda: NearNodes(turn.streets, limit, by_length=unit == "metres"))
 
 
-def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> core.Lines:
+def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> core.Places:
     """Return where agents are on the nodes that they pass, in games that count edges."""
-    begins = np.zeros((*nodes.shape, 3))
-    for axis, places in enumerate(turn.streets.axes):
-        begins[..., axis] = places[nodes]
+    x, y = turn.streets.axes
+    xyz: FloatArray = turn.shared("places of nodes", lambda: np.stack((x, y, np.zeros(len(x))), axis=-1))
     if in_air is not None:
-        begins[:, in_air[0]] = in_air[1][:, :, None]
-    offsets, nothing = np.arange(turn.node.size + 1) * nodes.shape[-1], np.zeros(0)
-    return core.Lines(*_flat((offsets, nothing, nothing, begins, begins)))
+        agents, places = in_air
+        nodes = nodes.copy()
+        nodes[:, agents] = len(xyz) + np.arange(places[..., 0].size).reshape(*places.shape[:2], 1)
+        xyz = np.concatenate((xyz, places.reshape(-1, 3)))
+    return core.Places(*_flat((nodes, xyz)))
 
 
 def _lines_of(
