@@ -308,7 +308,7 @@ class NamedRule(NamedTuple):
 
 
 def as_called(rules: Iterable[NamedRule]) -> list[NamedRule]:
-    """Return rules as they are called: those of one phase that have a `join`, the same, are one rule."""
+    """Return rules as they are called: those of one phase that have the same `act_as_one` are one rule."""
     return [named for _, named in _groups(rules)]
 
 
@@ -316,7 +316,7 @@ def _groups(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule
     """Return the rules that are called as one, and that one, in the order of the first of each."""
     groups: dict[Hashable, list[NamedRule]] = {}
     for one in rules:
-        join = getattr(one.rule, "join", None)
+        join = getattr(one.rule, "act_as_one", None)
         groups.setdefault(one.name if join is None else (one.phase, join), []).append(one)
     return [(group, _joined(group)) for group in groups.values()]
 
@@ -325,7 +325,7 @@ def _joined(group: Sequence[NamedRule]) -> NamedRule:
     """Return the rule that several are called as."""
     if len(group) == 1:
         return group[0]
-    join: Callable[[Sequence[Rule]], Rule] = group[0].rule.join  # type: ignore[attr-defined] # these rules have one
+    join: Callable[[Sequence[Rule]], Rule] = group[0].rule.act_as_one  # type: ignore[attr-defined] # these have one
     return NamedRule(" and ".join([one.name for one in group]), join([one.rule for one in group]), group[0].phase)
 
 

@@ -46,8 +46,8 @@ class Hooks(TypedDict, total=False):
     """Draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn alike."""
     teams: Sequence[Hashable]
     """The teams that the rule names; one without agents is warned about."""
-    join: Callable[[Sequence[Rule]], Rule]
-    """Makes one rule of all rules of a phase with the same `join`, which is called in the place of the first."""
+    act_as_one: Callable[[Sequence[Rule]], Rule]
+    """Makes one rule of all rules of a phase with the same `act_as_one`, which is called in the place of the first."""
     taggings: Sequence[object]
     """By what a rule tags agents, see `gamms.rules.tagging`."""
     last_turn: int

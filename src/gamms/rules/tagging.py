@@ -152,7 +152,7 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
         tag,
         drawer=render_tags,
         teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
-        join=_joined,
+        act_as_one=_joined,
         taggings=taggings,
         array_form=in_arrays if all(tagging.has_form for tagging in taggings) else None,
     )
