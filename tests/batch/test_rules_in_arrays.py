@@ -11,7 +11,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
-from gamms.rules import Conflicts, by_priority, capture_flag, discover, last_team, tag
+from gamms.rules import Conflicts, by_priority, by_rank, capture_flag, discover, last_team, tag
 from gamms.scenario import Scenario
 from gamms.sensor.ground import MapSensor
 from gamms.strategies import random_waypoints
@@ -329,16 +329,9 @@ def test_capacities_may_be_attributes_of_nodes():
         games.step()
 
 
-def test_a_resolver_without_an_array_form_is_asked_game_by_game():
+def test_a_resolver_that_is_a_function_is_asked_game_by_game():
     with crowded(1, first_by_name) as ctx, ctx.game.batch(1) as games:
         assert "Conflicts" in games.slow
-
-
-class Halting:
-    """A conflict resolver that stops no move."""
-
-    def resolve(self, moves, ctx):
-        return set()
 
 
 NO_STOPS = [
@@ -350,46 +343,30 @@ NO_STOPS = [
 
 
 @pytest.mark.parametrize(("returned", "kind", "message"), NO_STOPS)
-def test_what_array_forms_of_resolvers_and_checks_return_is_checked(returned, kind, message):
-    halting = Halting()
-    halting.array_form = lambda turn, ends: returned
-    with crowded(None) as ctx:
-        ctx.game.conflicts = halting
-        with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the conflicts <.*Halting.*{message}"):
-            games.step()
+def test_what_array_forms_of_checks_return_is_checked(returned, kind, message):
     with crowded(None) as ctx:
 
         def toll(ctx):
             pass
 
         toll.check, toll.array_form = lambda ctx: None, lambda turn: None
-        toll.check.array_form = halting.array_form
+        toll.check.array_form = lambda turn, ends: returned
         ctx.game.add(toll)
         with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the check of the rule 'toll'.*{message}"):
             games.step()
 
 
-def test_the_array_form_of_a_resolver_may_stop_all():
-    halting = Halting()
-    halting.array_form = lambda turn, ends: True
-    with crowded(None) as ctx:
-        ctx.game.conflicts = halting
-        with ctx.game.batch(2) as games:
-            before = games.observe("red").node.copy()
-            games.step()
-            assert (games.observe("red").node == before).all()
+def test_ranks_of_your_own_decide_in_a_batch_as_alone():
+    def odd_ones_first(name, team):
+        return None if name.endswith("4") else int(name[-1]) % 2 == 0
 
-
-def test_ranks_of_the_array_form_of_a_resolver_are_checked():
-    def lots(contest, ctx):
-        return [mover.agent for mover in contest.movers][: contest.places]
-
-    lots.array_form = lambda turn, at, agents: np.zeros(len(agents) + 1)
-    with crowded(1, lots) as ctx, ctx.game.batch(2) as games, pytest.raises(BadValue, match="form of lots returns"):
+    with crowded(1, by_rank(odd_ones_first)) as ctx, ctx.game.batch(seeds=[3, 4]) as games:
+        assert games.slow is None
         games.run()
-    lots.array_form = lambda turn, at, agents: ["first"] * len(agents)
-    with crowded(1, lots) as ctx, ctx.game.batch(2) as games, pytest.raises(BadType, match="form of lots returns"):
-        games.run()
+        for number, seed in enumerate(games.seeds):
+            with ctx.game.fork(0).ctx as alone:
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_a_team_that_is_not_in_the_list_is_named():

@@ -29,15 +29,6 @@ def test_no_agent_has_to_stay_where_each_ends_alone(stay):
     assert stay(Conflicts(resolve=nobody())) == ""
 
 
-def test_only_those_in_the_way_of_others_are_involved():
-    """Two that want node 1, one that wants to where the first of them stands."""
-    starts, ends = [0, 2, 4, 7, 8], [1, 1, 0, 6, 8]
-    assert Conflicts().involved(starts, ends) == [0, 1, 2]
-    assert Conflicts(2).involved(starts, ends) == []
-    assert Conflicts(None, allow_swaps=False).involved(starts, ends) == []
-    assert Conflicts(None, allow_swaps=False).involved([0, 1, 2], [1, 0, 3]) == [0, 1]
-
-
 def test_one_of_two_that_want_the_same_node_stays(stay):
     assert stay(Conflicts(resolve=by_name), (0, 1), (2, 1)) == "b"
     assert stay(Conflicts(resolve=last), (0, 1), (2, 1)) == "a"

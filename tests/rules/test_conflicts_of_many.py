@@ -1,17 +1,21 @@
-"""Conflicts of many agents of a team are resolved in arrays, with what resolving them by name gives."""
+"""Conflicts of many agents of a team: what ranks decide is what a function decides that is asked about each contest."""
 
 import io
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
 from gamms.recordings import first_difference
-from gamms.rules import Conflicts, at_random, by_priority, conflicts_in_arrays, nobody
+from gamms.rules import Conflicts, at_random, by_priority, by_rank, nobody
 
 SIDE = 8
-FORMS = {"random": at_random, "teams": lambda: by_priority(["blue", "red"]), "nobody": nobody}
+FORMS = {
+    "random": at_random,
+    "teams": lambda: by_priority(["blue", "red"]),
+    "nobody": nobody,
+    "ranks": lambda: by_rank(lambda name, team: None if name.endswith("7") else (len(name), team == "red")),
+}
 LIMITS = {
     "one": 1,
     "two": 2,
@@ -26,8 +30,8 @@ def walk(arrays):
     return arrays.choose(arrays.draw.below(arrays.counts))
 
 
-def by_name(make):
-    """Return the same resolver without its array form."""
+def asked(make):
+    """Return a function that is asked about each contest, and decides as a resolver by ranks."""
     inner = make()
 
     def resolve(contest, ctx):
@@ -89,9 +93,9 @@ def recorded(ctx):
 
 @settings(max_examples=8)
 @given(case=CASES)
-def test_arrays_decide_as_names_do(case):
+def test_ranks_decide_as_a_function_that_is_asked_about_each_contest(case):
     make = FORMS[case["resolver"]]
-    with world(case, make()) as ctx, world(case, by_name(make)) as plain:
+    with world(case, make()) as ctx, world(case, asked(make)) as plain:
         for _ in range(3):
             assert seen(ctx) == seen(plain)
         assert dict(ctx.game.counts) == dict(plain.game.counts)
@@ -102,12 +106,12 @@ def test_arrays_decide_as_names_do(case):
             assert first_difference(recording, plain_recording) is None
 
 
-def test_arrays_are_asked_where_agents_are_many_and_names_where_a_subclass_resolves():
-    asked = []
+def test_a_subclass_that_resolves_is_given_all_moves():
+    given = []
 
     class Lenient(Conflicts):
         def resolve(self, moves, ctx):
-            asked.append(len(moves))
+            given.append(len(moves))
             return set()
 
     case = {"seed": 1, "nodes": [0] * 40, "capacity": "one", "among": "all", "allow_swaps": True, "ordered": False}
@@ -116,58 +120,4 @@ def test_arrays_are_asked_where_agents_are_many_and_names_where_a_subclass_resol
         assert {agent.current_node_id for agent in ctx.agent.create_iter() if agent.team == "red"} == {0}
         ctx.game.conflicts = Lenient(1)
         ctx.game.step()
-    assert asked == [43]
-
-
-@pytest.mark.parametrize("allow_swaps", [True, False])
-def test_many_agents_made_one_by_one_are_decided_in_arrays_while_the_map_stays(allow_swaps):
-    asked = set()
-
-    def at_random_by_name(contest, ctx):
-        asked.add(ctx.game.turn)
-        return at_random()(contest, ctx)
-
-    def either(contest, ctx):
-        return at_random_by_name(contest, ctx)
-
-    either.array_form = at_random().array_form
-
-    def crowd(resolve):
-        ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"})
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20))
-        for i in range(300):
-            ctx.agent.create_agent(f"a_{i}", start_node_id=i, strategy=hesitate)
-        ctx.game.conflicts = Conflicts(1, allow_swaps=allow_swaps, resolve=resolve)
-        return ctx
-
-    with crowd(either) as ctx, crowd(by_name(at_random)) as plain:
-        for turn in range(6):
-            if turn == 3:
-                for one in (ctx, plain):
-                    one.graph.graph.remove_edge(0)
-            assert seen(ctx) == seen(plain)
-        assert dict(ctx.game.counts) == dict(plain.game.counts)
-    assert asked == {0, 3}
-
-
-WAYS = {
-    "all agents on all nodes": {"_PLACES_AS_THEY_ARE": 10**9},
-    "all agents, by a table of nodes": {"_PLACES_AS_THEY_ARE": 0, "_FEW_INVOLVED": 10**9},
-    "all agents, by sorting nodes": {"_PLACES_AS_THEY_ARE": 0, "_PLACES_PER_MOVE": 0},
-    "those alone that can be in the way": {"_PLACES_AS_THEY_ARE": 0, "_FEW_INVOLVED": 1},
-}
-
-
-@pytest.mark.parametrize("capacity", ["one", "one or none", "two", "some"])
-def test_agents_that_are_in_no_others_way_can_be_left_out(capacity):
-    case = {"seed": 1, "nodes": [*range(40), *range(10)], "among": "all", "allow_swaps": True, "ordered": False}
-    case["capacity"] = capacity
-
-    def played(way):
-        with pytest.MonkeyPatch.context() as patch, world(case, at_random()) as ctx:
-            for name, value in WAYS[way].items():
-                patch.setattr(conflicts_in_arrays, name, value)
-            return [seen(ctx) for _ in range(12)]
-
-    first, *others = map(played, WAYS)
-    assert all(one == first for one in others)
+    assert given == [43]

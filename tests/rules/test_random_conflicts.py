@@ -121,17 +121,6 @@ def test_what_is_resolved_needs_no_more_resolving(ctx, moves, resolve, capacity,
     assert resolved(after(moves, resolved(moves, *arguments)), *arguments) == set()
 
 
-@ANY
-def test_those_involved_decide_it_among_themselves(ctx, moves, resolve, capacity, among, allow_swaps):
-    listed = list(moves.values())
-    involved = Conflicts(capacity, among, allow_swaps=allow_swaps).involved(
-        [move.start for move in listed], [move.end for move in listed]
-    )
-    few = {listed[number].agent: listed[number] for number in involved}
-    arguments = (ctx, resolve, capacity, among, allow_swaps)
-    assert resolved(few, *arguments) == resolved(moves, *arguments)
-
-
 @given(turns(), st.sampled_from(sorted(FULL)), CAPACITIES, AMONG, st.booleans())
 def test_no_agent_stays_whose_node_has_a_place_left(ctx, moves, resolve, capacity, among, allow_swaps):
     """But for those against whom an exchange was decided."""

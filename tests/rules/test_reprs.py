@@ -26,6 +26,7 @@ CALLS = {  # exported name -> how it is called with `ctx`, and what is printed o
     "time_limit": (lambda ctx: rules.time_limit(9), "time_limit(9)"),
     "territory.published": (lambda ctx: rules.territory.published({0: "red"}), "published({0: 'red'})"),
     "by_priority": (lambda ctx: rules.by_priority(["red", "blue"]), "by_priority(['red', 'blue'])"),
+    "by_rank": (lambda ctx: rules.by_rank(is_near), "by_rank(is_near)"),
     "at_random": (lambda ctx: rules.at_random(), "at_random()"),
     "nobody": (lambda ctx: rules.nobody(), "nobody()"),
     "goto": (lambda ctx: strategies.goto(ctx, 3), "goto(ctx, 3)"),

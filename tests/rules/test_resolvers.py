@@ -2,7 +2,7 @@
 
 import pytest
 
-from gamms.rules import Conflicts, Contest, at_random, by_priority, nobody
+from gamms.rules import Conflicts, Contest, at_random, by_priority, by_rank, nobody
 from gamms.typing.game import Move
 
 MOVERS = tuple(
@@ -48,11 +48,41 @@ def test_priorities_name_every_team_once(teams, said):
         by_priority(teams)
 
 
+def test_the_smallest_rank_wins_and_names_decide_between_equals():
+    ranks = {"a": 2.5, "b": -1, "c": 2.5}
+    assert names(by_rank(lambda name, team: ranks[name])(CONTEST, None)) == "ba"
+    assert names(by_rank(lambda name, team: (team, name))(CONTEST, None)) == "ac"
+
+
+def test_an_agent_whose_rank_is_none_never_wins():
+    assert names(by_rank(lambda name, team: None if team == "x" else 0)(CONTEST, None)) == "b"
+
+
+def test_ranks_that_cannot_be_compared_are_refused():
+    with pytest.raises(TypeError, match=r"ranks of agents cannot be compared: \[0, 'b', 0\]"):
+        by_rank(lambda name, team: 0 if team == "x" else name)(CONTEST, None)
+
+
+def test_an_agent_without_a_rank_is_an_error_when_it_is_in_a_contest(ctx):
+    ranks = {"a": 0, "b": 1}
+    conflicts = Conflicts(1, resolve=by_rank(lambda name, team: ranks[name]))
+    moves = {mover.agent: mover for mover in MOVERS}
+    alone = {**moves, "c": MOVERS[2]._replace(end=5)}
+    assert conflicts.resolve(alone, ctx) == {"b"}
+    with pytest.raises(KeyError, match="c"):
+        conflicts.resolve(moves, ctx)
+
+
+def test_ranks_need_a_function():
+    with pytest.raises(TypeError, match="by_rank needs a function"):
+        by_rank({"a": 1})
+
+
 def test_nobody_wins():
     assert names(nobody()(CONTEST, None)) == ""
 
 
-@pytest.mark.parametrize("factory", [nobody, at_random, by_priority])
+@pytest.mark.parametrize("factory", [nobody, at_random, by_priority, by_rank])
 def test_a_maker_of_resolvers_that_was_not_called_is_refused(factory):
     with pytest.raises(TypeError, match=rf"call it, as in {factory.__name__}\("):
         Conflicts(resolve=factory)

@@ -85,5 +85,6 @@ def test_all_that_is_offered_has_a_kind():
     kinds = {name: kind_of(one, first_of(one)) for module in OFFERED for name, one in offered(module).items()}
     others = {name for name, kind in kinds.items() if kind is None}
     assert others == {"Conflicts", "Contact", "Contest", "contacts", "one_to_one", "by_distance", "halves", "closeness"}
-    assert {name for name, kind in kinds.items() if kind == "resolver"} == {"at_random", "by_priority", "nobody"}
+    resolvers = {name for name, kind in kinds.items() if kind == "resolver"}
+    assert resolvers == {"at_random", "by_priority", "by_rank", "nobody"}
     assert {kinds[name] for name in offered("gamms.strategies")} == {"strategy", "team strategy"}

@@ -9,19 +9,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gamms import kernels
 from gamms.arguments import as_array
 from gamms.game.legality import ResolvedAction, action_of
 from gamms.game.order import TurnOrder
 from gamms.game.slots import LazySlots
-from gamms.game.streets import Streets
 from gamms.game.travel import Travel
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.kernels.draws import BitArray
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
 
@@ -50,49 +47,6 @@ class Refusals:
             self.moves.setdefault(agent, set()).add(why)
         elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
             self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
-
-
-class MovesOfOneGame:
-    """The moves of a turn as array forms of conflict resolvers get them: like those of a batch of one game.
-
-    Args:
-        turn: the moves, all of agents on the ground from node to node.
-        streets: the graph.
-        seed: of the game.
-        number: how many turns were played.
-        shared: what was worked out for this graph.
-
-    Attributes:
-        roster: the agents.
-        streets: as given.
-        columns: of the graph.
-        node, ends: (1, agents) rows of the nodes where moves begin and end.
-        alive: (1, agents), all.
-        places: None: they begin and end on nodes.
-
-    Raises:
-        UnknownName (KeyError): an agent is on a node that is no longer on the map.
-    """
-
-    places: IntArray | None = None
-
-    def __init__(self, turn: "TurnMoves", streets: Streets, seed: int, number: int, shared: dict[Any, Any]) -> None:
-        self.roster, self.streets, self._seed, self._turn, self._shared = turn.order, streets, seed, number, shared
-        self.columns = streets.columns
-        self.node = streets.rows(np.asarray(turn.starts, np.int64))[None]
-        self.ends = streets.rows(np.asarray(turn.ends, np.int64))[None]
-        self.alive = np.ones(self.node.shape, np.bool_)
-
-    def draw_bits(self, _at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
-        """Return 64 random bits for a purpose, names and this turn; see `kernels.draw_bits`."""
-        return kernels.draw_bits_rows(kernels.purpose_key(self._seed, *purpose), names, self._turn)
-
-    def shared(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what is the same in all turns on this graph: what `make()` gives at the first call."""
-        if key not in self._shared:
-            self._shared[key] = make()
-        found: T = self._shared[key]
-        return found
 
 
 class TurnMoves:

@@ -244,7 +244,7 @@ class TurnOrder:
         self.whole = Part(slots, None, block.progress, settings)
         self.parts, self.unlisted = [self.whole], None
         if order is not None:
-            all_teams = self._all_teams()
+            all_teams = self.all_teams()
             listed = {team for teams in order for team in teams}
             self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
@@ -258,6 +258,7 @@ class TurnOrder:
                 slots.selection if isinstance(slots, LazySlots) else Selection([slot.row for slot in slots])
             )
         self._of_team: dict[Hashable, Selection] = {}
+        self._first_keys: dict[tuple[int, str], BitArray] = {}
         self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
         self._blocked: RowArray  # and was stopped by conflicts
         self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and who has stayed in one
@@ -285,7 +286,7 @@ class TurnOrder:
         if known is None and callable(side):
             return Selection([i for i, slot in enumerate(self.slots) if side(slot.agent)])
         if known is None:
-            known = self._of_team[side] = Selection([i for i, team in enumerate(self._all_teams()) if team == side])
+            known = self._of_team[side] = Selection([i for i, team in enumerate(self.all_teams()) if team == side])
         return known
 
     @cached_property
@@ -301,20 +302,29 @@ class TurnOrder:
     @cached_property
     def teams(self) -> list[Hashable]:
         """The teams that agents play for, in the order of their first agents."""
-        return list(dict.fromkeys(self._all_teams()))
+        return list(dict.fromkeys(self.all_teams()))
 
     @cached_property
     def team_of(self) -> IntArray:
         """The number of the team of each agent, (agents,)."""
         number = {team: i for i, team in enumerate(self.teams)}
-        return np.array([number[team] for team in self._all_teams()], np.int64)
+        return np.array([number[team] for team in self.all_teams()], np.int64)
 
     @cached_property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
         return self.slots.keys if isinstance(self.slots, LazySlots) else kernels.name_keys(self.names)
 
-    def _all_teams(self) -> list[Any]:
+    def first_keys(self, seed: int, purpose: str) -> BitArray:
+        """Return the keys of what agents draw for a purpose in games of a seed, (agents,)."""
+        key = seed, purpose
+        if key not in self._first_keys:
+            purposes = np.array([kernels.purpose_key(seed, purpose)], np.uint64)
+            self._first_keys[key] = kernels.first_key_rows(purposes, self.keys)
+        return self._first_keys[key]
+
+    def all_teams(self) -> list[Any]:
+        """Return the team of each agent, by slot."""
         return self.slots.teams if isinstance(self.slots, LazySlots) else [slot.team for slot in self.slots]
 
     def nodes(self) -> Any:

@@ -25,7 +25,7 @@ from gamms.plain import to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
-from gamms.typing.game import ChannelOptions, IConflicts, Move, Rule
+from gamms.typing.game import ChannelOptions, IConflicts, Rule
 
 _ALWAYS_NOTED = ("legal", "on_illegal", "on_error", "speed_unit", "time_budget", "deadline_s", "max_turns")
 _TRAVEL = ("turn_seconds", "weight", "decide")
@@ -449,15 +449,6 @@ class RuleSet:
             artists: Any = getattr(self._ctx.visual, "artists", None)
             propose = self._ctx.visual.add_artist if artists is None else artists.propose
             propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
-
-
-def stopped_by(conflicts: IConflicts | None, moves: Mapping[str, Move], ctx: HostContext, state: GameState) -> set[str]:
-    """Return the names of the agents that a conflict resolver stops; what it raises says in which turn."""
-    try:
-        return conflicts.resolve(moves, ctx)  # type: ignore[union-attr] # it is asked where there is one
-    except Exception as error:
-        error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {state.turn}.")
-        raise
 
 
 def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState) -> None:

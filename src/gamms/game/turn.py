@@ -1,24 +1,26 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from operator import itemgetter
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from gamms.deciding import DecidePhase
 from gamms.errors import UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
+from gamms.game.conflicts import ArrayMoves, TurnConflicts, ranked, stopped_in_arrays
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.legality import Legality, ResolvedAction, action_of
 from gamms.game.messages import Inboxes, Outboxes
-from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
+from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
-from gamms.game.settings import RuleSet, Settings, refuse_unused, stopped_by
+from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy, restart_draws
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
@@ -28,13 +30,11 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import Departure, IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import Move
+from gamms.typing.game import IConflicts, Move
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
-_FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks: teams)
-_MOST_COUNTED = 256  # agents whose ends are counted before arrays are asked (benchmarks: peers)
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -72,8 +72,8 @@ class TurnEngine:
         self.part = 0
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
-        self._shared: dict[Any, Any] = {}  # what array forms of conflict resolvers have worked out for the graph
-        self._resolved_at: int | None = None  # the revision of the graph when conflicts were resolved last
+        self._conflicts = TurnConflicts()
+        self._shared: dict[Any, Any] = {}  # what conflicts of many agents need for the graph
         self._inboxes = Inboxes(ctx, state)
         self.outboxes = Outboxes(ctx, settings)
 
@@ -515,61 +515,69 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
-        slots, places = turn.slots, turn.places()
-        is_lazy = isinstance(slots, LazySlots)
-        if is_lazy and len(slots) <= _MOST_COUNTED and not self._involved(turn, places):
-            return
-        is_stopped = self._stopped_in_arrays(turn, _FEWEST_IN_ARRAYS if is_lazy else _MOST_COUNTED + 1)
-        if is_stopped is not None and isinstance(slots, LazySlots):
-            stopped = np.flatnonzero(is_stopped)
+        are_stopped = self._stopped_in_arrays(turn)
+        if are_stopped is not None and isinstance(turn.slots, LazySlots):
+            stopped = np.flatnonzero(are_stopped)
             self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))
             turn.stop_each(stopped)
-            for slot in slots.made_of(is_stopped):
+            for slot in turn.slots.made_of(are_stopped):
                 slot.show_blocked()
             return
-        losers = self._losers(turn, places, turn.named) if is_stopped is None else np.flatnonzero(is_stopped).tolist()
-        for i in losers:
+        places = turn.places()
+        for i in self._losers(turn, places, turn.named):
             end = places[1][i]
             if turn.stop(i):
-                self._block(slots[i], in_conflict(end))
+                self._block(turn.slots[i], in_conflict(end))
 
-    def _stopped_in_arrays(self, turn: TurnMoves, fewest: int) -> BoolArray | None:
-        """Return which agents, by slot, the array form of the conflict resolver stops.
+    def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
+        """Return which agents stay, by slot, where columns of agents are arrays.
 
-        None: it has none, agents are fewer, fly or do more than go to a node, or the map is not that of the last turn.
+        None: they are none, agents fly or do more than go to a node, one is on a node that is no longer on the map, or
+        a resolver is asked about each contest.
         """
-        form, graph = getattr(self._settings.conflicts, "array_form", None), self._ctx.graph.graph
-        if form is None or turn.actions or len(turn.slots) < fewest or turn.order.whole.on_ground is not None:
+        conflicts, order = ranked(self._settings.conflicts), turn.order
+        if conflicts is None or not isinstance(turn.slots, LazySlots):
             return None
-        revision, self._resolved_at = self._resolved_at, graph.revision
-        if not isinstance(turn.slots, LazySlots) and (revision is None or revision != graph.revision):
+        if turn.actions or order.whole.on_ground is not None:
             return None
-        streets = self._legality.streets
+        streets, seed = self._legality.streets, self._ctx.seed
         if self._shared.get("streets") is not streets:
             self._shared = {"streets": streets}
         try:
-            moves = MovesOfOneGame(turn, streets, self._ctx.seed, self._state.turn, self._shared)
+            starts, ends = (streets.rows(np.asarray(nodes, np.int64))[None] for nodes in (turn.starts, turn.ends))
         except UnknownName:
             return None
-        named = f"the conflicts {as_code(self._settings.conflicts)}"
-        found: BoolArray = as_stopped(form(moves, moves.ends), named, moves.ends.shape)[0]
+        moves = ArrayMoves(
+            order,
+            streets.columns,
+            starts,
+            ends,
+            has_edges=False,
+            counts=np.ones(starts.shape, np.bool_),
+            turns=np.array([self._state.turn]),
+            first_keys=lambda purpose: order.first_keys(seed, purpose)[None],
+            shared=lambda key, make: self._shared.setdefault(key, make()),
+        )
+        with self._noting_conflicts():
+            found: BoolArray = stopped_in_arrays(conflicts, moves)[0]
         return found
 
     def _losers(
         self, turn: TurnMoves, places: tuple[list[Any], list[Any]], named: Callable[[list[int]], Mapping[str, Move]]
     ) -> list[int]:
         """Return the slots of the agents that the conflict resolver stops, of moves between such places."""
-        few = self._involved(turn, places)
-        if not few:
-            return []
-        names = stopped_by(self._settings.conflicts, named(few), self._ctx, self._state)
-        return [i for i in few if turn.slots[i].name in names]
+        conflicts = cast("IConflicts", self._settings.conflicts)
+        with self._noting_conflicts():
+            return self._conflicts.losers(conflicts, turn.order, places, named, self._ctx)
 
-    def _involved(self, turn: TurnMoves, places: tuple[Any, Any]) -> list[int]:
-        """Return the slots of the agents that may be in the way of others."""
-        whole, involved = turn.order.whole, getattr(self._settings.conflicts, "involved", None)
-        ground = range(len(turn.slots)) if whole.on_ground is None else whole.on_ground
-        return [*ground] if involved is None else [ground[i] for i in involved(*map(whole.of_ground, places))]
+    @contextmanager
+    def _noting_conflicts(self) -> Iterator[None]:
+        """Say in errors of the conflict resolver in which turn it was."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
+            raise
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""

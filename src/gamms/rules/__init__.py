@@ -7,15 +7,15 @@
 Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`), then
 `tagging.py`, `flags.py` and `endings.py`, which also has what a rule may carry besides its function; `places.py`,
 `resources.py` and `payoffs.py` count what comes of it, and `territory.py` makes the data that they share. Conflicts:
-read `conflicts.py` for how they are found, and which agents win. `conflicts_in_arrays.py` does the same for the many
-games of a batch. May import: `context` and below. To add a rule write a
-function `rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered. If
-parameters of a function that makes rules name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so
-that scenario files with misspelt teams are refused.
+`conflicts.py` says which agents win, `game/conflicts.py` what conflicts are. May import: `context` and below. To add a
+rule write a function `rule(ctx)`, to add a resolver call `by_rank`, or write a function `(contest, ctx) -> winners`:
+nothing needs to be registered. If parameters of a function that makes rules name teams, annotate them by
+`gamms.typing.game.Team`, TEAMS or OWNERS, so that scenario files with misspelt teams are refused.
 """
 
+from gamms.game.conflicts import Conflicts, Contest, at_random
 from gamms.rules import territory
-from gamms.rules.conflicts import Conflicts, Contest, at_random, by_priority, nobody
+from gamms.rules.conflicts import by_priority, by_rank, nobody
 from gamms.rules.contacts import Contact, contacts, one_to_one
 from gamms.rules.endings import arrive, last_team, none_left, reach, time_limit
 from gamms.rules.flags import capture_flag
@@ -31,6 +31,7 @@ __all__ = [
     "arrive",
     "at_random",
     "by_priority",
+    "by_rank",
     "capture_flag",
     "contacts",
     "cooldown",

@@ -371,11 +371,7 @@ class Deed(NamedTuple):
 
 
 class IConflicts(Protocol):
-    """Decides which agents have to stay where moves get in each other's way.
-
-    May offer `involved(starts, ends) -> list[int]`: which of some moves, given by where they start and end, can decide
-    who has to stay; `resolve` is then asked about these alone, and not at all where there are none.
-    """
+    """Decides which agents have to stay where moves get in each other's way."""
 
     @property
     def resolve(self) -> Callable[[Mapping[str, Move], Any], set[str]]:

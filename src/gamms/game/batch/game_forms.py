@@ -1,4 +1,4 @@
-"""The array forms that play a game: of strategies and plans, rules, checks and conflicts; and what has none."""
+"""The array forms that play a game: of strategies and plans, rules and checks; conflicts; and what has none."""
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
 from functools import partial
@@ -14,8 +14,9 @@ from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, movement_in
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, draw_keys_in, movement_in
 from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.conflicts import ArrayMoves, ranked, stopped_in_arrays
 from gamms.game.moves import as_stopped
 from gamms.game.settings import PHASES as RULE_PHASES
 from gamms.game.settings import NamedRule, Plan, as_called
@@ -38,29 +39,50 @@ class Group(NamedTuple):
     flies: bool  # whether they fly, all of them
 
 
-class MovesOfGames:
-    """The moves of a turn as array forms of conflict resolvers get them, like a `MovesOfOneGame`; none of them fly."""
+def _moves_of(turn: ArrayTurn, ends: IntArray) -> ArrayMoves:
+    """Return the moves of a turn as conflicts are found in them; agents that fly do not count."""
+    return ArrayMoves(
+        turn.roster,
+        movement_in(turn).columns,
+        turn.node if turn._origins is None else turn._origins,
+        ends,
+        has_edges=turn._origins is not None,
+        counts=turn.alive & ~turn.roster.flies,
+        turns=turn.turn,
+        first_keys=partial(draw_keys_in, turn),
+        shared=turn.shared,
+    )
 
-    def __init__(self, turn: ArrayTurn) -> None:
-        self.roster, self.streets, self.columns = turn.roster, turn.streets, movement_in(turn).columns
-        self.node, self.places, self.alive = turn.node, turn._origins, turn.alive
-        if turn.roster.flies.any():
-            self.alive = turn.alive & ~turn.roster.flies
-        self.draw_bits, self.shared = turn.draw_bits, turn.shared
+
+def _resolved_in_arrays(conflicts: object) -> Stopping | None:
+    """Return what finds the agents that conflicts stop; None: there are no conflicts, or a function is asked."""
+    known = ranked(conflicts)
+    return (
+        None
+        if known is None
+        else _noted(
+            lambda turn, ends: stopped_in_arrays(known, _moves_of(turn, ends)), f"the conflicts {as_code(conflicts)}"
+        )
+    )
 
 
-def _checked_form(of: object, named: str, seen_by: Callable[[ArrayTurn], Any] = lambda turn: turn) -> Stopping | None:
-    """Return the array form of what stops moves, whose result is checked; None: it has none."""
+def _checked_form(of: object, named: str) -> Stopping | None:
+    """Return the array form of a check, whose result is checked; None: it has none."""
     form = form_of(of)
+    return None if form is None else _noted(lambda turn, ends: as_stopped(form(turn, ends), named, ends.shape), named)
 
-    def checked(turn: ArrayTurn, ends: IntArray) -> BoolArray:
+
+def _noted(stops: Stopping, named: str) -> Stopping:
+    """Return the same, whose errors say in which turns and games they were."""
+
+    def noted(turn: ArrayTurn, ends: IntArray) -> BoolArray:
         try:
-            return as_stopped(form(seen_by(turn), ends), named, ends.shape)
+            return stops(turn, ends)
         except Exception as error:
             error.add_note(f"In {named} of a batch, {in_turns(turn.turn, turn.games)}.")
             raise
 
-    return None if form is None else checked
+    return noted
 
 
 class GameForms:
@@ -73,7 +95,7 @@ class GameForms:
         asked: asks those that are asked one by one; None: there are none.
         groups: the array forms of strategies and plans, each with all agents that have the same.
         rules: phase -> its rules in their order, each with its form; those without follow each other as one.
-        conflicts: the form of the conflict resolver; None: it has none, or there is none.
+        conflicts: finds the agents that conflicts stop; None: there are no conflicts, or a function is asked.
         has_conflicts: whether there is one.
         checks: the names of rules, and the forms of their checks.
     """
@@ -87,7 +109,7 @@ class GameForms:
         self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
         conflicts = settings["conflicts"]
         self.has_conflicts = conflicts is not None
-        self.conflicts = _checked_form(conflicts, f"the conflicts {as_code(conflicts)}", MovesOfGames)
+        self.conflicts = _resolved_in_arrays(conflicts)
         checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
         self.checks = [
             (one.name, _checked_form(check, f"the check of the rule {one.name!r}") or partial(context.check, one))
@@ -212,8 +234,7 @@ class GameForms:
         """The array forms, and what is called that has none."""
         rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
         checks = [getattr(one.rule, "check", None) for one in self.game.rules]
-        stopping = [*checks, self.game.settings()["conflicts"]]
-        declared = [form for one in stopping if (form := form_of(one)) is not None]
+        declared = [form for one in checks if (form := form_of(one)) is not None]
         asked = [] if self.asked is None else self.asked.functions()
         return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions(), *asked]
 

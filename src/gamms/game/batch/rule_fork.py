@@ -17,6 +17,7 @@ from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.unknown import NeedsTurnEngine, OfSlots, OfSome, Unknown
+from gamms.game.conflicts import TurnConflicts
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import TurnOrder
@@ -111,6 +112,7 @@ class RuleFork:
         self._state, self._admit, self.game, self.ctx = state, admit, fork, fork.ctx
         self.parts: SnapshotTaker = fork.internals.parts
         self._values: GameState = self.parts.state
+        self._conflicts = TurnConflicts()
         self.functions = {one.name: one.rule for one in (*fork.rules, *as_called(fork.rules))}
         self.number = {name: i for i, name in enumerate(state.roster.names)}
         named = zip(state.roster.names, state.roster.is_first.tolist(), strict=True)
@@ -396,15 +398,11 @@ class RuleFork:
     def losers(self) -> list[str]:
         """Return the agents that the conflict resolver stops."""
         moves, conflicts = self._values.moves, self.game.settings()["conflicts"]
-        involved = getattr(conflicts, "involved", None)
-        whole, ground = moves.order.whole, range(len(moves.slots))
-        ground = ground if whole.on_ground is None else whole.on_ground
-        few = [*ground] if involved is None else [ground[i] for i in involved(*map(whole.of_ground, moves.places()))]
-        names = conflicts.resolve(moves.named(few), self.ctx) if few else ()
+        losers = self._conflicts.losers(conflicts, moves.order, moves.places(), moves.named, self.ctx)
         block = self._block
         if (block.node, block.previous, block.alive) != self._loaded[:3]:
             raise LeavesArrays("it moves agents")
-        return [name for name in (moves.slots[i].name for i in few) if name in names]
+        return [moves.slots[i].name for i in losers]
 
     def taken(self, at: int, turn: ArrayTurn) -> OwnState:
         """Write what was called has changed into a turn, and return what else the game has."""

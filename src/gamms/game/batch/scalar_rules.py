@@ -18,6 +18,7 @@ from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NoRow, 
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.unknown import NeedsTurnEngine
+from gamms.game.conflicts import ranked
 from gamms.game.legality import ResolvedAction
 from gamms.game.result import Collector
 from gamms.game.settings import NamedRule, as_called
@@ -35,7 +36,7 @@ def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
     found = {f"the rule {one.name!r}": one.rule for one in as_called(game.rules) if form_of(one.rule) is None}
     found |= {f"the check of the rule {name!r}": check for name, check in checks if form_of(check) is None}
     found |= {f"the collector {name!r}": one.fn for name, one in collectors_of(game).items()}
-    if conflicts is not None and form_of(conflicts) is None:
+    if conflicts is not None and ranked(conflicts) is None:
         found[f"the conflicts {as_code(conflicts)}"] = conflicts.resolve
     return found
 

@@ -309,7 +309,7 @@ class GameArrays:
         self.part_of = np.zeros(len(roster.names), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
-        self._draw_keys: BitArray | None = None
+        self._draw_keys: dict[str, BitArray] = {}  # by purpose
         self._seeds: IntArray | None = None  # as an array
 
     def __len__(self) -> int:
@@ -345,7 +345,8 @@ class GameArrays:
                 self.kept[key][name][games] = rows
         for purpose, keys in self._purposes.items():
             keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
-        self._draw_keys = self._seeds = None
+        self._draw_keys.clear()
+        self._seeds = None
         self.now.clear()
         self.events.forget(games)
 
@@ -527,11 +528,11 @@ class GameArrays:
             self._seeds = np.array(self.seeds)
         return self._seeds[games]
 
-    def draw_keys(self) -> BitArray:
-        """Return the keys of what agents draw, (games, agents); see `kernels.first_key_rows`."""
-        if self._draw_keys is None:
-            self._draw_keys = kernels.first_key_rows(self.purposes("agent")[:, None], self.roster.keys[None])
-        return self._draw_keys
+    def draw_keys(self, purpose: str = "agent") -> BitArray:
+        """Return the keys of what agents draw for a purpose, (games, agents); see `kernels.first_key_rows`."""
+        if purpose not in self._draw_keys:
+            self._draw_keys[purpose] = kernels.first_key_rows(self.purposes(purpose)[:, None], self.roster.keys[None])
+        return self._draw_keys[purpose]
 
     def note_events(self, game: int, events: Sequence[Mapping[str, Any]]) -> None:
         """Note events that are in the log of a game already."""

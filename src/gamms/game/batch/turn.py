@@ -461,6 +461,12 @@ class ArrayTurn:
 # -- what rules of GAMMS ask beside that; what these functions name themselves is looked at with the forms ----------
 
 
+def draw_keys_in(turn: ArrayTurn, purpose: str) -> BitArray:
+    """Return the keys of what the agents of a turn draw for a purpose, (games, agents)."""
+    keys: BitArray = turn._state.draw_keys(purpose)[turn._rows]
+    return keys
+
+
 def movement_in(turn: ArrayTurn) -> Movement:
     """Return how the agents of a turn go."""
     return turn._movement

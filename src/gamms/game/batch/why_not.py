@@ -9,6 +9,7 @@ from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.view import IS_BLIND, REFUSES
+from gamms.game.conflicts import ranked
 from gamms.ir.agents import NUMBERS
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
@@ -41,7 +42,7 @@ def _why_not_moved(game: PlayedGame) -> str | None:
     graph = game.ctx.graph
     reasons = [
         (by_metres and not len(graph.columns().edge_ids) + len(graph.closed_roads), "a map without edges, by metres"),
-        (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
+        (at_arrivals and conflicts is not None and ranked(conflicts) is None, f"the conflicts {as_code(conflicts)}"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
 

@@ -1,0 +1,459 @@
+"""Conflicts of moves in one game: which agents stay where too many want to go, or where two want to exchange nodes.
+
+A place is a number from 0: the row of a node; behind the nodes, an edge. Where the teams of agents do not count for
+each other, each team has places of its own, behind those of the teams before. Agents are rows in the order of names.
+
+Exchanges are decided first, all at once. Then come rounds: all contests of a round are found before one is decided, and
+losers stay where they begin, which may make that place too full in the next round. `resolve` decides contests by ranks.
+A caller that decides otherwise alternates with these functions: it sets `stays` of the losers between them.
+Who of equals wins, and in which order contests stand, never depends on the order in which agents were created.
+"""
+
+from __future__ import annotations
+
+from gamms.core import draws
+
+NEVER = 1 << 62  # the rank of an agent that wins no contest
+UNRANKED = NEVER + 1  # and of one that has no rank: if it is in a contest, it stays as `NEEDS_RANK`
+GOES = 0
+STAYS = 1
+NEEDS_RANK = 2
+# names for callers in Python, which do not see constants with a C type
+RANK_OF_NONE = NEVER
+RANK_MISSING = UNRANKED
+WINS = GOES
+LOSES = STAYS
+LOSES_UNRANKED = NEEDS_RANK
+FORWARD = 1  # from the smaller of two places to the larger
+BOTH_WAYS = 3
+
+
+class Contests:
+    """The contests of a game, and the working memory to find them; between games the memory is as it began.
+
+    Args:
+        agents: how many there are.
+        nodes: how many of the places of a team are nodes.
+        places: how many places a team has.
+        least: the smallest capacity of a place.
+        allow_swaps: whether agents may exchange nodes.
+        is_drawn: whether ranks are keys from which the ranks of a turn are drawn.
+        tables: (2 * all places,) 32-bit integers, the first half -1, the second 0.
+        rows: (7 * agents,) 32-bit integers, all 0.
+        members: (agents,) 32-bit integers: the agents of all contests, one contest after the other.
+        free: likewise: how many of the members of a contest may win; where it is none, all lose.
+        first: (agents + 1,) 32-bit integers: where the members of a contest begin, and at last where they end.
+        value: (agents,) 64-bit integers without sign.
+        stays: (agents,) bytes: `GOES`, `STAYS` or `NEEDS_RANK`.
+
+    Attributes, none of which Python sees:
+        head: by place, the first agent that wants to come; -1: none.
+        taken: by place, how many agents stay or want to come.
+        start, end: by agent, the places where its move begins and ends; -1: it does not count.
+        after: by agent, the next one that wants to come to the same place; -1: none.
+        number: by agent, that of the pair of nodes between which it moves; of the place in the queue to which it is the
+            first that wants to come.
+        queue, losers: places to look at, and agents or pairs.
+        place: of each contest.
+        value: by agent, its rank in a contest.
+    """
+
+    def __init__(
+        self,
+        agents: int,
+        nodes: int,
+        places: int,
+        least: int,
+        allow_swaps: bool,
+        is_drawn: bool,
+        tables: memoryview[int],
+        rows: memoryview[int],
+        members: memoryview[int],
+        free: memoryview[int],
+        first: memoryview[int],
+        value: memoryview[int],
+        stays: memoryview[int],
+    ) -> None:
+        self.agents = agents
+        self.nodes = nodes
+        self.places = places
+        self.least = least
+        self.allow_swaps = allow_swaps
+        self.is_drawn = is_drawn
+        half = len(tables) // 2
+        self.head = tables[:half]
+        self.taken = tables[half:]
+        self.start = rows[:agents]
+        self.end = rows[agents : 2 * agents]
+        self.after = rows[2 * agents : 3 * agents]
+        self.number = rows[3 * agents : 4 * agents]
+        self.queue = rows[4 * agents : 5 * agents]
+        self.losers = rows[5 * agents : 6 * agents]
+        self.place = rows[6 * agents :]
+        self.members = members
+        self.free = free
+        self.first = first
+        self.value = value
+        self.stays = stays
+
+
+def begin(
+    c: Contests,
+    starts: memoryview[int],
+    ends: memoryview[int],
+    counts: memoryview[int],
+    offsets: memoryview[int],
+    at: int,
+) -> int:
+    """Take the moves of a game.
+
+    Args:
+        c: where they go.
+        starts: the places of a team where moves begin, those of the game from `at`.
+        ends: likewise, where they end.
+        counts: likewise, 1 for agents that count, else 0.
+        offsets: (agents,) the first place of the team of each.
+        at: where the game begins in these.
+    """
+    for i in range(c.agents):
+        c.stays[i] = GOES
+        c.start[i] = -1
+        c.end[i] = -1
+        if counts[at + i]:
+            c.start[i] = starts[at + i] + offsets[i]
+            c.end[i] = ends[at + i] + offsets[i]
+    return 0
+
+
+def find_exchanges(c: Contests) -> int:
+    """Find the contests between agents that want to exchange nodes; return how many there are."""
+    for i in range(c.agents - 1, -1, -1):  # lists of moves by the smaller of their nodes, in the order of agents
+        if moves_between_nodes(c, i):
+            low = min(c.start[i], c.end[i])
+            c.after[i] = c.head[low]
+            c.head[low] = i
+    groups = number_pairs(c)
+    for i in range(c.agents):
+        if moves_between_nodes(c, i):
+            c.head[min(c.start[i], c.end[i])] = -1
+            c.taken[max(c.start[i], c.end[i])] = 0
+    found = 0
+    for g in range(groups):
+        c.losers[g] = -1
+        if c.free[g] == BOTH_WAYS:
+            c.losers[g] = found
+            found += 1
+    if found > 0:
+        list_members(c, found)
+    return found
+
+
+def moves_between_nodes(c: Contests, i: int) -> bool:
+    """Return whether an agent leaves a node for another one."""
+    start = c.start[i]
+    end = c.end[i]
+    if start < 0 or start == end:
+        return False
+    return c.nodes == c.places or (start % c.places < c.nodes and end % c.places < c.nodes)
+
+
+def number_pairs(c: Contests) -> int:
+    """Number the pairs of nodes between which agents move; return how many there are.
+
+    `number` gets that of each agent. By this number, `place` gets the smaller node and `free` the ways that agents go;
+    `taken` gets, by node, the last pair of which it is the larger node, from 1.
+    """
+    groups = 0
+    for i in range(c.agents):
+        if not moves_between_nodes(c, i):
+            continue
+        low = min(c.start[i], c.end[i])
+        if c.head[low] != i:
+            continue
+        j = i
+        while j >= 0:
+            high = max(c.start[j], c.end[j])
+            g = c.taken[high] - 1
+            if g < 0 or c.place[g] != low:
+                g = groups
+                groups += 1
+                c.taken[high] = groups
+                c.place[g] = low
+                c.free[g] = 0
+            c.free[g] |= FORWARD if c.start[j] == low else BOTH_WAYS - FORWARD
+            c.number[j] = g
+            j = c.after[j]
+    return groups
+
+
+def list_members(c: Contests, found: int) -> int:
+    """List the members of the contests of pairs, in the order of agents; `losers` has the contest of each pair."""
+    for k in range(found + 1):
+        c.first[k] = 0
+    for i in range(c.agents):
+        if moves_between_nodes(c, i) and c.losers[c.number[i]] >= 0:
+            c.first[c.losers[c.number[i]] + 1] += 1
+    for k in range(found):
+        c.queue[k] = c.first[k]
+        c.first[k + 1] += c.first[k]
+        c.free[k] = 1
+    for i in range(c.agents):
+        if moves_between_nodes(c, i) and c.losers[c.number[i]] >= 0:
+            k = c.losers[c.number[i]]
+            c.members[c.queue[k]] = i
+            c.queue[k] += 1
+    return 0
+
+
+def end_exchanges(c: Contests, found: int) -> int:
+    """Let those that go the way of the winner of their exchange go, too."""
+    for k in range(found):
+        way = -1
+        for m in range(c.first[k], c.first[k + 1]):
+            if c.stays[c.members[m]] == GOES:
+                way = c.start[c.members[m]]
+        for m in range(c.first[k], c.first[k + 1]):
+            i = c.members[m]
+            if c.stays[i] != NEEDS_RANK:
+                c.stays[i] = GOES if c.start[i] == way else STAYS
+    return 0
+
+
+def find_contests(c: Contests, limits: memoryview[int]) -> int:
+    """Find the places that more agents want to come to than they take; return how many there are.
+
+    Args:
+        c: the moves.
+        limits: (places,) 64-bit integers: capacities.
+    """
+    is_full = False
+    for i in range(c.agents - 1, -1, -1):
+        p = c.end[i]
+        if p < 0:
+            continue
+        if c.stays[i] != GOES:
+            p = c.start[i]
+        elif c.start[i] != p:
+            c.after[i] = c.head[p]
+            c.head[p] = i
+        c.taken[p] += 1
+        if c.taken[p] > c.least:
+            is_full = True
+    queued = 0
+    if is_full:
+        for i in range(c.agents):
+            p = c.end[i]
+            if p >= 0 and c.head[p] == i and c.taken[p] > c.least:
+                c.queue[queued] = p
+                queued += 1
+    return list_contests(c, queued, limits)
+
+
+def find_more_contests(c: Contests, found: int, limits: memoryview[int]) -> int:
+    """Let the losers of contests stay, and find the places that this makes too full; return how many there are."""
+    lost = 0
+    for k in range(found):
+        p = c.place[k]
+        c.head[p] = -1
+        for m in range(c.first[k + 1] - 1, c.first[k] - 1, -1):
+            i = c.members[m]
+            if c.stays[i] == GOES:
+                c.after[i] = c.head[p]
+                c.head[p] = i
+            else:
+                c.losers[lost] = i
+                lost += 1
+                c.taken[p] -= 1
+                c.taken[c.start[i]] += 1
+    queued = 0
+    for k in range(lost):
+        p = c.start[c.losers[k]]
+        i = c.head[p]
+        if i >= 0 and c.taken[p] > c.least:
+            known = c.number[i]
+            if known >= queued or c.queue[known] != p:
+                c.number[i] = queued
+                c.queue[queued] = p
+                queued += 1
+    return list_contests(c, queued, limits)
+
+
+def list_contests(c: Contests, queued: int, limits: memoryview[int]) -> int:
+    """List the contests among queued places, with their members in the order of agents; return how many there are."""
+    found = 0
+    members = 0
+    c.first[0] = 0
+    for k in range(queued):
+        p = c.queue[k]
+        coming = 0
+        i = c.head[p]
+        while i >= 0:
+            c.members[members + coming] = i
+            coming += 1
+            i = c.after[i]
+        free = limits[p % c.places] - (c.taken[p] - coming)
+        if free < coming:
+            members += coming
+            c.place[found] = p
+            c.free[found] = max(free, 0)
+            found += 1
+            c.first[found] = members
+    return found
+
+
+def clear(c: Contests) -> int:
+    """Leave the working memory as it began."""
+    for i in range(c.agents):
+        if c.end[i] >= 0:
+            c.head[c.end[i]] = -1
+            c.taken[c.end[i]] = 0
+            if c.stays[i] != GOES:
+                c.taken[c.start[i]] = 0
+    return 0
+
+
+def decide(c: Contests, found: int, ranks: memoryview[int], at: int, turn: int) -> int:
+    """Let the members with the smallest ranks win contests, of equals the first agents; the others stay.
+
+    Args:
+        c: the contests.
+        found: how many.
+        ranks: of the agents, from `at`: 64-bit integers without sign. If they are drawn: their `first_key`s.
+        at: where the agents begin in these.
+        turn: the number of the turn, for draws.
+    """
+    for k in range(found):
+        begin = c.first[k]
+        able = begin
+        for m in range(begin, c.first[k + 1]):
+            i = c.members[m]
+            if c.free[k] == 0:
+                c.stays[i] = STAYS
+                continue
+            if c.is_drawn:
+                c.value[i] = draws.bits_at(draws.turn_key(ranks[at + i], turn), 0)
+            else:
+                c.value[i] = ranks[at + i]
+            if c.is_drawn or ranks[at + i] < NEVER:
+                c.members[m] = c.members[able]
+                c.members[able] = i
+                able += 1
+            else:
+                c.stays[i] = NEEDS_RANK if ranks[at + i] == UNRANKED else STAYS
+        if able - begin > c.free[k]:
+            put_best_first(c, begin, able, c.free[k])
+            for m in range(begin + c.free[k], able):
+                c.stays[c.members[m]] = STAYS
+    return 0
+
+
+def is_ahead(c: Contests, i: int, j: int) -> bool:
+    """Return whether an agent wins against another one."""
+    return c.value[i] < c.value[j] or (c.value[i] == c.value[j] and i < j)
+
+
+def put_best_first(c: Contests, begin: int, end: int, number: int) -> int:
+    """Put the members ahead of all others first, as a heap with the last of them at `begin`."""
+    for k in range(number // 2 - 1, -1, -1):
+        sift(c, begin, number, k)
+    if number > 0:
+        for m in range(begin + number, end):
+            i = c.members[m]
+            if is_ahead(c, i, c.members[begin]):
+                c.members[m] = c.members[begin]
+                c.members[begin] = i
+                sift(c, begin, number, 0)
+    return 0
+
+
+def sift(c: Contests, begin: int, number: int, k: int) -> int:
+    """Move member `k` of a heap of members down until none below it is behind it."""
+    while 2 * k + 1 < number:
+        child = 2 * k + 1
+        if child + 1 < number and is_ahead(c, c.members[begin + child], c.members[begin + child + 1]):
+            child += 1
+        i = c.members[begin + k]
+        if not is_ahead(c, i, c.members[begin + child]):
+            return 0
+        c.members[begin + k] = c.members[begin + child]
+        c.members[begin + child] = i
+        k = child
+    return 0
+
+
+def resolve(
+    c: Contests,
+    starts: memoryview[int],
+    ends: memoryview[int],
+    counts: memoryview[int],
+    offsets: memoryview[int],
+    limits: memoryview[int],
+    ranks: memoryview[int],
+    game: int,
+    turn: int,
+) -> int:
+    """Find the agents of a game that stay, in `stays`, and return how many do.
+
+    Args:
+        c: gets them.
+        starts: of all games, one after the other; see `begin`.
+        ends: likewise.
+        counts: likewise.
+        offsets: see `begin`.
+        limits: see `find_contests`.
+        ranks: see `decide`; those of all games if they are drawn, otherwise the same for all.
+        game: the number of the game.
+        turn: how many turns of it were played.
+    """
+    at = game * c.agents
+    at_ranks = at if c.is_drawn else 0
+    begin(c, starts, ends, counts, offsets, at)
+    if not c.allow_swaps:
+        found = find_exchanges(c)
+        decide(c, found, ranks, at_ranks, turn)
+        end_exchanges(c, found)
+    if c.least < c.agents:
+        found = find_contests(c, limits)
+        while found > 0:
+            decide(c, found, ranks, at_ranks, turn)
+            found = find_more_contests(c, found, limits)
+        clear(c)
+    stopped = 0
+    for i in range(c.agents):
+        if c.stays[i] != GOES:
+            stopped += 1
+    return stopped
+
+
+def resolve_games(
+    c: Contests,
+    starts: memoryview[int],
+    ends: memoryview[int],
+    counts: memoryview[int],
+    offsets: memoryview[int],
+    limits: memoryview[int],
+    ranks: memoryview[int],
+    turns: memoryview[int],
+    stays: memoryview[int],
+) -> int:
+    """Find the agents that stay in each of several games; return how many there are.
+
+    Args:
+        c: for the games.
+        starts: see `resolve`, as for all that follows.
+        ends: likewise.
+        counts: likewise.
+        offsets: likewise.
+        limits: likewise.
+        ranks: likewise.
+        turns: (games,) how many turns were played.
+        stays: (games * agents,) bytes, all 0, which get `STAYS` or `NEEDS_RANK`.
+    """
+    stopped = 0
+    for game in range(len(turns)):
+        here = resolve(c, starts, ends, counts, offsets, limits, ranks, game, turns[game])
+        if here > 0:
+            stopped += here
+            for i in range(c.agents):
+                stays[game * c.agents + i] = c.stays[i]
+    return stopped

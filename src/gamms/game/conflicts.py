@@ -1,0 +1,684 @@
+"""Conflicts of moves: too many agents on a node, or two that exchange nodes, and which of them have to stay.
+
+`gamms.core.conflicts` finds and decides them. This module has what a program declares, and puts turns into numbers.
+"""
+
+from array import array
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import partial
+from inspect import signature
+from itertools import compress, count, repeat
+from operator import attrgetter, ne
+from typing import Any, NamedTuple, Protocol, cast
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text
+from gamms.core import conflicts as core
+from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.game.order import TurnOrder
+from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+from gamms.text import Called, as_code, shown, shown_as_called
+from gamms.typing.context import HostContext
+from gamms.typing.game import EdgePlace, IConflicts, Move
+
+Capacity = int | Mapping[int, int | None] | str | None  # as a caller gives it
+UNLIMITED = (1 << 63) - 1  # no graph has so many agents
+_PURPOSE = "conflicts"  # of draws
+_MISSING = object()  # the rank of an agent of which a ranking knows none
+
+
+class Contest(NamedTuple):
+    """More agents than places: what a resolver decides.
+
+    Attributes:
+        node: the node or edge that all of them want to end on; for an exchange its two nodes, the smaller first.
+        places: how many of them may win, at least 1 and fewer than there are.
+        movers: their moves, in the order of their names.
+    """
+
+    node: int | EdgePlace | tuple[int, int]
+    places: int
+    movers: tuple[Move, ...]
+
+
+Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the `gamms.Context`
+Rank = Callable[[str, Hashable], Any]  # called with the name and the team of an agent
+MoversOf = Callable[[list[int]], Sequence[Move]]  # the moves of agents by their numbers
+
+
+class Ranking:
+    """A resolver by which the agents with the smallest ranks win; names decide between equals.
+
+    The core decides all contests of games alone and of batches by the ranks, without asking again.
+
+    Args:
+        rank: `(name, team) -> rank`, the same in all turns; None for an agent that never wins. A `LookupError` is
+            raised again when the agent is in a contest. If it is None, ranks are drawn anew in every turn.
+        of_team: whether the rank follows from the team alone.
+    """
+
+    def __init__(self, rank: Rank | None, *, of_team: bool = False) -> None:
+        self.rank = rank
+        self._of_team = of_team
+
+    def __call__(self, contest: Contest, ctx: HostContext) -> list[Move]:
+        """Return the moves of the winners."""
+        movers = contest.movers
+        if self.rank is None:
+            purpose = kernels.purpose_key(ctx.seed, _PURPOSE)
+            ranks = kernels.draw_bits_each(purpose, (mover.agent for mover in movers), ctx.game.turn)
+        else:
+            ranks = self.ranks([mover.agent for mover in movers], [mover.team for mover in movers]).tolist()
+        order = sorted(range(len(movers)), key=ranks.__getitem__)
+        for i in order:
+            self.check(ranks[i], movers[i].agent, movers[i].team)
+        return [movers[i] for i in order[: contest.places] if self.rank is None or ranks[i] < core.RANK_OF_NONE]
+
+    def ranks(self, names: Sequence[str], teams: Sequence[Hashable]) -> BitArray:
+        """Return the ranks of agents: numbers from 0, `core.RANK_OF_NONE` or `core.RANK_MISSING`, (agents,)."""
+        if self._of_team:
+            of_team = {team: self._rank(name, team) for team, name in dict(zip(teams, names, strict=True)).items()}
+            given = [of_team[team] for team in teams]
+        else:
+            given = list(map(self._rank, names, teams))
+        try:
+            order = sorted(set(given) - {None, _MISSING})
+        except TypeError:
+            raise BadType(f"The ranks of agents cannot be compared: {shown(given)}.") from None
+        number: dict[Any, int] = dict(zip(order, count()))
+        number[None] = core.RANK_OF_NONE
+        number[_MISSING] = core.RANK_MISSING
+        return np.array([number[rank] for rank in given], np.uint64)
+
+    def check(self, rank: int, name: str, team: Hashable) -> None:
+        """Raise what the function has raised that gives an agent in a contest its rank."""
+        if self.rank is not None and rank == core.RANK_MISSING:
+            self.rank(name, team)
+
+    def _rank(self, name: str, team: Hashable) -> Any:
+        try:
+            return cast("Rank", self.rank)(name, team)
+        except LookupError:
+            return _MISSING
+
+
+class Conflicts:
+    """The conflicts of a game, and how they are resolved; set as `ctx.game.conflicts`.
+
+    The capacity of a node counts the agents that stay there and those that come. An agent that stays keeps its place,
+    so there are as many places for those that come as the capacity leaves; where more want to come, there is a contest,
+    and the losers stay where they are. An agent that leaves makes room in the same turn: a chain of agents moves up, a
+    full circle turns. A node that more agents stay on than it takes is closed until fewer stay than it takes.
+
+    Args:
+        capacity: how many; for each node by a mapping from node ids, or by the name of a node attribute that is read
+            in every turn. None, a node that is not in the mapping, or one without the attribute: any number.
+            0 closes a single node to agents that are not on it.
+        among: "all" agents on the ground count, or only those of one "team", each by itself (None is a team, too).
+        edge_capacity: how many agents may end a turn on an edge, in games by metres, or be on it at any time where they
+            decide at arrivals: a number, or by edge ids or an attribute of edges, as for nodes. Each direction of a
+            street is an edge of its own. An agent that is on the edge already keeps its place.
+        allow_swaps: whether two agents may exchange nodes. If not, the winner of the contest decides: those that go
+            its way may, those that come towards it stay (and may then be in the way). Only start and end matter, not
+            where paths of several edges cross; a path that ends where it began counts as staying. With `among="team"`,
+            members of different teams may exchange nodes.
+        resolve: which agents win: `by_priority(…)`, `by_rank(…)`, `at_random()`, `nobody()`, or a function
+            `(contest, ctx) -> winners` that gives names or moves of at most `contest.places` of `contest.movers`.
+
+    Attributes:
+        allow_swaps: as given.
+
+    Raises:
+        BadType, BadValue: an argument that is not one of these.
+    """
+
+    def __init__(
+        self,
+        capacity: Capacity = 1,
+        among: str = "all",
+        *,
+        edge_capacity: Capacity = None,
+        allow_swaps: bool = True,
+        resolve: Resolver | None = None,
+    ) -> None:
+        as_choice(as_text(among, "among"), "among", ("all", "team"))
+        self._limits = _Capacities(_as_limits(capacity, "node"), _as_limits(edge_capacity, "edge"))
+        self._resolver = at_random() if resolve is None else _as_resolver(resolve)
+        given = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": self._resolver}
+        if edge_capacity is not None:
+            given["edge_capacity"] = edge_capacity
+        self._given = {name: as_code(value) for name, value in given.items()}
+        self.allow_swaps = as_flag(allow_swaps, "allow_swaps")
+        self._per_team = among == "team"
+
+    def __repr__(self) -> str:
+        return f"Conflicts({', '.join(f'{name}={value}' for name, value in self._given.items())})"
+
+    def resolve(self, moves: Mapping[str, Move], ctx: HostContext) -> set[str]:
+        """Return the names of the agents that must stay; of those that stay anyway, none.
+
+        First the exchanges of nodes, if they are forbidden, are decided, all at once: a mover goes one way only, so
+        that it takes part in one of them, and no new one can arise. Then, in rounds, the nodes with too many: all
+        contests of a round are found before one is decided, and no mover is in two, because it has one end. So the
+        answer depends on the moves and the context alone, in whatever order they come.
+
+        It ends: every contest has fewer places than movers, so each round but the last turns at least one mover into
+        one that stays, none that stays is ever made to move, and there are no more movers than agents. The last round
+        has no contest left: no node takes in more than its capacity leaves.
+
+        Raises:
+            BadType, BadValue: what the resolver gave, or the capacity in a node attribute, is wrong.
+            UnknownName (KeyError): no node has the attribute with the capacities.
+        """
+        listed = sorted(moves.values(), key=_name_of)
+        starts, ends = ([move.places[which] for move in listed] for which in (0, 1))
+        agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], ctx.seed)
+        has_edges = EdgePlace in set(map(type, (*starts, *ends)))
+        found = agents.losers(starts, ends, lambda rows: [listed[i] for i in rows], ctx, has_edges=has_edges)
+        return {listed[i].agent for i in found}
+
+
+_name_of = attrgetter("agent")
+
+
+def ranked(conflicts: object) -> Conflicts | None:
+    """Return conflicts that the core resolves by ranks; None: they are not such."""
+    known = _own(conflicts)
+    return None if known is None or _ranking_of(known._resolver) is None else known
+
+
+def _own(conflicts: object) -> Conflicts | None:
+    """Return conflicts that the core finds; None: another class says who stays."""
+    is_own = isinstance(conflicts, Conflicts) and type(conflicts).resolve is Conflicts.resolve
+    return cast("Conflicts", conflicts) if is_own else None
+
+
+def _ranking_of(resolver: Resolver) -> Ranking | None:
+    inner = resolver.func if isinstance(resolver, Called) else resolver
+    return inner if isinstance(inner, Ranking) else None
+
+
+@shown_as_called
+def at_random() -> Resolver:
+    """Make a resolver that draws a number for each agent in every turn; the smallest win.
+
+    The draw follows from the seed of the context, the turn and the agent's name alone. So neither other agents, other
+    draws nor the order of contests change it, and an agent in two contests of a turn keeps its number.
+    """
+    return Ranking(None)
+
+
+# -- the turns of one game -----------------------------------------------------------------------------------------
+
+
+class TurnConflicts:
+    """Finds the agents that stay in the turns of a game, whose agents are mostly the same from turn to turn."""
+
+    def __init__(self) -> None:
+        self._agents: _Agents | None = None
+        self._key: tuple[Any, ...] = ()  # what these depend on
+
+    def losers(
+        self,
+        conflicts: IConflicts,
+        order: TurnOrder,
+        places: tuple[Sequence[Any], Sequence[Any]],
+        moves_of: Callable[[list[int]], Mapping[str, Move]],
+        ctx: HostContext,
+    ) -> list[int]:
+        """Return the slots of the agents that stay.
+
+        Args:
+            conflicts: of the game.
+            order: the living agents.
+            places: where each begins and ends, ids of nodes, or edges, by slot.
+            moves_of: returns the moves of slots, by name and in their order.
+            ctx: of the game.
+        """
+        whole = order.whole
+        ground = range(len(order.slots)) if whole.on_ground is None else whole.on_ground
+        known = _own(conflicts)
+        if known is None:
+            names = conflicts.resolve(moves_of([*ground]), ctx)
+            return [i for i in ground if order.names[i] in names]
+        starts, ends = map(whole.of_ground, places)
+        if known.allow_swaps and known._limits.least > 0 and len(set(ends)) == len(ends):
+            return []
+        key = order, known, 0 if _ranking_of(known._resolver) is None else ctx.seed
+        if self._agents is None or self._key != key:
+            names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
+            self._agents = _Agents(known, names, teams, ctx.seed)
+            self._key = key
+
+        def movers_of(rows: list[int]) -> list[Move]:
+            return [*moves_of([ground[i] for i in rows]).values()]
+
+        return [ground[i] for i in self._agents.losers(starts, ends, movers_of, ctx, has_edges=bool(whole.paced))]
+
+
+class _Memory:
+    """The contests of the core, and those of its arrays that are read here.
+
+    Args:
+        conflicts: of the game.
+        agents: how many there are.
+        nodes, places: how many places of a team are nodes, and how many there are at all.
+        teams: how many teams have places of their own.
+    """
+
+    def __init__(self, conflicts: Conflicts, agents: int, nodes: int, places: int, teams: int = 1) -> None:
+        ranking = _ranking_of(conflicts._resolver)
+        tables = np.zeros((2, places * teams), np.int32)
+        tables[0] = -1
+        self.members, self.free = np.zeros((2, agents), np.int32)
+        self.first = np.zeros(agents + 1, np.int32)
+        self.stays = np.zeros(agents, np.uint8)
+        self.contests = core.Contests(
+            agents,
+            nodes,
+            places,
+            conflicts._limits.least,
+            conflicts.allow_swaps,
+            ranking is not None and ranking.rank is None,
+            tables.reshape(-1).data,
+            np.zeros(7 * agents, np.int32).data,
+            self.members.data,
+            self.free.data,
+            self.first.data,
+            np.zeros(agents, np.uint64).data,
+            self.stays.data,
+        )
+
+
+class _Agents:
+    """The agents of a game whose conflicts are resolved, in the order of their names.
+
+    Their places are numbered from turn to turn, nodes first; where teams do not count for each other, a place is a pair
+    of a place and a team.
+    """
+
+    def __init__(self, conflicts: Conflicts, names: Sequence[str], teams: Sequence[Hashable], seed: int) -> None:
+        self._conflicts = conflicts
+        self._names = names
+        self._teams = teams
+        self._most = most = 2 * len(names)  # nodes, or edges, on which they begin or end
+        self._memory = _Memory(conflicts, len(names), most, 2 * most)
+        self._counts = memoryview(bytes([1]) * len(names))
+        self._offsets = memoryview(array("q", bytes(8 * len(names))))
+        self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
+        self._ranking = _ranking_of(conflicts._resolver)
+        if self._ranking is not None:
+            ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
+            self._ranks = ranks.data
+
+    def losers(
+        self, starts: Sequence[Any], ends: Sequence[Any], movers_of: MoversOf, ctx: HostContext, *, has_edges: bool
+    ) -> list[int]:
+        """Return the numbers of the agents that stay.
+
+        Args:
+            starts: places where agents begin.
+            ends: and where they end.
+            movers_of: returns the moves of agents.
+            ctx: of the game.
+            has_edges: whether there may be edges among the places.
+        """
+        if self._conflicts._per_team:
+            starts, ends = ([*zip(places, self._teams, strict=True)] for places in (starts, ends))
+        number = dict(zip(dict.fromkeys([*starts, *ends]), count()))
+        if has_edges:
+            for key in number:
+                number[key] += self._most * isinstance(key[0] if self._conflicts._per_team else key, EdgePlace)
+        self._take_limits(number, starts, ends, ctx, has_edges=has_edges)
+        moves = [memoryview(array("q", map(number.__getitem__, places))) for places in (starts, ends)]
+        memory = self._memory
+        if self._ranking is None:
+            self._ask_each(moves, movers_of, ctx)
+        else:
+            turn = ctx.game.turn
+            given = self._counts, self._offsets, self._limits.data, self._ranks, 0, turn
+            core.resolve(memory.contests, moves[0], moves[1], *given)
+        losers = np.flatnonzero(memory.stays).tolist()
+        for i in losers:
+            if memory.stays[i] == core.LOSES_UNRANKED and self._ranking is not None:
+                self._ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
+        return losers
+
+    def _take_limits(
+        self, number: dict[Any, int], starts: Sequence[Any], ends: Sequence[Any], ctx: HostContext, *, has_edges: bool
+    ) -> None:
+        """Take the capacities of the places that agents come to."""
+        limits = self._conflicts._limits
+        if limits.least == UNLIMITED or (limits.number is not None and not has_edges):
+            return
+        coming = list(dict.fromkeys(compress(ends, map(ne, starts, ends))))
+        rows = list(map(number.__getitem__, coming))
+        places = [key[0] for key in coming] if self._conflicts._per_team else coming
+        self._limits[rows] = limits.of(ctx, places)
+
+    def _ask_each(self, moves: list[memoryview], movers_of: MoversOf, ctx: HostContext) -> None:
+        """Let a function decide each contest."""
+        c, limits = self._memory.contests, self._limits.data
+        core.begin(c, moves[0], moves[1], self._counts, self._offsets, 0)
+        try:
+            if not self._conflicts.allow_swaps:
+                found = core.find_exchanges(c)
+                self._ask(found, movers_of, ctx, is_exchange=True)
+                core.end_exchanges(c, found)
+            if self._conflicts._limits.least < len(self._names):
+                found = core.find_contests(c, limits)
+                while found:
+                    self._ask(found, movers_of, ctx, is_exchange=False)
+                    found = core.find_more_contests(c, found, limits)
+        finally:
+            core.clear(c)
+
+    def _ask(self, found: int, movers_of: MoversOf, ctx: HostContext, *, is_exchange: bool) -> None:
+        """Let a function decide the contests of a round, in the order of their nodes."""
+        memory, resolver, contests = self._memory, self._conflicts._resolver, []
+        first = memory.first[: found + 1].tolist()
+        for k in range(found):
+            rows = memory.members[first[k] : first[k + 1]].tolist()
+            memory.stays[rows] = core.LOSES
+            free = int(memory.free[k])
+            if free:
+                movers = tuple(map(_between_places, movers_of(rows)))
+                start, end = movers[0].start, movers[0].end
+                node = (min(start, end), max(start, end)) if is_exchange else end
+                contests.append((Contest(node, free, movers), rows))
+        for contest, rows in sorted(contests, key=lambda pair: _rank_of(pair[0])):
+            winners = _winners_of(contest, resolver, ctx)
+            memory.stays[[i for i, mover in zip(rows, contest.movers, strict=True) if mover.agent in winners]] = (
+                core.WINS
+            )
+
+
+def _first_keys(seed: int, names: Sequence[str]) -> BitArray:
+    purpose = np.array([kernels.purpose_key(seed, _PURPOSE)], np.uint64)
+    return kernels.first_key_rows(purpose, kernels.name_keys(names))
+
+
+def _between_places(move: Move) -> Move:
+    """Return a move from where it begins to where it ends, which may be edges, as conflicts compare it."""
+    start, end = move.places
+    return move._replace(start=cast("int", start), end=cast("int", end)) if move.legs else move
+
+
+def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
+    """Return the rank by which contests are decided, so that a resolver with draws of its own repeats them."""
+    return (isinstance(contest.node, EdgePlace), contest.node, contest.movers[0].agent)
+
+
+# -- the turns of many agents or games -------------------------------------------------------------------------------
+
+
+class Movers(Protocol):
+    """The agents whose moves are compared, in the order of their names."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names of the agents."""
+
+    @property
+    def teams(self) -> Sequence[Hashable]:
+        """The teams that agents play for."""
+
+    @property
+    def team_of(self) -> IntArray:
+        """The number of the team of each, (agents,)."""
+
+
+class ArrayMoves(NamedTuple):
+    """The moves of a turn of several games, in arrays (games, agents).
+
+    Attributes:
+        roster: the agents.
+        columns: the map.
+        starts, ends: where moves begin and end: rows of nodes and, if `has_edges`, behind them rows of edges.
+        has_edges: whether edges are places.
+        counts: which agents count.
+        turns: (games,) how many turns were played.
+        first_keys: returns the `first_key`s of agents for a purpose, (games, agents).
+        shared: returns what is the same in all turns on this map; it is given a key and a function that makes it.
+    """
+
+    roster: Movers
+    columns: GraphColumns
+    starts: IntArray
+    ends: IntArray
+    has_edges: bool
+    counts: BoolArray
+    turns: IntArray
+    first_keys: Callable[[str], BitArray]
+    shared: Callable[[Hashable, Callable[[], list[Any]]], list[Any]]
+
+
+def stopped_in_arrays(conflicts: Conflicts, moves: ArrayMoves) -> BoolArray:
+    """Return which agents stay, (games, agents), by conflicts that are `ranked`."""
+    known: list[_Table] = moves.shared(("conflicts", conflicts), list)
+    if not known or known[0].roster is not moves.roster:
+        known[:] = [_Table(conflicts, moves)]
+    return known[0].stopped(moves)
+
+
+class _Table:
+    """What the conflicts of some agents on a map need in every turn.
+
+    Attributes:
+        roster: the agents.
+    """
+
+    def __init__(self, conflicts: Conflicts, moves: ArrayMoves) -> None:
+        self.roster = roster = moves.roster
+        ranking = _ranking_of(conflicts._resolver)
+        assert ranking is not None  # noqa: S101 - they are `ranked`
+        self._ranking = ranking
+        nodes = len(moves.columns.node_ids)
+        limits = conflicts._limits.rows(moves.columns, has_edges=moves.has_edges)
+        teams = len(roster.teams) if conflicts._per_team else 1
+        self._memory = _Memory(conflicts, len(roster.names), nodes, len(limits), teams)
+        self._offsets = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
+        self._limits = limits.data
+        self._ranks: BitArray | None = None
+        if ranking.rank is not None:
+            self._ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
+
+    def stopped(self, moves: ArrayMoves) -> BoolArray:
+        """Return which agents stay."""
+        stays = np.zeros(moves.ends.shape, np.uint8)
+        ranks = moves.first_keys(_PURPOSE) if self._ranks is None else self._ranks
+        core.resolve_games(
+            self._memory.contests,
+            _flat(moves.starts, np.int64),
+            _flat(moves.ends, np.int64),
+            _flat(moves.counts, np.uint8),
+            self._offsets,
+            self._limits,
+            _flat(ranks, np.uint64),
+            _flat(moves.turns, np.int64),
+            stays.reshape(-1).data,
+        )
+        if self._ranks is not None and stays.max(initial=0) == core.LOSES_UNRANKED:
+            agent = int(np.nonzero(stays == core.LOSES_UNRANKED)[1][0])
+            roster = self.roster
+            self._ranking.check(core.RANK_MISSING, roster.names[agent], roster.teams[roster.team_of[agent]])
+        return stays.astype(np.bool_)
+
+
+def _flat(values: BitArray | IntArray | BoolArray, kind: type[np.generic]) -> memoryview:
+    return np.ascontiguousarray(values, kind).reshape(-1).data
+
+
+# -- resolvers -------------------------------------------------------------------------------------------------------
+
+
+def _as_resolver(resolve: object) -> Resolver:
+    """Check what a caller gave as resolver."""
+    if not callable(resolve):
+        raise BadType(f"resolve must be a function (contest, ctx) -> winners, not {shown(resolve)}.")
+    try:
+        signature(resolve).bind(None, None)
+    except ValueError:  # it has no signature
+        pass
+    except TypeError:
+        name = as_code(resolve)
+        raise BadType(
+            f"resolve={name} does not take (contest, ctx). If it makes a resolver, call it, as in {name}(…)."
+        ) from None
+    return cast("Resolver", resolve)  # what it takes and gives shows when it is called
+
+
+def _winners_of(contest: Contest, resolve: Resolver, ctx: HostContext) -> set[str]:
+    """Return the names of the winners by a resolver, checked."""
+    answer: object = resolve(contest, ctx)
+    if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
+        form = "must give a list of the winners, names or moves, not"
+        raise BadType(f"{_asked(resolve, contest)} {form} {shown(answer)}.")
+    winners, names = set[str](), [mover.agent for mover in contest.movers]
+    for one in answer:
+        winner = one.agent if isinstance(one, Move) else one
+        if not isinstance(winner, str):
+            raise BadType(f"{_asked(resolve, contest)} must name winners or give their moves, not {shown(winner)}.")
+        winners.add(winner)
+    for winner in sorted(winners.difference(names)):
+        hint = nearest(winner, names)
+        raise BadValue(f"{_asked(resolve, contest)} let {shown(winner)} win, not one of {names}.{hint}")
+    if len(winners) > contest.places:
+        few = f"contest.places is {contest.places}"
+        raise BadValue(f"{_asked(resolve, contest)} let {len(winners)} win, {sorted(winners)}, but {few}.")
+    return winners
+
+
+def _asked(resolve: Resolver, contest: Contest) -> str:
+    what = "the exchange of nodes" if isinstance(contest.node, tuple) else "node"
+    what = "the place" if isinstance(contest.node, EdgePlace) else what
+    return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
+
+
+# -- capacities ------------------------------------------------------------------------------------------------------
+
+
+_Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
+
+
+class _Limits(NamedTuple):
+    """The capacities of nodes or of edges.
+
+    Attributes:
+        least: none has a smaller one, so that for fewer agents none is looked at.
+        of: returns those of ids in the turn of a context; `UNLIMITED` where there is none.
+        rows: returns those of all nodes or edges of a map, given their ids and attributes.
+        number: of all; None: they may differ.
+    """
+
+    least: int
+    of: Callable[[HostContext, list[int]], list[int]]
+    rows: Callable[[IntArray, _Attributes], IntArray]
+    number: int | None = None
+
+
+class _Capacities:
+    """The capacities of nodes and edges.
+
+    Attributes:
+        least: none has a smaller one.
+        number: of all nodes; None: they may differ.
+    """
+
+    def __init__(self, nodes: _Limits | None, edges: _Limits | None) -> None:
+        self._nodes = nodes or _of_all(UNLIMITED)
+        self._edges = edges or _of_all(UNLIMITED)
+        self.least = min(self._nodes.least, self._edges.least)
+        self.number = None if self._edges.number is None else self._nodes.number
+
+    def of(self, ctx: HostContext, places: Sequence[Any]) -> list[int]:
+        """Return those of places in the turn of a context: ids of nodes, and edges."""
+        is_edge = [isinstance(place, EdgePlace) for place in places]
+        nodes = [place for place in places if not isinstance(place, EdgePlace)]
+        edges = [place.edge for place in places if isinstance(place, EdgePlace)]
+        of_node, of_edge = iter(self._nodes.of(ctx, nodes)), iter(self._edges.of(ctx, edges))
+        return [next(of_edge if is_one else of_node) for is_one in is_edge]
+
+    def rows(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
+        """Return those of all nodes of a map and, if they are places, of all edges behind them."""
+        rows = self._nodes.rows(columns.node_ids, columns.node_attributes)
+        if not has_edges:
+            return rows
+        return np.concatenate((rows, self._edges.rows(columns.edge_ids, columns.edge_attributes)))
+
+
+def _of_all(number: int) -> _Limits:
+    return _Limits(number, lambda _, ids: [number] * len(ids), lambda ids, _: np.full(len(ids), number), number)
+
+
+def _in_attribute(name: str, kind: str) -> _Limits:
+    """Return capacities in an attribute of the nodes or edges, read in each turn: it may change."""
+    is_known = False
+
+    def of(ctx: HostContext, ids: list[int]) -> list[int]:
+        nonlocal is_known
+        graph = ctx.graph.graph
+        attributes = graph.node_attributes if kind == "node" else graph.edge_attributes
+        all_ids = graph.get_nodes if kind == "node" else graph.get_edges
+        if not is_known and not any(name in attributes(id) for id in all_ids()):
+            # A misspelt attribute would mean no limit anywhere, without a word.
+            raise UnknownName(f"{kind} attribute", name, {one: None for id in all_ids() for one in attributes(id)})
+        is_known = True
+        return [_as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}") for one in ids]
+
+    def rows(ids: IntArray, attributes: _Attributes) -> IntArray:
+        as_known(name, f"{kind} attribute", attributes)
+        limits = np.full(len(ids), UNLIMITED)
+        for row, value in attributes[name].items():
+            limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
+        return limits
+
+    return _Limits(0, of, rows)
+
+
+def _as_limits(capacity: object, kind: str) -> _Limits | None:
+    """Check what a caller gave as the capacity of each "node" or "edge"; None if there is none."""
+    what = "capacity" if kind == "node" else "edge_capacity"
+    if capacity is None:
+        return None
+    if isinstance(capacity, str):
+        if not capacity:
+            raise BadValue(f"{what} must be the name of an attribute of {kind}s, not an empty string.")
+        return _in_attribute(capacity, kind)
+    if isinstance(capacity, Mapping):
+        pairs = ((as_int(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
+        known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
+        least = min(known.values(), default=UNLIMITED)
+        return _Limits(least, lambda _, ids: _limits_in(known, ids), partial(_rows_of_ids, known))
+    try:
+        number = as_int(capacity, what)
+    except BadType:
+        raise BadType(
+            f"{what} must be an integer, a mapping from {kind} ids to integers, the name of an attribute of {kind}s, "
+            f"or None, not {shown(capacity)} ({type(capacity).__name__})."
+        ) from None
+    if number < 1:
+        raise BadValue(f"{what} must be at least 1, not {number}: no agent could move. Use None for no limit.")
+    return _of_all(min(number, UNLIMITED))
+
+
+def _limits_in(known: Mapping[int, int], ids: Sequence[int]) -> list[int]:
+    return list(map(known.get, ids, repeat(UNLIMITED)))
+
+
+def _rows_of_ids(known: Mapping[int, int], ids: IntArray, _: _Attributes) -> IntArray:
+    return np.array(_limits_in(known, ids.tolist()), np.int64)
+
+
+def _as_limit(value: object, name: str) -> int:
+    if value is None:
+        return UNLIMITED
+    # NOTE: the plain int is checked in line: this is asked for every agent that moves (an attribute, 1,000 agents).
+    number = value if type(value) is int else as_int(value, name)
+    if number < 0:
+        raise BadValue(f"{name} must not be negative, not {number}. 0 closes a node, None opens it to any number.")
+    return min(number, UNLIMITED)
