@@ -24,6 +24,8 @@ RANK_MISSING = UNRANKED
 WINS = GOES
 LOSES = STAYS
 LOSES_UNRANKED = NEEDS_RANK
+MASK = 0xFFFFFFFFFFFFFFFF
+SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
 FORWARD = 1  # from the smaller of two places to the larger
 BOTH_WAYS = 3
 
@@ -379,6 +381,39 @@ def sift(c: Contests, begin: int, number: int, k: int) -> int:
         c.members[begin + child] = i
         k = child
     return 0
+
+
+def number_ids(
+    ids: memoryview[int],
+    keys: memoryview[int],
+    slots: memoryview[int],
+    used: memoryview[int],
+    numbers: memoryview[int],
+) -> int:
+    """Number ids from 0 in the order in which they first come; return how many different ones there are.
+
+    Args:
+        ids: 64-bit integers.
+        keys: working memory, as many 64-bit integers as a power of two that is larger than the number of ids.
+        slots: as many 32-bit integers, all -1, and left so.
+        used: (ids,) 32-bit integers.
+        numbers: (ids,) 64-bit integers, which get the number of each.
+    """
+    last = len(slots) - 1
+    found = 0
+    for i in range(len(ids)):
+        k = (((ids[i] * SPREAD) & MASK) >> 32) & last
+        while slots[k] >= 0 and keys[k] != ids[i]:
+            k = (k + 1) & last
+        if slots[k] < 0:
+            slots[k] = found
+            keys[k] = ids[i]
+            used[found] = k
+            found += 1
+        numbers[i] = slots[k]
+    for n in range(found):
+        slots[used[n]] = -1
+    return found
 
 
 def resolve(

@@ -7,8 +7,8 @@ from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import partial
 from inspect import signature
-from itertools import compress, count, repeat
-from operator import attrgetter, ne
+from itertools import count, repeat
+from operator import attrgetter
 from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
@@ -297,19 +297,24 @@ class _Memory:
 class _Agents:
     """The agents of a game whose conflicts are resolved, in the order of their names.
 
-    Their places are numbered from turn to turn, nodes first; where teams do not count for each other, a place is a pair
-    of a place and a team.
+    Their places are numbered from turn to turn: nodes, and as many numbers behind them, edges.
     """
 
     def __init__(self, conflicts: Conflicts, names: Sequence[str], teams: Sequence[Hashable], seed: int) -> None:
         self._conflicts = conflicts
         self._names = names
         self._teams = teams
-        self._most = most = 2 * len(names)  # nodes, or edges, on which they begin or end
-        self._memory = _Memory(conflicts, len(names), most, 2 * most)
+        self._most = most = 2 * len(names)  # ids of nodes and edges where they begin or end
+        number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}
+        self._memory = _Memory(conflicts, len(names), most, 2 * most, len(number) or 1)
         self._counts = memoryview(bytes([1]) * len(names))
-        self._offsets = memoryview(array("q", bytes(8 * len(names))))
+        self._offsets = memoryview(array("q", [2 * most * number.get(team, 0) for team in teams]))
         self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
+        self._numbers = np.zeros(most, np.int64)
+        self._moves = self._numbers[: len(names)].data, self._numbers[len(names) :].data
+        slots = 1 << most.bit_length()
+        tables = np.zeros(slots, np.int64), np.full(slots, -1, np.int32), np.zeros(most, np.int32)
+        self._tables = tuple([table.data for table in tables])
         self._ranking = _ranking_of(conflicts._resolver)
         if self._ranking is not None:
             ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
@@ -327,43 +332,38 @@ class _Agents:
             ctx: of the game.
             has_edges: whether there may be edges among the places.
         """
-        if self._conflicts._per_team:
-            starts, ends = ([*zip(places, self._teams, strict=True)] for places in (starts, ends))
-        number = dict(zip(dict.fromkeys([*starts, *ends]), count()))
-        if has_edges:
-            for key in number:
-                number[key] += self._most * isinstance(key[0] if self._conflicts._per_team else key, EdgePlace)
-        self._take_limits(number, starts, ends, ctx, has_edges=has_edges)
-        moves = [memoryview(array("q", map(number.__getitem__, places))) for places in (starts, ends)]
+        self._number([*starts, *ends], has_edges=has_edges)
+        limits = self._conflicts._limits
+        if limits.least < UNLIMITED and (limits.number is None or has_edges):
+            rows = self._numbers[len(starts) :].tolist()
+            coming = {row: end for row, start, end in zip(rows, starts, ends, strict=True) if start != end}
+            self._limits[[*coming]] = limits.of(ctx, [*coming.values()])
         memory = self._memory
         if self._ranking is None:
-            self._ask_each(moves, movers_of, ctx)
+            self._ask_each(movers_of, ctx)
         else:
-            turn = ctx.game.turn
-            given = self._counts, self._offsets, self._limits.data, self._ranks, 0, turn
-            core.resolve(memory.contests, moves[0], moves[1], *given)
+            given = self._counts, self._offsets, self._limits.data, self._ranks
+            if not core.resolve(memory.contests, *self._moves, *given, 0, ctx.game.turn):
+                return []
         losers = np.flatnonzero(memory.stays).tolist()
         for i in losers:
             if memory.stays[i] == core.LOSES_UNRANKED and self._ranking is not None:
                 self._ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
         return losers
 
-    def _take_limits(
-        self, number: dict[Any, int], starts: Sequence[Any], ends: Sequence[Any], ctx: HostContext, *, has_edges: bool
-    ) -> None:
-        """Take the capacities of the places that agents come to."""
-        limits = self._conflicts._limits
-        if limits.least == UNLIMITED or (limits.number is not None and not has_edges):
-            return
-        coming = list(dict.fromkeys(compress(ends, map(ne, starts, ends))))
-        rows = list(map(number.__getitem__, coming))
-        places = [key[0] for key in coming] if self._conflicts._per_team else coming
-        self._limits[rows] = limits.of(ctx, places)
+    def _number(self, places: list[Any], *, has_edges: bool) -> None:
+        """Number the places where agents begin and end."""
+        are_edges = [isinstance(place, EdgePlace) for place in places] if has_edges else ()
+        if any(are_edges):
+            places = [place.edge if isinstance(place, EdgePlace) else place for place in places]
+        core.number_ids(memoryview(array("q", places)), *self._tables, self._numbers.data)
+        if any(are_edges):
+            self._numbers += self._most * np.array(are_edges)
 
-    def _ask_each(self, moves: list[memoryview], movers_of: MoversOf, ctx: HostContext) -> None:
+    def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
         """Let a function decide each contest."""
         c, limits = self._memory.contests, self._limits.data
-        core.begin(c, moves[0], moves[1], self._counts, self._offsets, 0)
+        core.begin(c, *self._moves, self._counts, self._offsets, 0)
         try:
             if not self._conflicts.allow_swaps:
                 found = core.find_exchanges(c)
