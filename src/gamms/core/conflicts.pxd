@@ -30,11 +30,11 @@ cdef i64 number_pairs(Contests c) except -1 nogil
 cdef int list_members(Contests c, i64 found) except -1 nogil
 @cython.locals(k=i64, m=i64, i=i64, way=i32)
 cpdef int end_exchanges(Contests c, i64 found) except -1 nogil
-@cython.locals(is_full=bint, i=i64, p=i64, queued=i64)
+@cython.locals(i=i64, p=i64, queued=i64)
 cpdef i64 find_contests(Contests c, const i64[::1] limits) except -1 nogil
 @cython.locals(lost=i64, k=i64, m=i64, p=i64, i=i64, known=i64, queued=i64)
 cpdef i64 find_more_contests(Contests c, i64 found, const i64[::1] limits) except -1 nogil
-@cython.locals(found=i64, members=i64, k=i64, p=i64, i=i64, coming=i64, free=i64)
+@cython.locals(found=i64, members=i64, k=i64, p=i64, i=i64, coming=i64, node=i64, free=i64)
 cdef i64 list_contests(Contests c, i64 queued, const i64[::1] limits) except -1 nogil
 @cython.locals(i=i64)
 cpdef int clear(Contests c) except -1 nogil

@@ -228,7 +228,7 @@ def find_contests(c: Contests, limits: memoryview[int]) -> int:
         c: the moves.
         limits: (places,) 64-bit integers: capacities.
     """
-    is_full = False
+    queued = 0
     for i in range(c.agents - 1, -1, -1):
         p = c.end[i]
         if p < 0:
@@ -239,15 +239,9 @@ def find_contests(c: Contests, limits: memoryview[int]) -> int:
             c.after[i] = c.head[p]
             c.head[p] = i
         c.taken[p] += 1
-        if c.taken[p] > c.least:
-            is_full = True
-    queued = 0
-    if is_full:
-        for i in range(c.agents):
-            p = c.end[i]
-            if p >= 0 and c.head[p] == i and c.taken[p] > c.least:
-                c.queue[queued] = p
-                queued += 1
+        if c.taken[p] == c.least + 1:
+            c.queue[queued] = p
+            queued += 1
     return list_contests(c, queued, limits)
 
 
@@ -293,8 +287,9 @@ def list_contests(c: Contests, queued: int, limits: memoryview[int]) -> int:
             c.members[members + coming] = i
             coming += 1
             i = c.after[i]
-        free = limits[p % c.places] - (c.taken[p] - coming)
-        if free < coming:
+        node = p if p < c.places else p % c.places  # a division costs as much as the rest
+        free = limits[node] - (c.taken[p] - coming)
+        if coming > 0 and free < coming:
             members += coming
             c.place[found] = p
             c.free[found] = max(free, 0)

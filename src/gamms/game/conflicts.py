@@ -314,7 +314,7 @@ class _Agents:
         self._moves = self._numbers[: len(names)].data, self._numbers[len(names) :].data
         slots = 1 << most.bit_length()
         tables = np.zeros(slots, np.int64), np.full(slots, -1, np.int32), np.zeros(most, np.int32)
-        self._tables = tuple([table.data for table in tables])
+        self._tables = [table.data for table in tables]
         self._ranking = _ranking_of(conflicts._resolver)
         if self._ranking is not None:
             ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
@@ -356,7 +356,8 @@ class _Agents:
         are_edges = [isinstance(place, EdgePlace) for place in places] if has_edges else ()
         if any(are_edges):
             places = [place.edge if isinstance(place, EdgePlace) else place for place in places]
-        core.number_ids(memoryview(array("q", places)), *self._tables, self._numbers.data)
+        keys, slots, used = self._tables
+        core.number_ids(memoryview(array("q", places)), keys, slots, used, self._numbers.data)
         if any(are_edges):
             self._numbers += self._most * np.array(are_edges)
 
