@@ -207,6 +207,21 @@ def last(contest, ctx):
         assert ctx.agent.get_agent("red_0").get_state()["sensor"]["near"][1] == 2
 
 
+def test_a_file_names_ranks_that_decide_conflicts_alone_and_in_a_batch(made, folder):
+    (folder / "ranks.py").write_text("""
+from gamms.rules import by_rank
+
+@by_rank
+def last_first(name, team):
+    return -ord(name[-1])
+""")
+    one = made({"conflicts.resolve": "ranks:last_first"})
+    with one.batch(seeds=[3, 4]) as games:
+        assert "conflicts" not in (games.slow or "")
+        games.run()
+        assert [games.result(number) == one.play(seed=seed) for number, seed in enumerate(games.seeds)] == [True, True]
+
+
 @pytest.mark.parametrize(
     ("code", "hint"),
     [

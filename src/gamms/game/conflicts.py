@@ -64,6 +64,7 @@ class Ranking:
     def __init__(self, rank: Rank | None, *, of_team: bool = False) -> None:
         self.rank = rank
         self._of_team = of_team
+        self.__module__ = getattr(rank, "__module__", __name__)  # as scenario files ask for where it is declared
 
     def __call__(self, contest: Contest, ctx: HostContext) -> list[Move]:
         """Return the moves of the winners."""
