@@ -364,10 +364,10 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         theirs: likewise.
         nearness: what counts as a contact.
     """
-    sides = np.zeros(turn.node.shape, np.int64)
-    sides[:, ours] += 1
-    sides[:, theirs] += 2
-    sides[~turn.alive] = 0
+    side = np.zeros(turn.node.shape[1], np.int64)
+    side[ours] += 1
+    side[theirs] += 2
+    sides = side * turn.alive
     by_move = turn.is_there_by_move
     nodes, times, lengths = _steps_of(turn, by_move)
     agents, most = nodes.shape[1:]

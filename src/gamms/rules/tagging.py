@@ -180,6 +180,8 @@ def _tag_in_arrays(turn: ArrayTurn, taggings: Sequence[_Tagging]) -> None:
     """Let agents tag in a turn of many games."""
     parts = [one.tags_in_arrays(turn) for one in taggings]
     met = joined_rows([part for part, _ in parts])
+    if not len(met.games):
+        return
     tags = np.concatenate([some for _, some in parts])
     number = np.repeat(np.arange(len(parts)), [len(some) for _, some in parts])
     order = np.lexsort((number, met.on_edges, met.draws, met.distances, met.times, met.games))
