@@ -249,7 +249,7 @@ class TurnConflicts:
         starts, ends = map(whole.of_ground, places)
         if known.allow_swaps and known._limits.least > 0 and len(set(ends)) == len(ends):
             return []
-        key = order, known, 0 if _ranking_of(known._resolver) is None else ctx.seed
+        key = order, known, known.allow_swaps, 0 if _ranking_of(known._resolver) is None else ctx.seed
         if self._agents is None or self._key != key:
             names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
             self._agents = _Agents(known, names, teams, ctx.seed)
@@ -461,7 +461,7 @@ class ArrayMoves(NamedTuple):
 
 def stopped_in_arrays(conflicts: Conflicts, moves: ArrayMoves) -> BoolArray:
     """Return which agents stay, (games, agents), by conflicts that are `ranked`."""
-    known: list[_Table] = moves.shared(("conflicts", conflicts), list)
+    known: list[_Table] = moves.shared(("conflicts", conflicts, conflicts.allow_swaps), list)
     if not known or known[0].roster is not moves.roster:
         known[:] = [_Table(conflicts, moves)]
     return known[0].stopped(moves)
