@@ -1,18 +1,21 @@
 """Compiled and interpreted, the functions of the core return the same and write the same.
 
-`CASES` has a line for each function of a module: its module, its name, and what it may be called with. The laws of the
-methods of classes run in both forms as they are.
+`CASES` has a line for each function that is called with columns and numbers: its module, its name, and what it may be
+called with. The functions of the modules in `PLAYED` work on the memory of a game, so games are played with them.
 """
 
 import importlib
+import json
 import os
 import re
+import subprocess
 import sys
 from array import array
 from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
+import games_of_both_forms
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -43,18 +46,7 @@ def rows(*columns):
     return st.lists(st.tuples(*columns), min_size=1, max_size=6).map(filled)
 
 
-def pairs():
-    """Pairs of six agents in the order of their games, a column for what is taken, and one to write to."""
-
-    def filled(drawn):
-        columns = [array("q", column) for column in zip(*sorted(drawn), strict=True)]
-        return (*columns, array("q", [-1] * 6), array("q", bytes(8 * len(drawn))))
-
-    return st.lists(st.tuples(numbers(0, 3), numbers(0, 5), numbers(0, 5)), min_size=1, max_size=9).map(filled)
-
-
 CASES = {
-    ("contacts", "match"): pairs(),
     ("draws", "mix"): st.tuples(U64),
     ("draws", "rotated"): st.tuples(U64, numbers(1, 63)),
     ("draws", "siphash"): st.tuples(U64, U64, U64),
@@ -67,6 +59,8 @@ CASES = {
     ("draws", "fill_turn_keys"): rows(U64, I64),
     ("draws", "fill_bits"): rows(U64, I64),
 }
+
+PLAYED = {"conflicts", "contacts"}
 
 
 @cache
@@ -102,9 +96,17 @@ def test_both_forms_do_the_same(module, function, data):
     assert outcome(compiled, function, arguments) == outcome(interpreted(module), function, arguments)
 
 
+@pytest.mark.compiled
+def test_games_of_both_forms_are_the_same():
+    program = [sys.executable, games_of_both_forms.__file__]
+    environment = os.environ | {"GAMMS_CORE": "python"}
+    played = subprocess.run(program, env=environment, check=True, capture_output=True, text=True)
+    assert json.loads(played.stdout) == games_of_both_forms.all_results()
+
+
 def test_every_function_of_the_core_has_a_case():
     declared = set()
-    for types in FOLDER.glob("*.pxd"):
+    for types in (file for file in FOLDER.glob("*.pxd") if file.stem not in PLAYED):
         names = re.findall(r"^cpdef .*?(\w+)\(", types.read_text(encoding="utf-8"), re.MULTILINE)
         declared |= {(types.stem, name) for name in names}  # those of classes and of C are indented
     assert declared == set(CASES)

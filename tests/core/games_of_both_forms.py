@@ -1,0 +1,49 @@
+"""Random games in which agents meet and are in each other's way; run as a program, it prints what becomes of them."""
+
+import json
+import logging
+import sys
+from random import Random
+
+from gamms.scenario import Scenario
+
+NEARNESS = [{}, {"hops": 1}, {"metres": 10.0}, {"metres": 1e300}, {"euclid": 14.2}, {"passing": False}]
+
+
+def scenario_of(number):
+    """Return a random scenario."""
+    rng = Random(number)
+    is_metric = rng.random() < 0.3
+    speeds = [7.0, 12.5] if is_metric else [1, 3]
+    team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:random_waypoints", "speed": rng.choice(speeds)}
+    tag = {"taggers": "red", "tagged": "blue", "then": rng.choice(["respawn", "eliminate"])} | rng.choice(NEARNESS)
+    return Scenario(
+        max_turns=8,
+        map={"grid": {"width": rng.randint(3, 5), "height": 3}},
+        teams={"red": team, "blue": team},
+        rules=[{"rule": "tag", "with": tag}],
+        conflicts={"capacity": rng.randint(1, 3), "allow_swaps": rng.random() < 0.5},
+        settings={"speed_unit": "metres"} if is_metric else {},
+    )
+
+
+def results_of(number):
+    """Return what becomes of a random game alone, and of two in a batch, as text."""
+    scenario = scenario_of(number)
+    with scenario.batch(2, seed=number) as games:
+        games.run()
+        results = [scenario.play(number), *map(games.result, range(2))]
+    told = [result.to_dict() for result in results]
+    for one in told:
+        del one["timings"]
+    return json.dumps(told, default=str, sort_keys=True)
+
+
+def all_results():
+    """Return those of all games."""
+    logging.getLogger("gamms").setLevel(logging.ERROR)
+    return [results_of(number) for number in range(40)]
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(all_results()))
