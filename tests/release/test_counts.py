@@ -41,7 +41,7 @@ def test_importing_gamms_loads_few_modules():
 
 def test_a_first_context_loads_few_modules_beyond_those_of_numpy():
     first = modules_loaded_by("import gamms; gamms.create_context()")
-    assert first - modules_loaded_by("import numpy") <= 130  # 118, of 177 before drawing was loaded on first use
+    assert first - modules_loaded_by("import numpy") <= 138  # 136, of which the compiled core needs 12
 
 
 def modules_loaded_by(code):

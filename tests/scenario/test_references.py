@@ -97,7 +97,7 @@ def hostile(canary):
         "numpy:load": {"file": str(canary), "allow_pickle": True},
         "numpy:save": {"file": str(canary), "arr": [1]},
         "numpy.ctypeslib:load_library": {"libname": "libc.so.6", "loader_path": "/"},
-        "pip:main": {"args": ["download", "x"]},
+        "ensurepip:bootstrap": {"root": str(canary)},
         "typer:launch": {"url": str(canary)},
         "os:system": {"command": shell},
         "posix:system": {"command": shell},

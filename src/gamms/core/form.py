@@ -4,7 +4,6 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from hashlib import sha256
 from importlib import import_module
 from importlib.machinery import SOURCE_SUFFIXES, FileFinder, ModuleSpec, SourceFileLoader
 from pathlib import Path
@@ -33,6 +32,8 @@ def choose(package: str, folder: Path) -> bool:
 
 def digest(folder: Path) -> str:
     """Return a hash of the text that is compiled: each `.pxd` and the `.py` beside it."""
+    from hashlib import sha256  # which takes milliseconds to load, and an installed package does without
+
     total = sha256()
     types = sorted(folder.glob("*.pxd"))
     for file in [*types, *(one.with_suffix(".py") for one in types)]:
