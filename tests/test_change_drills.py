@@ -28,58 +28,66 @@ def printed(source, folder, program):
     return subprocess.check_output([sys.executable, "-c", program], cwd=folder, env=environment, text=True).strip()
 
 
-PROPERTY = """    battery = property(
-        lambda self: self._block.battery[self._row],
-        lambda self, value: self._set("battery", float(value)),
-    )
-
+BATTERY = """    Column(
+        "battery",
+        np.float64,
+        initial=1.0,
+        event=ChangeEvent(0x01100015, "AGENT_BATTERY", Audience.TEAM, "battery"),
+    ),
 """
 
 
 def with_battery(folder):
     """A copy of the source in which agents have a battery, which is recorded."""
-    return changed(
-        folder,
-        ("ir/agents.py", "NUMBERS: dict[str, tuple[type, Any]] = {}", 'NUMBERS = {"battery": (np.float64, 1.0)}'),
-        (
-            "ir/events.py",
-            "AGENT_SPEED = ",
-            'AGENT_BATTERY = _column(0x01100015, "AGENT_BATTERY", _TEAM, "battery", "battery")\nAGENT_SPEED = ',
-        ),
-        ("agent/agent.py", '"orientation", "speed", "team"})', '"orientation", "speed", "team", "battery"})'),
-        (
-            "agent/agent.py",
-            "    @property\n    def state(self)",
-            PROPERTY + "    @property\n    def state(self)",
-        ),
-    )
+    before = '    Column("sensors", '
+    return changed(folder, ("ir/schema.py", before, BATTERY + before))
 
 
-def test_an_attribute_that_is_recorded_takes_three_files(tmp_path):
+def test_a_number_of_agents_that_is_recorded_is_one_entry_of_the_schema(tmp_path):
     source = with_battery(tmp_path)
     program = """
 import gamms
 
+def drain(ctx):
+    ctx.agent.get_agent("anna").battery -= 0.25
+
 with gamms.create_context(seed=1) as ctx:
     ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
     anna = ctx.agent.create_agent("anna", start_node_id=0)
-    ctx.game.add(lambda ctx: setattr(anna, "battery", anna.battery - 0.25))
+    ctx.game.add(drain)
     ctx.record.start("game")
     ctx.game.step()
+    ctx.agent.create_agent("ben", start_node_id=1, battery=0.875)
     ctx.game.step()
     ctx.record.stop()
     snapshot = ctx.game.snapshot()
+    ahead = ctx.game.fork(seed=2)
+    ahead.step()
+    print(anna.battery, ahead.agents[0].battery)
     anna.battery = 0.0
     ctx.game.restore(snapshot)
     print(anna.battery)
+    try:
+        anna.battery = "full"
+    except gamms.errors.BadType as error:
+        print(error)
 with gamms.recorder.open("game.ggr") as recording:
-    print([float(recording.state(turn).agents["battery"][0]) for turn in range(3)])
+    print([recording.state(turn).agents["battery"].tolist() for turn in range(3)])
+    with recording.resume(2) as ctx:
+        print([agent.battery for agent in ctx.agent.create_iter()])
 with gamms.create_context() as ctx:
     for _ in ctx.record.replay("game.ggr"):
         pass
-    print(ctx.agent.get_agent("anna").battery)
+    print([agent.battery for agent in ctx.agent.create_iter()])
 """
-    assert printed(source, tmp_path, program) == "0.5\n[1.0, 0.75, 0.5]\n0.5"
+    assert printed(source, tmp_path, program).splitlines() == [
+        "0.5 0.25",
+        "0.5",
+        "battery must be a number, not 'full' (str).",
+        "[[1.0], [0.75], [0.5, 0.875]]",
+        "[0.5, 0.875]",
+        "[0.5, 0.875]",
+    ]
 
 
 def test_a_recorded_attribute_is_that_of_its_own_game_in_batches(tmp_path):

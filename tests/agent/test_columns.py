@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.ir.agents import BY_ROW, AgentBlock
+from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, Succession, copied_ids
 from gamms.ir.journal import CLOSED, Journal
 from gamms.ir.positions import Positions
+from gamms.ir.schema import BY_ROW
 
 
 @pytest.fixture

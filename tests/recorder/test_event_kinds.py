@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from test_frozen_recordings import everything_of_version_3, flights_of_version_3, turns_of_version_3
 
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, Audience, Field, Mover, Role, events_of, records_of, renumbered, steps_of
+from gamms.ir.events import EVENTS, Field, Mover, Role, events_of, records_of, renumbered, steps_of
 from gamms.ir.game_state import GameState
+from gamms.ir.schema import Audience
 from gamms.recorder import Reader
 from gamms.recorder import open as opened
 from gamms.recorder.changes import DETECTED

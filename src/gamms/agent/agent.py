@@ -14,6 +14,7 @@ from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.ir.journal import CLOSED
+from gamms.ir.schema import NUMBERS, SETTABLE, Column
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
@@ -66,7 +67,7 @@ class BaseAgent(ContextPart, IAgent):
 
     _called = "agent"
 
-    _SETTABLE: ClassVar = frozenset({"alive", "current_node_id", "prev_node_id", "orientation", "speed", "team"})
+    _SETTABLE: ClassVar = SETTABLE
     _ACTION: ClassVar[str]  # what a strategy is to choose
 
     strategy: Strategy | MaybeNone  # the function of its state that decides for it; settable
@@ -383,6 +384,22 @@ class BaseAgent(ContextPart, IAgent):
     def _clear_owner(self, sensor: ISensor) -> None:
         if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now
             sensor.set_owner(None)
+
+
+def _number(column: Column) -> property:
+    """Return the property that stands for a further number of agents."""
+
+    def value_of(agent: BaseAgent) -> Any:
+        return getattr(agent._block, column.name)[agent._row]
+
+    def put(agent: BaseAgent, value: object) -> None:
+        agent._set(column.name, column.checked(value, column.name))
+
+    return property(value_of, put)
+
+
+for _column in NUMBERS:
+    setattr(BaseAgent, _column.name, _number(_column))
 
 
 class Agent(BaseAgent):

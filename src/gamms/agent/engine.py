@@ -33,6 +33,7 @@ from gamms.ir.agents import AgentBlock
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.journal import CLOSED, Muted
 from gamms.ir.positions import Positions
+from gamms.ir.schema import VECTORS
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
@@ -354,7 +355,7 @@ class AgentEngine(ContextPart, IAgentEngine):
     def _more_of(self, row: int) -> dict[str, Any]:
         """Return what does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
         block = self._block
-        more = {name: getattr(block, name)[row] for name in ("heading", "position", "previous_position", "quat")}
+        more = {name: getattr(block, name)[row] for name in VECTORS}
         if block.kind[row]:
             more["node"] = block.nearest(row)
         return {name: value for name, value in more.items() if value is not None}

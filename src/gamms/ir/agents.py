@@ -11,10 +11,10 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop, fit_in_32_bits
-from gamms.ir.events import COLUMN_EVENTS
 from gamms.ir.graph import IntArray, NodeFinder
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 from gamms.ir.progress import Progress
+from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
@@ -22,29 +22,10 @@ Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
 
-NUMBERS: dict[str, tuple[type, Any]] = {}
-"""Further columns of one number per agent, by name: the kind and the value of a new agent.
-
-Blocks, snapshots, recordings, replays and the states of recordings have a column that is entered here. What else it
-needs is an event kind in `ir/events.py`, and a property in `agent/agent.py`.
-"""
-
-BY_ROW = (
-    *("names", "teams", "kind", "node", "previous", "heading", "position", "previous_position", "quat", "speed"),
-    *("alive", "progress", *NUMBERS),
-)
-ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that `arrays` gives as arrays: kind, and shape of a row
-    **dict.fromkeys(("kind", "node", "previous"), (np.int64, ())),
-    "heading": (np.float64, (2,)),  # NaN stands for None
-    **dict.fromkeys(("position", "previous_position"), (np.float64, (3,))),
-    "quat": (np.float64, (4,)),
-    "alive": (np.bool_, ()),
-    **{name: (kind, ()) for name, (kind, _) in NUMBERS.items()},
-}
-_PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress", *NUMBERS)
-_IN_ARRAYS = ("node", "previous")  # the columns that `use_arrays` turns into arrays
-_OF_STRUCTURE = frozenset({"teams", "speed", "alive"})
-_OF_VERSION = frozenset({"node", "position", "teams", "alive"})
+_COLUMNS = {column.name: column for column in AGENT_COLUMNS if column.is_in_block}
+_PLACES = [name for name, column in _COLUMNS.items() if column.is_place]
+_IN_ARRAYS = [name for name, column in _COLUMNS.items() if column.has_nodes]  # that `use_arrays` turns into arrays
+_INITIAL = {name: column.initial for name, column in _COLUMNS.items() if name not in _IN_ARRAYS}  # of a new agent
 
 
 class AgentBlock:
@@ -89,20 +70,21 @@ class AgentBlock:
         *("travellers", "trusts_nodes", "under_way"),
     )
 
+    names: list[str]
+    teams: list[Any]
+    kind: list[int]
+    node: list[int]
+    previous: list[int]
+    heading: list[tuple[float, float] | None]
+    position: list[Position | None]
+    previous_position: list[Position | None]
+    quat: list[Quat | None]
+    speed: list[float | None]
+    alive: list[bool]
+    progress: list[Progress | None]
+
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
-        self.names: list[str] = []
-        self.teams: list[Any] = []
-        self.kind: list[int] = []
-        self.node: list[int] = []
-        self.previous: list[int] = []
-        self.heading: list[tuple[float, float] | None] = []
-        self.position: list[Position | None] = []
-        self.previous_position: list[Position | None] = []
-        self.quat: list[Quat | None] = []
-        self.speed: list[float | None] = []
-        self.alive: list[bool] = []
-        self.progress: list[Progress | None] = []
-        for name in NUMBERS:
+        for name in BY_ROW:
             setattr(self, name, [])
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
@@ -125,17 +107,13 @@ class AgentBlock:
         self._located_revision: int | None = None  # of the graph, when the nodes of the other flyers were found
 
     def arrays(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return copies of columns, those in `ARRAYS` as arrays, where NaN stands for None."""
+        """Return copies of columns, those of numbers as arrays, where NaN stands for None."""
         columns: dict[str, Any] = {}
         for name in names:
-            column = getattr(self, name)
-            if name not in ARRAYS:
-                columns[name] = list(column)
-                continue
-            kind, shape = ARRAYS[name]
-            if shape and isinstance(column, list):
-                column = [one or (np.nan,) * shape[0] for one in column]
-            columns[name] = np.array(column, kind).reshape(-1, *shape)
+            column, of = getattr(self, name), _COLUMNS[name]
+            if of.shape:
+                column = [one or (np.nan,) * of.shape[0] for one in column]
+            columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
         return columns
 
     def use_arrays(self) -> None:
@@ -194,18 +172,11 @@ class AgentBlock:
     ) -> int:
         """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
         row, flies = len(self.names), position is not None
-        self.names.append(name)
-        self.teams.append(team)
-        self.kind.append(int(flies))
         self._append([node])
-        self.heading.append(None)
-        self.position.append(position)
-        self.previous_position.append(position)
-        self.quat.append(UNTURNED if flies else None)
-        self.speed.append(speed)
-        self.alive.append(True)
-        self.progress.append(None)
-        for column, (_, value) in NUMBERS.items():
+        given = {"names": name, "teams": team, "kind": int(flies), "speed": speed, "alive": True}
+        if flies:
+            given |= {"position": position, "previous_position": position, "quat": UNTURNED}
+        for column, value in {**_INITIAL, **given}.items():
             getattr(self, column).append(value)
         self.rows.enter(name)
         self.structure.note((row,))
@@ -218,12 +189,9 @@ class AgentBlock:
     def add_all(self, names: Sequence[str], nodes: list[int], team: Hashable) -> int:
         """Add agents of one team that stand on these nodes; returns the row of the first."""
         first, count = len(self.names), len(names)
-        self.names += names
         self._append(nodes)
-        nothing = dict.fromkeys(("heading", "position", "previous_position", "quat", "speed", "progress"))
-        numbers = {column: value for column, (_, value) in NUMBERS.items()}
-        for column, value in {**nothing, **numbers, "teams": team, "kind": 0, "alive": True}.items():
-            getattr(self, column).extend([value] * count)
+        for column, value in {**_INITIAL, "teams": team, "kind": 0, "alive": True}.items():
+            getattr(self, column).extend(names if column == "names" else [value] * count)
         rows = range(first, first + count)
         self.rows.enter_all(names)
         self.structure.note(rows)
@@ -233,7 +201,7 @@ class AgentBlock:
     def take_over(self, source: "AgentBlock", row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
         new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
-        for name in ("previous", "heading", "previous_position", "quat", "progress", "alive", *NUMBERS):
+        for name in BY_ROW:
             self._put(name, new, getattr(source, name)[row])
         self._follow_progress(new)
         if not self.alive[new]:
@@ -354,14 +322,14 @@ class AgentBlock:
             self.journal.moved(rows.ascending, copy)
 
     def set(self, row: int, column: str, value: object) -> None:
-        """Set the value of an agent in one of the columns that have an event of their own: `COLUMN_EVENTS`."""
+        """Set the value of an agent in one of the columns of `schema.CHANGE_EVENTS`, and note it."""
         journal = self.journal
         if journal is CLOSED:
             return
         self._put(column, row, value)
-        if column in _OF_VERSION:
+        if _COLUMNS[column].is_watched:
             self._changed.add(row)
-        if column in _OF_STRUCTURE:
+        if _COLUMNS[column].is_structure:
             self.structure.note((row,))
         if column == "node":
             self.placed.add(row)
@@ -370,9 +338,9 @@ class AgentBlock:
         if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
             self.set_progress(row, None)
         if not journal.is_silent:
-            kind, key = COLUMN_EVENTS[column]
+            event = CHANGE_EVENTS[column]
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
-            journal.note(kind, {"agent_name": self.names[row], key: plain})
+            journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
 
     def on_edge(self, row: int) -> Progress | None:
         """Return where on an edge an agent is; None: on its node, or in the air."""

@@ -18,6 +18,7 @@ from gamms.ir.applied_to import State
 from gamms.ir.game_state import BlockedAgents, Scores
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import as_message
+from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
 from gamms.plain import Plain
 from gamms.readonly import published
 from gamms.text import shown
@@ -60,16 +61,6 @@ REPLAYED = -1  # never written: a record of version 2 that is replayed, and what
 
 
 # -- kinds ------------------------------------------------------------------------------------------------------
-
-
-class Audience(Enum):
-    """Who may know of an event while the game goes on."""
-
-    ALL = "all"
-    TEAM = "the team of the agent"
-    SENSED = "the team of the agent, and who senses it"
-    HEARD = "the team of the sender, and those who hear or overhear it"
-    HOST = "only the program that runs the game"
 
 
 class Role(Enum):
@@ -144,9 +135,6 @@ def _speed(value: object, name: str) -> Any:
     return value
 
 
-ON_EDGES = ("edge_source", "edge_target", "edge_share", "edge_id", "edge_motion")
-"""The columns that hold an `ir.progress.Progress`; the last two may be missing in games that count edges."""
-
 _FIELDS = {  # fields of these names; all others hold any plain value
     "agent_name": Field(Role.AGENT, as_name),
     "names": Field(Role.AGENT),
@@ -160,6 +148,7 @@ _FIELDS = {  # fields of these names; all others hold any plain value
     "team": Field(check=as_key),
     "alive": Field(check=as_bool),
     "speed": Field(check=_speed),
+    **{column.event.key: Field(check=column.checked) for column in NUMBERS if column.event is not None},
 }
 EVENTS: dict[int, EventKind] = {}
 """All kinds, by their codes."""
@@ -337,22 +326,14 @@ FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node previous"
 # Never written as an event: the ints of a log, and a column of their own in a file.
 MOVES = _event(0x01100040, "MOVES", _SENSED, "number node", _move, _move_records)
 
-COLUMN_EVENTS: dict[str, tuple[int, str]] = {}
-"""Column of an `AgentBlock` -> the kind of event that notes a change of it, and the key of the value."""
-
-
-def _column(code: int, name: str, audience: Audience, column: str, key: str, add: Callable[..., int] = _event) -> int:
-    """Add the kind that notes a change of a column."""
-    COLUMN_EVENTS[column] = code, key
-    return add(code, name, audience, f"agent_name {key}", _sets(column, key))
-
-
-AGENT_CURRENT_NODE = _column(0x01100000, "AGENT_CURRENT_NODE", _SENSED, "node", "node_id", _record)
-AGENT_PREV_NODE = _column(0x01100001, "AGENT_PREV_NODE", _SENSED, "previous", "node_id", _record)
-AGENT_ORIENTATION = _column(0x01100004, "AGENT_ORIENTATION", _SENSED, "heading", "orientation", _record)
-AGENT_TEAM = _column(0x01100010, "AGENT_TEAM", _ALL, "teams", "team")
-AGENT_ALIVE = _column(0x01100011, "AGENT_ALIVE", _ALL, "alive", "alive")
-AGENT_SPEED = _column(0x01100012, "AGENT_SPEED", _TEAM, "speed", "speed")
+for _column, (_code, _name, _audience, _key, _is_record) in CHANGE_EVENTS.items():
+    (_record if _is_record else _event)(_code, _name, _audience, f"agent_name {_key}", _sets(_column, _key))
+AGENT_CURRENT_NODE = CHANGE_EVENTS["node"].code
+AGENT_PREV_NODE = CHANGE_EVENTS["previous"].code
+AGENT_ORIENTATION = CHANGE_EVENTS["heading"].code
+AGENT_TEAM = CHANGE_EVENTS["teams"].code
+AGENT_ALIVE = CHANGE_EVENTS["alive"].code
+AGENT_SPEED = CHANGE_EVENTS["speed"].code
 
 _NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURRENT_NODE}
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Audience, Log, Role, events_of, renumbered
+from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
+from gamms.ir.schema import Audience
 from gamms.plain import Plain
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState

@@ -7,11 +7,11 @@ import numpy as np
 
 from gamms import kernels
 from gamms.ir import events as kinds
-from gamms.ir.agents import NUMBERS
 from gamms.ir.applied_to import AgentsState, State
-from gamms.ir.events import EVENTS, LOGGED, ON_EDGES, Log, events_of
+from gamms.ir.events import EVENTS, LOGGED, Log, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
+from gamms.ir.schema import NUMBERS, ON_EDGES, SETTABLE, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, Damaged, refusing
@@ -46,8 +46,7 @@ _APART = _OTHERS - {  # events that change nothing that moves of others look at 
 }
 _GONE: Any = object()  # in place of the value of an attribute that an agent has no longer
 # Keywords of a creation that do not become attributes of the agent.
-_NO_ATTRIBUTES = {"start_node_id", "sensors", "team", "strategy", "type", "orientation", "speed", "position", "quat"}
-_NO_ATTRIBUTES |= {"prev_node_id", "current_node_id", "alive", *NUMBERS}
+_NO_ATTRIBUTES = {"start_node_id", "sensors", "strategy", "type", "position", "quat", *SETTABLE}
 
 
 class DetachedState(State):
@@ -346,7 +345,7 @@ class DetachedAgents(AgentsState):
 
     def set(self, row: int, column: str, value: Plain) -> None:
         """Set one column of an agent."""
-        if value is None and column == "heading":
+        if value is None and column in VECTORS:
             value = np.nan
         self.columns[column][row] = value
         self.version += column in LISTS
@@ -453,7 +452,7 @@ def _row_of_creation(
 ) -> dict[str, Any]:
     """Return the row of a new agent."""
     node, sensors = int(given["start_node_id"]), given.get("sensors") or {}
-    places = {key: (np.nan,) * shape[0] for key, (_, shape) in ARRAYS.items() if shape}
+    places = {key: (np.nan,) * width for key, width in VECTORS.items()}
     places |= {key: value for key, value in state.items() if key in places}
     return {
         "names": name,
@@ -467,7 +466,7 @@ def _row_of_creation(
         "node": int(state.get("node", node)),
         "previous": node,
         "alive": 1,
-        **{name: given.get(name, value) for name, (_, value) in NUMBERS.items()},
+        **{one.name: given.get(one.name, one.initial) for one in NUMBERS},
         **dict.fromkeys(ON_EDGES, 0),
         **places,
     }

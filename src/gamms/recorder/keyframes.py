@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
-from gamms.ir.agents import NUMBERS
 from gamms.ir.deflated import LARGE_COLUMN
-from gamms.ir.events import LOGGED, ON_EDGES, as_blocked, as_looks, as_over, set_scores
+from gamms.ir.events import LOGGED, as_blocked, as_looks, as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Motion, Progress
+from gamms.ir.schema import AGENT_COLUMNS, NUMBERS, ON_EDGES, VECTORS
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
 from gamms.recorder.errors import Damaged
@@ -26,17 +25,14 @@ from gamms.typing.game import strategy_name
 Keyframe = dict[str, Any]
 Columns = dict[str, Any]  # those of `LISTS` and `ARRAYS`
 
-LISTS = ("names", "teams", "speed", "sensors", "attributes", "strategies")
-ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
-    "numbers": (np.int64, ()),
-    **BLOCK_ARRAYS,
-    "alive": (np.int64, ()),
-    "edge_source": (np.int64, ()),
-    "edge_target": (np.int64, ()),
-    "edge_share": (np.float64, ()),
-    "edge_id": (np.int64, ()),
-    "edge_motion": (np.int64, ()),
+_WRITTEN = [part for column in AGENT_COLUMNS for part in column.parts or (column,)]
+LISTS = [column.name for column in _WRITTEN if column.kind is None]
+ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # kind, and shape of a row
+    column.name: (np.int64 if column.kind is np.bool_ else column.kind, column.shape)
+    for column in _WRITTEN
+    if column.kind is not None
 }
+_OPTIONAL = [column for column in _WRITTEN if column.initial is not None]
 _MOST_AGENTS = 1 << 24  # that one recording may number
 
 
@@ -54,12 +50,11 @@ def captured(ctx: HostContext, members: Columns | None = None) -> Keyframe:
     rows.locate()
     count = len(rows.names)
     # NOTE: columns with nothing in them are one array, which is written once (benchmarks: teams, recorded).
-    is_empty = {name: getattr(rows, name).count(None) == count for name in _PLACES}
-    arrays = rows.arrays(("node", "previous", *(name for name in _PLACES if not is_empty[name]), *NUMBERS))
+    empty = {name: _nothing(count, n) for name, n in VECTORS.items() if getattr(rows, name).count(None) == count}
     columns: Columns = {
         **(members or members_of(ctx, described)),
-        **{name: _nothing(count, *BLOCK_ARRAYS[name][1]) if is_empty[name] else arrays[name] for name in _PLACES},
-        **{name: arrays[name] for name in ("node", "previous", *NUMBERS)},
+        **empty,
+        **rows.arrays(column.name for column in AGENT_COLUMNS if column.is_place and column.name not in empty),
         **(progress_columns(rows.progress) if any(rows.progress) else {}),
     }
     attributes = {row: plain_subset(one) for row, one in ctx.agent.storage.attributes().items()}
@@ -89,8 +84,7 @@ def members_of(ctx: HostContext, described: list[dict[str, Any]]) -> Columns:
     }
 
 
-_PLACES = ("heading", "position", "previous_position", "quat")
-LASTING = (*_PLACES, "names", "numbers", "kind", "alive", "teams", "speed", "carried", "strategies")
+LASTING = (*VECTORS, "names", "numbers", "kind", "alive", "teams", "speed", "carried", "strategies")
 """Items of a keyframe that are as they were in an earlier one if they are the same object."""
 
 
@@ -134,9 +128,9 @@ def _in_order(
         "kind": columns["kind"],
         "node": _narrowed(columns["node"], np.int32),
         "came": _narrowed((came << 1) ^ (came >> 63), np.int16, np.int32),  # 0, -1, 1, -2 as 0, 1, 2, 3
-        **{name: columns[name] for name in (*_PLACES, "alive")},
+        **{name: columns[name] for name in (*VECTORS, "alive")},
         **{name: columns[name] for name in _needed(columns)},
-        **{name: columns[name] for name, (_, value) in NUMBERS.items() if (columns[name] != value).any()},
+        **{one.name: columns[one.name] for one in NUMBERS if (columns[one.name] != one.initial).any()},
         **{name: columns[name] for name in ("teams", "speed", "carried")},
         "sensor_kinds": groups,
         "attributes": attributes,
@@ -369,8 +363,7 @@ def checked(columns: Columns) -> Columns:
         Damaged: they are not right; other errors tell the same.
     """
     names = [checked_name(name) for name in columns["names"]]
-    defaults: Columns = {name: np.full(len(names), value, kind) for name, (kind, value) in NUMBERS.items()}
-    columns = dict.fromkeys(ON_EDGES, np.zeros(len(names))) | defaults | columns
+    columns = {one.name: np.full(len(names), one.initial, one.kind) for one in _OPTIONAL} | columns
     whole: Columns = {name: list(columns[name]) for name in LISTS}
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(columns[name], dtype)
@@ -464,7 +457,7 @@ def row_of(columns: Columns, row: int) -> dict[str, Any]:
     return {
         "node": int(columns["node"][row]),
         "previous": int(columns["previous"][row]),
-        **{name: None if isnan(columns[name][row][0]) else tuple(columns[name][row].tolist()) for name in _PLACES},
-        **{name: columns[name][row].item() for name in NUMBERS},
+        **{name: None if isnan(columns[name][row][0]) else tuple(columns[name][row].tolist()) for name in VECTORS},
+        **{one.name: one.checked(columns[one.name][row].item(), one.name) for one in NUMBERS},
         "progress": progress_of(*(columns[name][row] for name in ON_EDGES)),
     }

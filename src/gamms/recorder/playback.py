@@ -6,8 +6,9 @@ from typing import Any, BinaryIO
 from gamms.arguments import as_int
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
-from gamms.ir.events import COMPONENTS, ON_EDGES
+from gamms.ir.events import COMPONENTS
 from gamms.ir.progress import Progress
+from gamms.ir.schema import ON_EDGES
 from gamms.recorder import keyframes
 from gamms.recorder.errors import RecorderBusy, refusing
 from gamms.recorder.formats.reader import Reader

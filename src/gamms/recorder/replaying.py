@@ -13,11 +13,9 @@ from gamms.ir import events as kinds
 from gamms.ir.agents import AgentBlock
 from gamms.ir.applied_to import AgentsState, State
 from gamms.ir.events import (
-    COLUMN_EVENTS,
     COMPONENTS,
     EVENTS,
     LOGGED,
-    ON_EDGES,
     Mover,
     as_entry,
     events_of,
@@ -25,6 +23,7 @@ from gamms.ir.events import (
 )
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Muted
+from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps, sensed
 from gamms.recorder.errors import UNFIT, Damaged, RecordingError, refusing
@@ -40,7 +39,6 @@ from gamms.typing.recorder import OpCodes
 Record = dict[str, Any]  # timestamp, opCode, data
 
 TURN_NS = 1_000_000_000  # what a turn lasts in time stamps, which follow from the turns alone
-_PLACES = {"heading": 2, "position": 3, "previous_position": 3, "quat": 4}  # how many numbers each has
 
 
 class LiveState(State):
@@ -193,10 +191,10 @@ class LiveAgents(AgentsState):
 
     def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
         """Create an agent where it was, perhaps on a node that the map has no longer; and to the last bit."""
-        places = {key: tuple(map(float, value)) for key, value in state.items() if key in _PLACES}
+        places = {key: tuple(map(float, value)) for key, value in state.items() if key in VECTORS}
         for key, numbers in places.items():
-            if len(numbers) != _PLACES[key]:
-                raise BadValue(f"{shown(key)} has {_PLACES[key]} numbers, and not {shown(numbers)}.")
+            if len(numbers) != VECTORS[key]:
+                raise BadValue(f"{shown(key)} has {VECTORS[key]} numbers, and not {shown(numbers)}.")
         with self._engine.block.accepting_any_node():
             agent = self._engine.create_agent(name, **kwargs)
         self._block.write(self._block.row_of(agent.name), places)
@@ -232,7 +230,7 @@ class LiveAgents(AgentsState):
 
     def set(self, row: int, column: str, value: Plain) -> None:
         """Set one column of an agent; strategies are functions, which a recording does not hold."""
-        if column in COLUMN_EVENTS:
+        if column in CHANGE_EVENTS:
             if column == "speed" and self._block.kind[row]:
                 raise BadType(f"Agent {self._block.names[row]!r} flies, and keeps its speed.")
             self._block.set(row, column, value)
@@ -357,9 +355,6 @@ class LegacyState(LiveState):
         self._ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
 
 
-_ATTRIBUTES = {"node": "current_node_id", "previous": "prev_node_id", "heading": "orientation", "quat": "quat"}
-
-
 class _LegacyAgents(LiveAgents):
     def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
         """Create an agent, unless 1.0.0 made none of this."""
@@ -374,7 +369,7 @@ class _LegacyAgents(LiveAgents):
 
     def set(self, row: int, column: str, value: Plain) -> None:
         """Set an attribute of an agent."""
-        setattr(self._agent(row), _ATTRIBUTES[column], value)
+        setattr(self._agent(row), ATTRIBUTES[column], value)
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:  # noqa: ARG002
         """Put a flyer somewhere; the graph says which node is below."""

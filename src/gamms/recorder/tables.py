@@ -11,6 +11,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, as_entry, steps_of
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import MESSAGE_COLUMNS, message_table
+from gamms.ir.schema import ON_EDGES
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
 from gamms.recorder import keyframes
@@ -183,7 +184,7 @@ def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
         if kind != kinds.AGENT_PROGRESS:
             names, following = _roster_after(kind, data, names, following)
             continue
-        columns = [np.asarray(data[name]).tolist() for name in ("numbers", *kinds.ON_EDGES) if name in data]
+        columns = [np.asarray(data[name]).tolist() for name in ("numbers", *ON_EDGES) if name in data]
         for number, source, target, share, *place in zip(*columns, strict=True):
             if place and place[1]:
                 rows.append((log + 1, _name(names, number, log), source, target, place[0], share))

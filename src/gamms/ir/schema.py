@@ -1,0 +1,173 @@
+"""The schema: one table of the columns of agents, `AGENT_COLUMNS`.
+
+It is read by `ir/agents.py` (the block, snapshots and forks), `ir/events.py` (the kinds of event that note a change),
+`agent/agent.py` (properties), `recorder` (keyframes, replays, states of recordings) and `game/batch`. The fields of the
+game are entries of `GameState` in `ir/game_state.py`, one for each.
+
+A further number per agent is one entry, such as
+`Column("battery", np.float64, 1.0, event=ChangeEvent(0x01100015, "AGENT_BATTERY", Audience.TEAM, "battery"))`. Then it
+is a property of agents that can be set, kept by snapshots and forks, and written to recordings where it is not 1.0.
+"""
+
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_bool, as_float, as_int
+
+
+class Audience(Enum):
+    """Who may know of an event while the game goes on."""
+
+    ALL = "all"
+    TEAM = "the team of the agent"
+    SENSED = "the team of the agent, and who senses it"
+    HEARD = "the team of the sender, and those who hear or overhear it"
+    HOST = "only the program that runs the game"
+
+
+class ChangeEvent(NamedTuple):
+    """The kind of event that notes a change of a column of agents.
+
+    Attributes:
+        code: the number that stands for it in recordings.
+        name: what tables and streams call it.
+        audience: who may know of it.
+        key: of the value in its data.
+        is_record: whether it is a record of format version 2, too.
+    """
+
+    code: int
+    name: str
+    audience: Audience
+    key: str
+    is_record: bool = False
+
+
+class Column(NamedTuple):
+    """A column of agents.
+
+    Attributes:
+        name: of the column.
+        kind: of its numbers in arrays; None: it holds any Python values.
+        initial: the number that a new agent has, and agents in keyframes without the column; None: all keyframes have
+            it.
+        shape: of a row in arrays; a value that has one may be None, which is NaN in arrays.
+        event: notes a change of one agent; None: other events say it, or nothing changes it.
+        attribute: what agents call it where that is not the name.
+        is_structure: whether it says which agents there are and what they are, not where.
+        is_watched: whether a change of it gives a block another version.
+        has_nodes: whether it holds ids of nodes, in arrays where agents have a team.
+        is_in_block: whether blocks have it; the other columns are in keyframes alone, from what agents hold.
+        parts: the columns that stand for it in keyframes.
+    """
+
+    name: str
+    kind: type | None = None
+    initial: Any = None
+    shape: tuple[int, ...] = ()
+    event: ChangeEvent | None = None
+    attribute: str = ""
+    is_structure: bool = False
+    is_watched: bool = False
+    has_nodes: bool = False
+    is_in_block: bool = True
+    parts: "tuple[Column, ...]" = ()
+
+    @property
+    def is_place(self) -> bool:
+        """Whether it says where an agent of a block is, or how it is: whatever may change in each turn."""
+        return self.is_in_block and not self.is_structure
+
+    def checked(self, value: object, name: str) -> Any:
+        """Return a value of the column as a plain number; `name` is what to call it in an error.
+
+        Raises:
+            BadType, BadValue: it is none.
+        """
+        return _CHECKS[self.kind](value, name)
+
+
+_CHECKS: dict[type | None, Any] = {np.bool_: as_bool, np.int64: as_int, np.float64: as_float}
+
+AGENT_COLUMNS = (  # in the order of keyframes
+    Column("names", is_structure=True),
+    Column("numbers", np.int64, is_in_block=False),  # by which moves in recordings name agents
+    Column("kind", np.int64, is_structure=True),
+    Column(
+        "node",
+        np.int64,
+        event=ChangeEvent(0x01100000, "AGENT_CURRENT_NODE", Audience.SENSED, "node_id", is_record=True),
+        attribute="current_node_id",
+        is_watched=True,
+        has_nodes=True,
+    ),
+    Column(
+        "previous",
+        np.int64,
+        event=ChangeEvent(0x01100001, "AGENT_PREV_NODE", Audience.SENSED, "node_id", is_record=True),
+        attribute="prev_node_id",
+        has_nodes=True,
+    ),
+    Column(
+        "heading",
+        np.float64,
+        shape=(2,),
+        event=ChangeEvent(0x01100004, "AGENT_ORIENTATION", Audience.SENSED, "orientation", is_record=True),
+        attribute="orientation",
+    ),
+    Column("position", np.float64, shape=(3,)),
+    Column("previous_position", np.float64, shape=(3,)),
+    Column("quat", np.float64, shape=(4,)),
+    Column(
+        "alive",
+        np.bool_,
+        event=ChangeEvent(0x01100011, "AGENT_ALIVE", Audience.ALL, "alive"),
+        is_structure=True,
+        is_watched=True,
+    ),
+    Column(
+        "progress",
+        parts=(
+            Column("edge_source", np.int64, 0),
+            Column("edge_target", np.int64, 0),
+            Column("edge_share", np.float64, 0.0),
+            Column("edge_id", np.int64, 0),
+            Column("edge_motion", np.int64, 0),
+        ),
+    ),
+    Column(
+        "teams",
+        event=ChangeEvent(0x01100010, "AGENT_TEAM", Audience.ALL, "team"),
+        attribute="team",
+        is_structure=True,
+        is_watched=True,
+    ),
+    Column("speed", event=ChangeEvent(0x01100012, "AGENT_SPEED", Audience.TEAM, "speed"), is_structure=True),
+    Column("sensors", is_in_block=False),
+    Column("attributes", is_in_block=False),
+    Column("strategies", is_in_block=False),
+)
+"""All columns of agents."""
+
+BY_ROW = tuple(column.name for column in AGENT_COLUMNS if column.is_in_block)
+"""The names of the columns of a block."""
+
+NUMBERS = tuple(column for column in AGENT_COLUMNS if column.initial is not None)
+"""The columns of a further number per agent, which agents have as a property."""
+
+VECTORS = {column.name: column.shape[0] for column in AGENT_COLUMNS if column.shape}
+"""Name -> how many numbers a row has, of columns that may be None."""
+
+CHANGE_EVENTS = {column.name: column.event for column in AGENT_COLUMNS if column.event is not None}
+"""Name of a column -> the kind of event that notes a change of it."""
+
+ATTRIBUTES = {column.name: column.attribute or column.name for column in AGENT_COLUMNS}
+"""Name of a column -> what agents call it."""
+
+SETTABLE = frozenset(map(ATTRIBUTES.__getitem__, CHANGE_EVENTS))
+"""The names of the attributes of agents that stand for a column and can be set."""
+
+ON_EDGES = tuple(part.name for column in AGENT_COLUMNS for part in column.parts)
+"""The columns that hold an `ir.progress.Progress`; the last two may be missing in games that count edges."""
