@@ -23,7 +23,7 @@ from gamms.recorder.changes import DETECTED
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import FIELDS
-from gamms.recorder.keyframes import GAME_FIELDS, captured, components_of
+from gamms.recorder.keyframes import CAPTURED, captured, components_of
 from gamms.recorder.replaying import Replayer
 
 ALL = EVENTS.values()
@@ -263,7 +263,7 @@ def test_every_field_of_a_game_is_recorded_or_is_known_not_to_be():
     names = {field.name for field in dataclasses.fields(GameState)}
     assert names - not_recorded == DETECTED.keys() | by_itself
     assert names >= not_recorded
-    assert GAME_FIELDS.keys() == DETECTED.keys() - {"events", "deeds", "messages", "facts"} | {
+    assert CAPTURED.keys() == DETECTED.keys() - {"events", "deeds", "messages", "facts"} | {
         "turn"
     }  # which snapshots hold
 

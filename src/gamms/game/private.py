@@ -1,16 +1,17 @@
 """What a fork holds of a game for agents that look ahead: what they know, and the start values of all else.
 
 Who may know of a part of the game is what the table of events says (`ir/events.py`): lives, teams, scores, events and
-facts are public; moves, speeds, attributes, memories and what rules remember are not. Each field of `GameState` has an
-entry in `_KNOWN`.
+facts are public; moves, speeds, attributes, memories and what rules remember are not. The fields of `GameState` say by
+which axis agents know them (`ir/schema.py`).
 """
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from gamms.game.snapshots import Memo, SnapshotTaker, copy_means
-from gamms.ir.game_state import BlockedAgents, GameState
+from gamms.game.snapshots import SnapshotTaker, copy_means
+from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.messages import ARRIVALS
+from gamms.ir.schema import Memo
 from gamms.plain import copied
 
 _IN_ALL_GAMES: dict[str, Any] = {
@@ -26,11 +27,6 @@ class _Knowing(NamedTuple):
     state: GameState
     names: frozenset[str]
     teams: frozenset[Any]
-    starts: Mapping[str, object]  # agent -> where it began
-    memo: Memo
-
-
-_Known = Callable[[_Knowing], Any]
 
 
 def copy_known(
@@ -51,32 +47,29 @@ def copy_known(
     target.ctx.sensor.storage.hide(start.sensors, names)
     copy_means(source, target, memo, **_IN_ALL_GAMES)
     teams = frozenset(one.team for name, one in source.ctx.agent.agents.items() if name in names)
-    knowing = _Knowing(source.state, names, teams, starts, memo)
+    knowing = _Knowing(source.state, names, teams)
     state = target.state
     state.data.update(copied(start.data, memo))
     state.share_logs(source.state)
-    for field, known in _KNOWN.items():
-        if known is not None:
-            _set(state, field, known(knowing))
+    _put_known(state, knowing)
+    for field, known in _LOGS.items():
+        setattr(state, field, known(knowing))
+    state.began = {name: place for name, place in starts.items() if name in names}
     for rule in target.rules.rules:
         if not hasattr(rule.rule, "disclose"):  # it may draw at random what no agent knows
             getattr(rule.rule, "prepare", bool)(target.ctx)
-    for field, facts in _FACTS.items():
-        _set(state, field, facts(knowing))
+    _put_known(state, knowing)
     for rule in source.rules.rules:
         if hasattr(rule.rule, "disclose"):
             _put_in(state.data, copied(rule.rule.disclose(source.state.data, names), memo))
     state.stream_version += 1
 
 
-def _set(state: GameState, field: str, value: object) -> None:
-    """Set a field; a dict of which others hold a reference is written to."""
-    if field in ("scores", "facts", "memories"):
-        values: dict[Any, Any] = getattr(state, field)
-        values.clear()
-        values.update(value)  # type: ignore[call-overload] # a dict
-    else:
-        setattr(state, field, value)
+def _put_known(state: GameState, of: _Knowing) -> None:
+    """Set the fields of which agents know a part."""
+    for name, field in FIELDS.items():
+        if field.axis is not None:
+            state.put(name, field.copy_for(getattr(of.state, name), of.names, of.teams))
 
 
 def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
@@ -88,19 +81,7 @@ def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
             values[key] = value
 
 
-def _field(name: str) -> _Known:
-    return lambda of: copied(getattr(of.state, name), of.memo)
-
-
-def _part(field: str, of_whom: str) -> _Known:
-    """Return what of a field is under the names or teams of those that look ahead."""
-    copy = dict if field.endswith("facts") else copied  # facts do not change
-    return lambda of: {
-        key: copy(value) for key, value in getattr(of.state, field).items() if key in getattr(of, of_whom)
-    }
-
-
-def _entries(log: str) -> _Known:
+def _entries(log: str) -> Callable[[_Knowing], Any]:
     return lambda of: [dict(entry) for entry in getattr(of.state, log) if entry.get("agent") in of.names]
 
 
@@ -117,24 +98,7 @@ def _heard(of: _Knowing) -> list[dict[str, Any]]:
     return known
 
 
-_FACTS: dict[str, _Known] = {
-    "facts": lambda of: of.state.facts,
-    "agent_facts": _part("agent_facts", "names"),
-    "team_facts": _part("team_facts", "teams"),
-}
-_KNOWN: dict[str, _Known | None] = {  # field of `GameState` -> what they know of it; None: nothing
-    **{name: _field(name) for name in ("turn", "last_turn", "over", "scores")},
-    **_FACTS,
-    "memories": _part("memories", "names"),
-    "team_memories": _part("team_memories", "teams"),
-    "counts": _part("counts", "names"),
-    "blocked": lambda of: BlockedAgents({name: why for name, why in of.state.blocked.items() if name in of.names}),
-    "began": lambda of: {name: place for name, place in of.starts.items() if name in of.names},
+_LOGS: dict[str, Callable[[_Knowing], Any]] = {  # of events they know all: the log is shared
     "messages": _heard,
     **{name: _entries(name) for name in ("errors", "deeds")},
-    "events": None,  # all: the log is shared
-    "data": None,  # what rules draw and disclose
-    **dict.fromkeys(("delayed_looks", "timings", "moves", "departed"), None),
-    **dict.fromkeys(("start", "drawn", "has_begun", "parts_played"), None),
-    **dict.fromkeys(("stream_version", "histories", "shared_logs"), None),
 }

@@ -15,16 +15,14 @@ from gamms.game.global_random import GlobalRandom
 from gamms.game.moves import TurnMoves
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
-from gamms.game.slots import COUNTED
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import BlockedAgents, GameState
+from gamms.ir.game_state import COPY_OF, FIELDS, GameState
+from gamms.ir.schema import Memo
 from gamms.plain import copied
 from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-
-Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; see `copy.deepcopy`
 
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
 _UNKNOWN = object()
@@ -173,7 +171,7 @@ class SnapshotTaker(NamedTuple):
 
 def _fields(state: GameState) -> dict[str, Any]:
     """Return all fields of a state that are not logs."""
-    return {name: getattr(state, name) for name in _COPY_OF}
+    return {name: getattr(state, name) for name in COPY_OF}
 
 
 def copies_of(state: GameState, names: Iterable[str]) -> dict[str, Any]:
@@ -182,39 +180,12 @@ def copies_of(state: GameState, names: Iterable[str]) -> dict[str, Any]:
 
 
 def _copies(values: dict[str, Any], memo: Memo | None = None) -> dict[str, Any]:
-    return {name: _COPY_OF[name](value, memo) for name, value in values.items()}
+    return {name: COPY_OF[name](value, memo) for name, value in values.items()}
 
 
 def _write(state: GameState, values: dict[str, Any]) -> None:
-    """Set fields of a state; a dict of which others hold a reference is written to."""
     for name, value in values.items():
-        known = getattr(state, name)
-        if name in ("counts", "memories"):
-            default = dict.fromkeys(COUNTED, 0) if name == "counts" else {}
-            for key, one in known.items():
-                one.clear()
-                one.update(value.get(key, default))
-            known.update((key, value[key]) for key in value.keys() - known.keys())
-        elif name in ("scores", "facts", "timings", "data"):
-            known.clear()
-            known.update(value)
-        else:
-            setattr(state, name, value)
-
-
-_COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state -> how it is copied
-    **dict.fromkeys(
-        ("turn", "last_turn", "start", "drawn", "has_begun", "moves", "parts_played"), lambda value, _: value
-    ),
-    **dict.fromkeys(("over", "team_memories", "data"), copied),
-    **dict.fromkeys(("departed", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
-    **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
-    "blocked": lambda value, _: BlockedAgents(value),
-    "delayed_looks": lambda value, _: {key: looks.copy() for key, looks in value.items()},
-    "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
-    "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
-}
-_OWN = frozenset({"start", "drawn", "has_begun", "moves", "began"})  # what a fork has of its own
+        state.put(name, value)
 
 
 # -- forks ------------------------------------------------------------------------------------------------------
@@ -233,7 +204,7 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
         memo[id(agent)].decide_by(own(agent.strategy, memo))
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
 
-    shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
+    shared = {name: value for name, value in _fields(source.state).items() if not FIELDS[name].is_own}
     _write(target.state, _copies(shared, memo))
     target.state.share_logs(source.state)
     plans = source.settings.plans.items()

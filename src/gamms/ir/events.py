@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType
 from gamms.ir.applied_to import State
-from gamms.ir.game_state import BlockedAgents, Scores
+from gamms.ir.game_state import FIELDS, as_looks, as_over
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import as_message
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
@@ -24,7 +24,7 @@ from gamms.readonly import published
 from gamms.text import shown
 
 if TYPE_CHECKING:
-    from gamms.ir.game_state import GameState
+    pass
 
 # (id, node id) of each move of an agent on the ground as two ints, of many as (MOVES, `Moves`); else (kind, data) as a
 # tuple.
@@ -201,6 +201,15 @@ def _sets(column: str, key: str) -> _Apply:
     return apply
 
 
+def _puts(name: str, key: str) -> _Apply:
+    """Return what sets a field of the game to what was captured of it."""
+
+    def apply(state: State, data: Mapping[str, Plain]) -> None:
+        state.game.put(name, FIELDS[name].restored(data[key]))
+
+    return apply
+
+
 # -- agents -----------------------------------------------------------------------------------------------------
 
 
@@ -354,20 +363,6 @@ def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
         values.pop(key, None)
 
 
-_OVER = {"reason", "winner", "truncated"}
-
-
-def as_over(value: object) -> dict[str, Any] | None:
-    """Return why a game is over; None: it goes on.
-
-    Raises:
-        BadValue: a game is not over like this.
-    """
-    if value is not None and (not isinstance(value, Mapping) or set(value) != _OVER):
-        raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(value)}.")
-    return None if value is None else dict(value)
-
-
 LOGGED: dict[int, str] = {}
 """Kind -> the log of `GameState` that it adds an entry to."""
 
@@ -395,36 +390,6 @@ def _logged(code: int, name: str, audience: Audience, fields: str, log: str) -> 
     return _event(code, name, audience, fields, lambda state, data: state.append(log, as_entry(log, data)))
 
 
-def set_scores(game: "GameState", scores: Plain) -> None:
-    """Replace the scores of a game.
-
-    Raises:
-        BadValue: these are none.
-    """
-    try:
-        found = Scores()
-        found.update(scores)
-    except (TypeError, ValueError) as error:
-        raise BadValue(f"its scores are none ({error})") from error
-    game.scores.clear()
-    game.scores.update(found)
-
-
-def as_blocked(value: object) -> BlockedAgents:
-    """Return agent -> why it did not do what it wanted.
-
-    Raises:
-        BadType: it is something else.
-    """
-    if not isinstance(value, Mapping) or not all(isinstance(text, str) for pair in value.items() for text in pair):
-        raise BadType(f"Agents and why they were blocked are texts, not {shown(value)}.")
-    return BlockedAgents(value)
-
-
-def _set_blocked(state: State, data: Mapping[str, Plain]) -> None:
-    state.game.blocked = as_blocked(data["blocked"])
-
-
 def _over(state: State, data: Mapping[str, Plain]) -> None:
     state.game.over = as_over(data or None)
 
@@ -444,21 +409,6 @@ def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
             facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))
 
 
-def as_looks(value: object) -> dict[int, dict[str, Any]]:
-    """Return what a sensor is still to report: turn -> what it saw then, by the names of agents.
-
-    Raises:
-        BadType: it is something else.
-    """
-    looks = value.items() if isinstance(value, Mapping) else [(None, None)]
-    if not all(
-        type(turn) is int and isinstance(seen, dict) and all(isinstance(name, str) for name in seen)
-        for turn, seen in looks
-    ):
-        raise BadType(f"What a sensor is still to report is a dict of turns, not {shown(value)}.")
-    return dict(looks)
-
-
 def _delay(state: State, data: Mapping[str, Plain]) -> None:
     for sensor, owner, changes in data["looks"]:
         looks = state.game.delayed_looks.setdefault((sensor, owner), {})
@@ -470,9 +420,7 @@ def _count(state: State, data: Mapping[str, Plain]) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
 
-GAME_SCORES = _event(
-    0x04000000, "GAME_SCORES", _ALL, "scores", lambda state, data: set_scores(state.game, data["scores"])
-)
+GAME_SCORES = _event(0x04000000, "GAME_SCORES", _ALL, "scores", _puts("scores", "scores"))
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
@@ -489,7 +437,7 @@ GAME_FACTS = _event(
 GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
 GAME_PRIVATE_FACTS = _event(0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents teams", _publish_privately)
 GAME_DEED = _logged(0x04000008, "GAME_DEED", _SENSED, "agent:AGENT deed at:NODE", "deeds")
-GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _set_blocked)
+GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _puts("blocked", "blocked"))
 GAME_MESSAGE = _logged(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
 USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")
 

@@ -2,12 +2,16 @@
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 from numbers import Real
+from types import NoneType
 from typing import Any, Self, cast
 
-from gamms.errors import BadType
+from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
+from gamms.ir.schema import GameField, Memo, kept
+from gamms.plain import Plain, copied, plain_subset, to_plain
+from gamms.readonly import published
 from gamms.text import shown
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
@@ -196,14 +200,112 @@ def in_conflict(end: object) -> str:
     return f"in conflict with other agents on the way to {where}"
 
 
+def _same(value: Any, _: Memo | None) -> Any:
+    return value
+
+
+def _dict_of(value: Any, _: Memo | None) -> Any:
+    return dict(value)
+
+
+def _dicts_of(value: Any, _: Memo | None) -> Any:
+    return {key: dict(one) for key, one in value.items()}
+
+
+def _memories_of(value: Any, memo: Memo | None) -> Any:
+    return {name: copied(memory, memo) for name, memory in value.items() if memory}
+
+
+def _refill(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
+    known.clear()
+    known.update(value)
+
+
+def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
+    for key, one in known.items():
+        _refill(one, value.get(key, {}))
+    known.update((key, one) for key, one in value.items() if key not in known)
+
+
+def _refill_counts(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
+    _refill_each(known, {**{key: dict.fromkeys(one, 0) for key, one in known.items()}, **value})
+
+
+def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
+    return [(to_plain(name), plain_subset(memory)) for name, memory in memories.items() if memory]
+
+
+def _private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
+    return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
+
+
+_FACTS = (_dicts_of, _captured_each, _private_facts)
+
+
+def as_scores(scores: Plain) -> Scores:
+    """Return scores.
+
+    Raises:
+        BadValue: these are none.
+    """
+    try:
+        return Scores(scores)
+    except (TypeError, ValueError) as error:
+        raise BadValue(f"its scores are none ({error})") from error
+
+
+_OVER = {"reason", "winner", "truncated"}
+
+
+def as_over(value: object) -> dict[str, Any] | None:
+    """Return why a game is over; None: it goes on.
+
+    Raises:
+        BadValue: a game is not over like this.
+    """
+    if value is not None and (not isinstance(value, Mapping) or set(value) != _OVER):
+        raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(value)}.")
+    return None if value is None else dict(value)
+
+
+def as_blocked(value: object) -> BlockedAgents:
+    """Return agent -> why it did not do what it wanted.
+
+    Raises:
+        BadType: it is something else.
+    """
+    if not isinstance(value, Mapping) or not all(isinstance(text, str) for pair in value.items() for text in pair):
+        raise BadType(f"Agents and why they were blocked are texts, not {shown(value)}.")
+    return BlockedAgents(value)
+
+
+def as_looks(value: object) -> dict[int, dict[str, Any]]:
+    """Return what a sensor is still to report: turn -> what it saw then, by the names of agents.
+
+    Raises:
+        BadType: it is something else.
+    """
+    looks = value.items() if isinstance(value, Mapping) else [(None, None)]
+    if not all(
+        type(turn) is int and isinstance(seen, dict) and all(isinstance(name, str) for name in seen)
+        for turn, seen in looks
+    ):
+        raise BadType(f"What a sensor is still to report is a dict of turns, not {shown(value)}.")
+    return dict(looks)
+
+
 @dataclass(eq=False, slots=True)
 class GameState:
     """What a game has come to: plain values, which the turn engine, rules and the recorder read and write.
 
+    Each field is one entry: snapshots, forks, keyframes and what a team knows follow from it (`FIELDS`). Keyframes have
+    the fields in this order.
+
     Attributes:
-        turn: the number of turns that were played.
         scores: numbers by any key; this dict is never replaced.
         data: the plain values that rules remember.
+        over: reason, winner and truncated of a game that has ended; None while it goes on.
+        turn: the number of turns that were played.
         events: what was emitted, in order; append-only: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order; append-only.
         deeds: what agents did besides moving, in order; append-only: dicts with `turn`, `agent`, `deed`, `at`.
@@ -215,7 +317,6 @@ class GameState:
         memories: agent -> what it remembers; this dict is never replaced, nor are those in it.
         team_memories: team -> what it remembers.
         delayed_looks: (sensor, the agent that carries it, or "") -> turn -> what it saw then and is still to report.
-        over: reason, winner and truncated of a game that has ended; None while it goes on.
         counts: agent -> how often it moved, was blocked, and so on.
         timings: seconds by phase.
         moves: of the last turn; None before the first. Any: the turn engine's own class.
@@ -232,34 +333,75 @@ class GameState:
         shared_logs: those logs that are the ones of another game and were not read yet.
     """
 
-    turn: int = 0
-    scores: Scores = field(default_factory=Scores)
-    data: dict[str, Any] = field(default_factory=dict)
-    events: list[dict[str, Any]] = field(default_factory=list)
-    errors: list[dict[str, Any]] = field(default_factory=list)
-    deeds: list[dict[str, Any]] = field(default_factory=list)
-    messages: list[dict[str, Any]] = field(default_factory=list)
-    blocked: BlockedAgents = field(default_factory=BlockedAgents)
-    facts: dict[str, Any] = field(default_factory=dict)
-    agent_facts: dict[str, dict[str, Any]] = field(default_factory=dict)
-    team_facts: dict[Any, dict[str, Any]] = field(default_factory=dict)
-    memories: dict[str, dict[Any, Any]] = field(default_factory=dict)
-    team_memories: dict[Any, dict[Any, Any]] = field(default_factory=dict)
-    delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = field(default_factory=dict)
-    over: dict[str, Any] | None = None
-    counts: dict[str, dict[str, int]] = field(default_factory=dict)
-    timings: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
-    moves: Any = None
-    departed: dict[str, tuple[Any, int]] = field(default_factory=dict)
-    last_turn: int | None = None
-    began: dict[str, Any] = field(default_factory=dict)
-    start: Any = None
-    drawn: Any = None
-    parts_played: int | None = None
-    has_begun: bool = False
-    stream_version: int = 0
-    histories: dict[str, LogHistory] = field(default_factory=lambda: {name: LogHistory() for name in LOGS})
-    shared_logs: dict[str, LogPoint] = field(default_factory=dict)
+    scores: Scores = kept(
+        Scores,
+        _dict_of,
+        refill=_refill,
+        captured=lambda scores: list(to_plain(scores).items()),
+        restored=as_scores,
+        axis="game",
+    )
+    data: dict[str, Any] = kept(dict, copied, refill=_refill, captured=plain_subset, restored=deepcopy)
+    over: dict[str, Any] | None = kept(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
+    turn: int = kept(int, _same, captured=to_plain, restored=int, axis="game")
+    events: list[dict[str, Any]] = kept(list)
+    errors: list[dict[str, Any]] = kept(list)
+    deeds: list[dict[str, Any]] = kept(list)
+    messages: list[dict[str, Any]] = kept(list)
+    blocked: BlockedAgents = kept(
+        BlockedAgents,
+        lambda value, _: BlockedAgents(value),
+        captured=to_plain,
+        restored=as_blocked,
+        is_seldom=True,
+        axis="agent",
+    )
+    facts: dict[str, Any] = kept(dict, _dict_of, refill=_refill, axis="game")
+    agent_facts: dict[str, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="agent")
+    team_facts: dict[Any, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="team")
+    memories: dict[str, dict[Any, Any]] = kept(
+        dict,
+        _memories_of,
+        refill=_refill_each,
+        captured=lambda memories: dict(sorted(_captured_each(memories))),
+        restored=lambda memories: _dicts_of(deepcopy(memories), None),
+        axis="agent",
+    )
+    team_memories: dict[Any, dict[Any, Any]] = kept(
+        dict,
+        copied,
+        captured=_captured_each,
+        restored=lambda each: dict(deepcopy(list(each))),
+        axis="team",
+    )
+    delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = kept(
+        dict,
+        _dicts_of,
+        captured=lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
+        restored=lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each},
+        is_seldom=True,
+    )
+    counts: dict[str, dict[str, int]] = kept(dict, _dicts_of, refill=_refill_counts, axis="agent")
+    timings: dict[str, float] = kept(lambda: dict.fromkeys(PHASES, 0.0), _dict_of, refill=_refill)
+    moves: Any = kept(NoneType, _same, is_own=True)
+    departed: dict[str, tuple[Any, int]] = kept(dict, _dict_of)
+    last_turn: int | None = kept(NoneType, _same, axis="game")
+    began: dict[str, Any] = kept(dict, _dict_of, is_own=True)
+    start: Any = kept(NoneType, _same, is_own=True)
+    drawn: Any = kept(NoneType, _same, is_own=True)
+    parts_played: int | None = kept(NoneType, _same)
+    has_begun: bool = kept(bool, _same, is_own=True)
+    stream_version: int = kept(int)
+    histories: dict[str, LogHistory] = kept(lambda: {name: LogHistory() for name in LOGS})
+    shared_logs: dict[str, LogPoint] = kept(dict)
+
+    def put(self, name: str, value: Any) -> None:
+        """Set a field to another value, in place where others hold a reference to it."""
+        refill = FIELDS[name].refill
+        if refill is None:
+            setattr(self, name, value)
+        else:
+            refill(getattr(self, name), value)
 
     def marks(self) -> dict[str, LogPoint]:
         """Return the point at which each log is now."""
@@ -298,6 +440,13 @@ class GameState:
         self.clear_history()
         self.start, self.has_begun = None, False
         self.stream_version += 1
+
+
+FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields(GameState)}
+"""What is done with each field of a game."""
+
+COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not None}
+"""Field of a game -> what returns the copy of its value that snapshots hold."""
 
 
 class _WithSharedLogs(GameState):

@@ -9,12 +9,17 @@ A further number per agent is one entry, such as
 is a property of agents that can be set, kept by snapshots and forks, and written to recordings where it is not 1.0.
 """
 
+from collections.abc import Callable, Container
+from copy import deepcopy
+from dataclasses import field
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from gamms.arguments import as_bool, as_float, as_int
+
+Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; see `copy.deepcopy`
 
 
 class Audience(Enum):
@@ -171,3 +176,41 @@ SETTABLE = frozenset(map(ATTRIBUTES.__getitem__, CHANGE_EVENTS))
 
 ON_EDGES = tuple(part.name for column in AGENT_COLUMNS for part in column.parts)
 """The columns that hold an `ir.progress.Progress`; the last two may be missing in games that count edges."""
+
+
+# -- the game ---------------------------------------------------------------------------------------------------
+
+
+class GameField(NamedTuple):
+    """What is done with a field of `GameState`.
+
+    Attributes:
+        copied: returns the copy of a value that a snapshot or a fork holds, with what takes the place of which objects
+            (see `copy.deepcopy`); None: they do not hold it.
+        is_own: whether forks begin with one of their own all the same.
+        refill: sets what is in a dict of which others hold a reference; None: the value is replaced.
+        captured: returns a value as plain values for keyframes; None: they do not hold it.
+        restored: returns the value that was captured.
+        is_seldom: whether keyframes have it only where it is not empty.
+        axis: what agents know of it: all ("game"), or what is under the name of an agent or under a team ("agent",
+            "team"); None: nothing.
+    """
+
+    copied: Callable[[Any, Memo | None], Any] | None = None
+    captured: Callable[[Any], Any] | None = None
+    restored: Callable[[Any], Any] = deepcopy
+    refill: Callable[[Any, Any], None] | None = None
+    is_own: bool = False
+    is_seldom: bool = False
+    axis: Literal["game", "agent", "team"] | None = None
+
+    def copy_for(self, value: Any, agents: Container[str], teams: Container[Any]) -> Any:
+        """Return a copy of what some agents, of these teams, may know of a value."""
+        own = {"agent": agents, "team": teams}.get(self.axis or "game")
+        known = value if own is None else {key: one for key, one in value.items() if key in own}
+        return known if self.copied is None else self.copied(known, None)
+
+
+def kept(make: Callable[[], Any], *done: Any, **by_name: Any) -> Any:
+    """Return a field of `GameState`: what makes its first value, and the arguments of `GameField`."""
+    return field(default_factory=make, metadata={"done": GameField(*done, **by_name)})

@@ -15,7 +15,7 @@ import numpy as np
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Log, Role, events_of, renumbered
-from gamms.ir.game_state import GameState
+from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Audience
@@ -224,17 +224,12 @@ class Cut:
 
     def _game(self) -> GameState:
         """Return what its own agents know of what the game has come to."""
-        whole, game = self._all.game, GameState()
-        teams = set(self._own.values())
-        game.scores.update(whole.scores)
-        game.over, game.turn, game.blocked = whole.over, whole.turn, type(whole.blocked)(self._of_own(whole.blocked))
-        for name, memory in self._of_own(whole.memories).items():
-            game.memory_of(name).update(memory)
-        game.agent_facts = self._of_own(whole.agent_facts)
+        game, teams = GameState(), set(self._own.values())
+        for name, field in FIELDS.items():
+            if field.axis is not None:
+                game.put(name, field.copy_for(getattr(self._all.game, name), self._own, teams))
         game.data.update(self._flags_in_view())
-        for field in ("team_facts", "team_memories"):
-            setattr(game, field, {team: each for team, each in getattr(whole, field).items() if team in teams})
-        return deepcopy(game)
+        return game
 
     def _flags_in_view(self) -> dict[Any, Any]:
         """Return the flags that rules keep: where they begin, and that one is carried, but not by whom out of sight."""

@@ -1,22 +1,20 @@
 """A whole state as a keyframe or a snapshot holds it: columns of agents, the game as plain values."""
 
-from collections.abc import Callable, Iterable, Mapping
-from copy import deepcopy
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from itertools import chain
 from math import isnan
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gamms.ir.deflated import LARGE_COLUMN
-from gamms.ir.events import LOGGED, as_blocked, as_looks, as_over, set_scores
-from gamms.ir.game_state import GameState
+from gamms.ir.events import LOGGED
+from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Motion, Progress
 from gamms.ir.schema import AGENT_COLUMNS, NUMBERS, ON_EDGES, VECTORS
 from gamms.plain import Plain, plain_subset, to_plain
-from gamms.readonly import published
 from gamms.recorder.errors import Damaged
 from gamms.text import shown
 from gamms.typing.context import HostContext
@@ -136,9 +134,9 @@ def _in_order(
         "attributes": attributes,
         "strategies": columns["strategies"],
         **{
-            name: field.captured(getattr(game, name))
-            for name, field in GAME_FIELDS.items()
-            if name not in _SELDOM or getattr(game, name)
+            name: captured(getattr(game, name))
+            for name, captured in CAPTURED.items()
+            if getattr(game, name) or not FIELDS[name].is_seldom
         },
         "chance": to_plain(rng_state),
     }
@@ -155,69 +153,16 @@ def _narrowed(numbers: IntArray, *dtypes: type) -> IntArray:
 # -- the game -----------------------------------------------------------------------------------------------------
 
 
-class GameField(NamedTuple):
-    """A field of `GameState` that keyframes hold.
+CAPTURED = {name: field.captured for name, field in FIELDS.items() if field.captured is not None}
+"""Field of `GameState` -> returns what keyframes hold of it."""
 
-    Attributes:
-        captured: gives its value as plain values.
-        restore: sets it in a game to what was captured.
-        default: what older recordings mean, which do not have it; ...: all have it.
-    """
-
-    captured: Callable[[Any], Any]
-    restore: Callable[[GameState, Any], None]
-    default: Any = ...
-
-
-def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
-    return [(to_plain(name), plain_subset(memory)) for name, memory in memories.items() if memory]
-
-
-def _refill(values: dict[Any, Any], found: Mapping[Any, Any]) -> None:
-    """Replace what is in a dict that is never replaced itself."""
-    values.clear()
-    values.update(deepcopy(found))
-
-
-def _restore_memories(game: GameState, memories: dict[str, dict[Any, Any]]) -> None:
-    for name in {**game.memories, **memories}:
-        _refill(game.memory_of(name), memories.get(name, {}))
-
-
-def _setting(name: str, checked: Callable[[Any], Any]) -> Callable[[GameState, Any], None]:
-    """Return what replaces a field of a game by what was captured."""
-    return lambda game, found: setattr(game, name, checked(found))
-
-
-def _private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
-    return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
-
-
-_SELDOM = ("blocked", "agent_facts", "team_facts", "delayed_looks")  # only in keyframes where something is in them
-GAME_FIELDS = {
-    "scores": GameField(lambda scores: list(to_plain(scores).items()), set_scores),
-    "data": GameField(plain_subset, lambda game, data: _refill(game.data, data)),
-    "over": GameField(to_plain, _setting("over", as_over)),
-    "turn": GameField(to_plain, _setting("turn", int), 0),
-    "blocked": GameField(to_plain, _setting("blocked", as_blocked), {}),
-    "agent_facts": GameField(_captured_each, _setting("agent_facts", _private_facts), ()),
-    "team_facts": GameField(_captured_each, _setting("team_facts", _private_facts), ()),
-    "memories": GameField(lambda memories: dict(sorted(_captured_each(memories))), _restore_memories, {}),
-    "team_memories": GameField(_captured_each, _setting("team_memories", lambda each: dict(deepcopy(list(each)))), ()),
-    "delayed_looks": GameField(
-        lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
-        _setting(
-            "delayed_looks", lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each}
-        ),
-        (),
-    ),
-}
+_FIRST_GAME = {name: captured(getattr(GameState(), name)) for name, captured in CAPTURED.items()}
 
 
 def restore_game(game: GameState, keyframe: Keyframe) -> None:
-    """Set the fields of a game to what a keyframe holds."""
-    for name, field in GAME_FIELDS.items():
-        field.restore(game, keyframe[name] if field.default is ... else keyframe.get(name, field.default))
+    """Set the fields of a game to what a keyframe holds, or to the first ones where an older keyframe has none."""
+    for name, first in _FIRST_GAME.items():
+        game.put(name, FIELDS[name].restored(keyframe.get(name, first)))
 
 
 def history(ctx: HostContext) -> Keyframe:
