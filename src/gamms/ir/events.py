@@ -8,7 +8,7 @@ again and working out the state at a turn are the same act. Adding a kind is a c
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
 from gamms.plain import Plain
 from gamms.readonly import published
 from gamms.text import shown
-
-if TYPE_CHECKING:
-    pass
 
 # (id, node id) of each move of an agent on the ground as two ints, of many as (MOVES, `Moves`); else (kind, data) as a
 # tuple.

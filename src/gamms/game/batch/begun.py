@@ -70,6 +70,9 @@ class Beginning:
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
         self._node = rows([int(block.node[row]) for row in own]) if self._turn else None
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._numbers = {name: column[0].copy() for name, column in state.numbers.items()}
+        for name, column in self._numbers.items():
+            column[self._agents] = [getattr(block, name)[row] for row in own]
         self._placed = [block.placed and name in known and block.row_of(name) in block.placed for name in names]
         self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
@@ -138,6 +141,8 @@ class Beginning:
         values = self._values
         state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
         state.placed[games] = self._placed
+        for name, column in self._numbers.items():
+            state.numbers[name][games] = column
         state.alive[games[:, None], self._agents] = self._alive
         if self._node is not None:
             state.node[games[:, None], self._agents] = self._node

@@ -289,6 +289,8 @@ class RuleFork:
             self._put_flyer(row, place)
         block.move_all(self._all, columns.node[at])
         self._all.write(block.previous, columns.previous[at])
+        for name, column in state.numbers.items():
+            self._all.write(getattr(block, name), column[game, self.rows].tolist())
         for row in {*columns.progress[at], *_on_edges(block)}:
             block.set_progress(row, columns.progress[at].get(row))
         values.began = dict(zip(self._first_names, columns.began[at], strict=True)) | columns.began_in_air[at]
@@ -444,6 +446,8 @@ class RuleFork:
         if block.alive != alive:
             put_locked(turn.alive, (at, rows), block.alive)
         state.placed[game, rows] = [row in block.placed for row in range(len(rows))]
+        for name, numbers in state.numbers.items():
+            numbers[game, rows] = getattr(block, name)
         left = [row for row in columns.progress[i] if block.progress[row] is None]
         if left:
             state.movement.clear(game, self.rows[left])

@@ -25,6 +25,7 @@ from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.schema import NUMBERS
 from gamms.kernels.draws import BitArray
 from gamms.readonly import locked
 from gamms.text import shown
@@ -247,6 +248,7 @@ class GameArrays:
         observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         placed: (games, agents) which were put where they are since they moved in this turn.
+        numbers: the further numbers of agents, name -> (games, agents); see `ir.schema.NUMBERS`.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         first, first_by: what they remember of a game that has begun, likewise, as arrays of one game; and which does.
         has_begun: whether games begin after some turns; what forms keep of these must be in `first` then.
@@ -294,6 +296,7 @@ class GameArrays:
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.placed = np.zeros(shape, np.bool_)
+        self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(roster.names), np.bool_)
         self.facts, self.events = dict[str, Any](), EventLog(games)
@@ -316,7 +319,7 @@ class GameArrays:
         return len(self.seeds)
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin some games again."""
+        """Begin some games again, before `Beginning.put`."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
             self.apart.pop(game, None)
@@ -327,8 +330,7 @@ class GameArrays:
                 self.flyers.hovering(len(games)).noted(games, self.last_flights)
         self.start[games] = self.node[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
-        self.is_going[games], self.turn[games], self.stops[games] = True, 0, 0
-        self.blocked[games] = self.placed[games] = False
+        self.is_going[games] = True
         self.put_roads(games, None)
         self.movement.clear(games)
         if self.headings is not None:
@@ -338,7 +340,7 @@ class GameArrays:
         self.deeds.forget(games)
         if self.radio is not None:
             self.radio.forget(games)
-        for numbers in (*self.counts.values(), *chain.from_iterable(one.values() for one in self.scores.columns)):
+        for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[games] = 0
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
@@ -391,6 +393,7 @@ class GameArrays:
 
     def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
+        found.update(dict[Hashable, Any](self.numbers))
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
         if self.flyers is not None:
             found |= self.flyers.columns
@@ -478,7 +481,7 @@ class GameArrays:
         by_name: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
         columns = [self.stops, self.placed, self.is_going]
         columns += [getattr(self.movement, name) for name in self.movement.remembers]
-        columns += [one for those in (*by_name, self.counts) for one in those.values()]
+        columns += [one for those in (*by_name, self.counts, self.numbers) for one in those.values()]
         if self.headings is not None:
             columns.append(self.headings.previous)
         columns += [] if self.flyers is None else self.flyers.columns.values()

@@ -10,7 +10,6 @@ from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.view import IS_BLIND, REFUSES
 from gamms.game.conflicts import ranked
-from gamms.ir.schema import NUMBERS
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 
@@ -21,7 +20,6 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     reasons = [
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
-        (bool(NUMBERS), f"the recorded attributes {', '.join(one.name for one in NUMBERS)} of agents"),
     ]
     not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
