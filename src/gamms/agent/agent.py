@@ -388,14 +388,10 @@ class BaseAgent(ContextPart, IAgent):
 
 def _number(column: Column) -> property:
     """Return the property that stands for a further number of agents."""
-
-    def value_of(agent: BaseAgent) -> Any:
-        return getattr(agent._block, column.name)[agent._row]
-
-    def put(agent: BaseAgent, value: object) -> None:
-        agent._set(column.name, column.checked(value, column.name))
-
-    return property(value_of, put)
+    return property(
+        lambda agent: getattr(agent._block, column.name)[agent._row],
+        lambda agent, value: agent._set(column.name, column.checked(value, column.name)),
+    )
 
 
 for _column in NUMBERS:

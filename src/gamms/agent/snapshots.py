@@ -11,7 +11,7 @@ from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import StructureLog
-from gamms.ir.schema import AGENT_COLUMNS
+from gamms.ir.schema import PLACES
 from gamms.plain import copied
 from gamms.typing.graph_engine import Node
 
@@ -65,9 +65,10 @@ class AgentsSnapshot:
             if name not in known:
                 was = self.places.get(name)
                 place = (node.x, node.y, was[2] if isinstance(was, tuple) else 0.0) if block.kind[row] else None
-                columns = {column.name: column.initial for column in AGENT_COLUMNS if column.is_place}
+                columns = {column.name: column.initial for column in PLACES}
                 columns |= {"node": node.id, "previous": node.id, "position": place, "previous_position": place}
-                yield row, columns | {"quat": block.quat[row], "speed": speeds.get(name, block.speed[row])}
+                columns |= {"quat": block.quat[row], "speed": speeds.get(name, block.speed[row])}
+                yield row, columns
 
     def write_attributes(self, agent: BaseAgent) -> None:
         """Give an agent of a copy the attributes that it had, and no state."""

@@ -5,11 +5,11 @@ facts are public; moves, speeds, attributes, memories and what rules remember ar
 which axis agents know them (`ir/schema.py`).
 """
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 from gamms.game.snapshots import SnapshotTaker, copy_means
-from gamms.ir.game_state import FIELDS, GameState
+from gamms.ir.game_state import GameState
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Memo
 from gamms.plain import copied
@@ -19,14 +19,6 @@ _IN_ALL_GAMES: dict[str, Any] = {
     "time_budget": None,
     "deadline_s": None,
 }  # settings
-
-
-class _Knowing(NamedTuple):
-    """Agents that look ahead, and where they do."""
-
-    state: GameState
-    names: frozenset[str]
-    teams: frozenset[Any]
 
 
 def copy_known(
@@ -47,29 +39,22 @@ def copy_known(
     target.ctx.sensor.storage.hide(start.sensors, names)
     copy_means(source, target, memo, **_IN_ALL_GAMES)
     teams = frozenset(one.team for name, one in source.ctx.agent.agents.items() if name in names)
-    knowing = _Knowing(source.state, names, teams)
     state = target.state
     state.data.update(copied(start.data, memo))
     state.share_logs(source.state)
-    _put_known(state, knowing)
-    for field, known in _LOGS.items():
-        setattr(state, field, known(knowing))
+    state.put_known(source.state, names, teams)
+    state.messages = _heard(source.state, names)
+    for log in ("errors", "deeds"):
+        setattr(state, log, [dict(entry) for entry in getattr(source.state, log) if entry.get("agent") in names])
     state.began = {name: place for name, place in starts.items() if name in names}
     for rule in target.rules.rules:
         if not hasattr(rule.rule, "disclose"):  # it may draw at random what no agent knows
             getattr(rule.rule, "prepare", bool)(target.ctx)
-    _put_known(state, knowing)
+    state.put_known(source.state, names, teams)
     for rule in source.rules.rules:
         if hasattr(rule.rule, "disclose"):
             _put_in(state.data, copied(rule.rule.disclose(source.state.data, names), memo))
     state.stream_version += 1
-
-
-def _put_known(state: GameState, of: _Knowing) -> None:
-    """Set the fields of which agents know a part."""
-    for name, field in FIELDS.items():
-        if field.axis is not None:
-            state.put(name, field.copy_for(getattr(of.state, name), of.names, of.teams))
 
 
 def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
@@ -81,24 +66,13 @@ def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
             values[key] = value
 
 
-def _entries(log: str) -> Callable[[_Knowing], Any]:
-    return lambda of: [dict(entry) for entry in getattr(of.state, log) if entry.get("agent") in of.names]
-
-
-def _heard(of: _Knowing) -> list[dict[str, Any]]:
-    """Return the messages that they have sent or heard, without what became of them elsewhere and later."""
-    known, now = [], of.state.turn + 1
-    for entry in of.state.messages:
+def _heard(state: GameState, names: frozenset[str]) -> list[dict[str, Any]]:
+    """Return the messages that agents have sent or heard, without what became of them elsewhere and later."""
+    known, now = [], state.turn + 1
+    for entry in state.messages:
         heard = {
-            key: {name: turn for name, turn in entry[key].items() if name in of.names and turn <= now}
-            for key in ARRIVALS
+            key: {name: turn for name, turn in entry[key].items() if name in names and turn <= now} for key in ARRIVALS
         }
-        if entry["sender"] in of.names or any(heard.values()):
+        if entry["sender"] in names or any(heard.values()):
             known.append({**entry, **heard, "lost": [], "jammed": []})
     return known
-
-
-_LOGS: dict[str, Callable[[_Knowing], Any]] = {  # of events they know all: the log is shared
-    "messages": _heard,
-    **{name: _entries(name) for name in ("errors", "deeds")},
-}

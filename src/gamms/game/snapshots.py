@@ -139,7 +139,7 @@ class SnapshotTaker(NamedTuple):
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }
-        return Snapshot(state.turn, ctx.seed, state, _copies(_fields(state)), parts)
+        return Snapshot(state.turn, ctx.seed, state, copies_of(state), parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot is of this game."""
@@ -157,7 +157,8 @@ class SnapshotTaker(NamedTuple):
         if self.rules.rules is not parts["rules"]:
             self.rules.restore(parts["rules"])
         self.collectors.restore(parts["collectors"])
-        _write(state, _copies(snapshot._values))
+        for name, value in snapshot._values.items():
+            state.put(name, COPY_OF[name](value, None))
         state.go_to(parts["logs"])
         self.turns.restore(parts["turns"])
 
@@ -169,23 +170,9 @@ class SnapshotTaker(NamedTuple):
         self.global_random.restore(parts["global_random"])
 
 
-def _fields(state: GameState) -> dict[str, Any]:
-    """Return all fields of a state that are not logs."""
-    return {name: getattr(state, name) for name in COPY_OF}
-
-
-def copies_of(state: GameState, names: Iterable[str]) -> dict[str, Any]:
-    """Return copies of some fields of a state, by name."""
-    return _copies({name: getattr(state, name) for name in names})
-
-
-def _copies(values: dict[str, Any], memo: Memo | None = None) -> dict[str, Any]:
-    return {name: COPY_OF[name](value, memo) for name, value in values.items()}
-
-
-def _write(state: GameState, values: dict[str, Any]) -> None:
-    for name, value in values.items():
-        state.put(name, value)
+def copies_of(state: GameState, names: Iterable[str] = COPY_OF) -> dict[str, Any]:
+    """Return copies of some fields of a state, by name; without names of all that are not logs."""
+    return {name: COPY_OF[name](getattr(state, name), None) for name in names}
 
 
 # -- forks ------------------------------------------------------------------------------------------------------
@@ -204,8 +191,9 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
         memo[id(agent)].decide_by(own(agent.strategy, memo))
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
 
-    shared = {name: value for name, value in _fields(source.state).items() if not FIELDS[name].is_own}
-    _write(target.state, _copies(shared, memo))
+    for name, copy_of in COPY_OF.items():
+        if not FIELDS[name].is_own:
+            target.state.put(name, copy_of(getattr(source.state, name), memo))
     target.state.share_logs(source.state)
     plans = source.settings.plans.items()
     copy_means(source, target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})

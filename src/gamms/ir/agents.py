@@ -14,7 +14,7 @@ from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, Struct
 from gamms.ir.graph import IntArray, NodeFinder
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 from gamms.ir.progress import Progress
-from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS
+from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, PLACES
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
@@ -23,8 +23,8 @@ UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
 
 _COLUMNS = {column.name: column for column in AGENT_COLUMNS if column.is_in_block}
-_PLACES = [name for name, column in _COLUMNS.items() if column.is_place]
-_IN_ARRAYS = [name for name, column in _COLUMNS.items() if column.has_nodes]  # that `use_arrays` turns into arrays
+_PLACES = [column.name for column in PLACES]
+_IN_ARRAYS = ("node", "previous")  # the columns that `use_arrays` turns into arrays
 _INITIAL = {name: column.initial for name, column in _COLUMNS.items() if name not in _IN_ARRAYS}  # of a new agent
 
 
@@ -200,7 +200,7 @@ class AgentBlock:
 
     def take_over(self, source: "AgentBlock", row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
-        new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
+        new = self.add(source.names[row], source.node[row], position=source.position[row])
         for name in BY_ROW:
             self._put(name, new, getattr(source, name)[row])
         self._follow_progress(new)

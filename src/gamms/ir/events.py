@@ -198,11 +198,11 @@ def _sets(column: str, key: str) -> _Apply:
     return apply
 
 
-def _puts(name: str, key: str) -> _Apply:
-    """Return what sets a field of the game to what was captured of it."""
+def _puts(name: str) -> _Apply:
+    """Return what sets a field of the game to what was captured of it, which is under its name."""
 
     def apply(state: State, data: Mapping[str, Plain]) -> None:
-        state.game.put(name, FIELDS[name].restored(data[key]))
+        state.game.put(name, FIELDS[name].restored(data[name]))
 
     return apply
 
@@ -417,7 +417,7 @@ def _count(state: State, data: Mapping[str, Plain]) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
 
-GAME_SCORES = _event(0x04000000, "GAME_SCORES", _ALL, "scores", _puts("scores", "scores"))
+GAME_SCORES = _event(0x04000000, "GAME_SCORES", _ALL, "scores", _puts("scores"))
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
@@ -434,7 +434,7 @@ GAME_FACTS = _event(
 GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
 GAME_PRIVATE_FACTS = _event(0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents teams", _publish_privately)
 GAME_DEED = _logged(0x04000008, "GAME_DEED", _SENSED, "agent:AGENT deed at:NODE", "deeds")
-GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _puts("blocked", "blocked"))
+GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _puts("blocked"))
 GAME_MESSAGE = _logged(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
 USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")
 

@@ -1,6 +1,6 @@
 """The state of a game at a moment, apart from the agents and the world."""
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from numbers import Real
@@ -17,6 +17,11 @@ from gamms.text import shown
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
 LOGS = ("events", "errors", "deeds", "messages")
 """The fields of a state to which entries are only appended."""
+
+_HISTORY = (
+    *("turn", "over", "last_turn", "moves", "counts", "team_memories", "departed", "blocked", "delayed_looks"),
+    *(*LOGS, "histories", "timings"),
+)
 
 
 _Given = Mapping[Any, float] | Iterable[tuple[Any, float]]
@@ -222,9 +227,8 @@ def _refill(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
 
 
 def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    for key, one in known.items():
-        _refill(one, value.get(key, {}))
-    known.update((key, one) for key, one in value.items() if key not in known)
+    for key in {**known, **value}:
+        _refill(known.setdefault(key, {}), value.get(key, {}))
 
 
 def _refill_counts(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
@@ -341,7 +345,7 @@ class GameState:
         restored=as_scores,
         axis="game",
     )
-    data: dict[str, Any] = kept(dict, copied, refill=_refill, captured=plain_subset, restored=deepcopy)
+    data: dict[str, Any] = kept(dict, copied, refill=_refill, captured=plain_subset)
     over: dict[str, Any] | None = kept(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
     turn: int = kept(int, _same, captured=to_plain, restored=int, axis="game")
     events: list[dict[str, Any]] = kept(list)
@@ -403,6 +407,12 @@ class GameState:
         else:
             refill(getattr(self, name), value)
 
+    def put_known(self, source: "GameState", agents: Container[str], teams: Container[Any]) -> None:
+        """Set the fields of which agents know a part to what some agents, of these teams, know of another game."""
+        for name, one in FIELDS.items():
+            if one.axis is not None:
+                self.put(name, one.copy_for(getattr(source, name), agents, teams))
+
     def marks(self) -> dict[str, LogPoint]:
         """Return the point at which each log is now."""
         return {name: history.mark(getattr(self, name)) for name, history in self.histories.items()}
@@ -427,13 +437,9 @@ class GameState:
 
     def clear_history(self) -> None:
         """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
-        self.turn, self.over, self.last_turn, self.moves = 0, None, None, None
-        self.counts, self.team_memories, self.departed, self.blocked = {}, {}, {}, BlockedAgents()
-        self.delayed_looks = {}
-        for name in LOGS:
-            setattr(self, name, [])
-        self.histories = {name: LogHistory() for name in LOGS}
-        self.timings = dict.fromkeys(PHASES, 0.0)
+        fresh = GameState()
+        for name in _HISTORY:
+            setattr(self, name, getattr(fresh, name))
 
     def begin_from_here(self) -> None:
         """Forget what has happened, and take the game at its next turn for its start."""

@@ -63,7 +63,6 @@ class Column(NamedTuple):
         attribute: what agents call it where that is not the name.
         is_structure: whether it says which agents there are and what they are, not where.
         is_watched: whether a change of it gives a block another version.
-        has_nodes: whether it holds ids of nodes, in arrays where agents have a team.
         is_in_block: whether blocks have it; the other columns are in keyframes alone, from what agents hold.
         parts: the columns that stand for it in keyframes.
     """
@@ -76,14 +75,8 @@ class Column(NamedTuple):
     attribute: str = ""
     is_structure: bool = False
     is_watched: bool = False
-    has_nodes: bool = False
     is_in_block: bool = True
     parts: "tuple[Column, ...]" = ()
-
-    @property
-    def is_place(self) -> bool:
-        """Whether it says where an agent of a block is, or how it is: whatever may change in each turn."""
-        return self.is_in_block and not self.is_structure
 
     def checked(self, value: object, name: str) -> Any:
         """Return a value of the column as a plain number; `name` is what to call it in an error.
@@ -106,14 +99,12 @@ AGENT_COLUMNS = (  # in the order of keyframes
         event=ChangeEvent(0x01100000, "AGENT_CURRENT_NODE", Audience.SENSED, "node_id", is_record=True),
         attribute="current_node_id",
         is_watched=True,
-        has_nodes=True,
     ),
     Column(
         "previous",
         np.int64,
         event=ChangeEvent(0x01100001, "AGENT_PREV_NODE", Audience.SENSED, "node_id", is_record=True),
         attribute="prev_node_id",
-        has_nodes=True,
     ),
     Column(
         "heading",
@@ -158,6 +149,9 @@ AGENT_COLUMNS = (  # in the order of keyframes
 
 BY_ROW = tuple(column.name for column in AGENT_COLUMNS if column.is_in_block)
 """The names of the columns of a block."""
+
+PLACES = tuple(column for column in AGENT_COLUMNS if column.is_in_block and not column.is_structure)
+"""The columns of a block that say where agents are and how: whatever may change in each turn."""
 
 NUMBERS = tuple(column for column in AGENT_COLUMNS if column.initial is not None)
 """The columns of a further number per agent, which agents have as a property."""

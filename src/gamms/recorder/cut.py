@@ -15,7 +15,7 @@ import numpy as np
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Log, Role, events_of, renumbered
-from gamms.ir.game_state import FIELDS, GameState
+from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Audience
@@ -224,10 +224,8 @@ class Cut:
 
     def _game(self) -> GameState:
         """Return what its own agents know of what the game has come to."""
-        game, teams = GameState(), set(self._own.values())
-        for name, field in FIELDS.items():
-            if field.axis is not None:
-                game.put(name, field.copy_for(getattr(self._all.game, name), self._own, teams))
+        game = GameState()
+        game.put_known(self._all.game, self._own, set(self._own.values()))
         game.data.update(self._flags_in_view())
         return game
 
@@ -383,15 +381,14 @@ class Cut:
         agents = self._all.agents
         columns, row = agents.columns, agents.row(name)
         at = keyframes.row_of(columns, row)
-        lists = {key: columns[key][row] for key in LISTS}
         given = {
             "start_node_id": at["node"],
-            "sensors": dict(lists["sensors"]),
-            "team": lists["teams"],
-            **lists["attributes"],
+            "sensors": dict(columns["sensors"][row]),
+            "team": columns["teams"][row],
+            **columns["attributes"][row],
         }
-        if lists["speed"] is not None:
-            given["speed"] = lists["speed"]
+        if columns["speed"][row] is not None:
+            given["speed"] = columns["speed"][row]
         return _coming(name, given, at["position"])
 
     # -- who is seen ------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from gamms.ir.events import LOGGED
 from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Motion, Progress
-from gamms.ir.schema import AGENT_COLUMNS, NUMBERS, ON_EDGES, VECTORS
+from gamms.ir.schema import AGENT_COLUMNS, NUMBERS, ON_EDGES, PLACES, VECTORS
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
 from gamms.text import shown
@@ -52,7 +52,7 @@ def captured(ctx: HostContext, members: Columns | None = None) -> Keyframe:
     columns: Columns = {
         **(members or members_of(ctx, described)),
         **empty,
-        **rows.arrays(column.name for column in AGENT_COLUMNS if column.is_place and column.name not in empty),
+        **rows.arrays(column.name for column in PLACES if column.name not in empty),
         **(progress_columns(rows.progress) if any(rows.progress) else {}),
     }
     attributes = {row: plain_subset(one) for row, one in ctx.agent.storage.attributes().items()}

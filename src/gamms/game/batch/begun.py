@@ -23,6 +23,7 @@ from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray, locked_columns
 from gamms.ir.progress import Motion
+from gamms.ir.schema import NUMBERS
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.context import HostContext
@@ -70,9 +71,7 @@ class Beginning:
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
         self._node = rows([int(block.node[row]) for row in own]) if self._turn else None
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
-        self._numbers = {name: column[0].copy() for name, column in state.numbers.items()}
-        for name, column in self._numbers.items():
-            column[self._agents] = [getattr(block, name)[row] for row in own]
+        self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
         self._placed = [block.placed and name in known and block.row_of(name) in block.placed for name in names]
         self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
@@ -141,8 +140,9 @@ class Beginning:
         values = self._values
         state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
         state.placed[games] = self._placed
-        for name, column in self._numbers.items():
-            state.numbers[name][games] = column
+        for one in NUMBERS:
+            state.numbers[one.name][games] = one.initial
+            state.numbers[one.name][games[:, None], self._agents] = self._numbers[one.name]
         state.alive[games[:, None], self._agents] = self._alive
         if self._node is not None:
             state.node[games[:, None], self._agents] = self._node
