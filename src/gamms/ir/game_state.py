@@ -205,19 +205,19 @@ def in_conflict(end: object) -> str:
     return f"in conflict with other agents on the way to {where}"
 
 
-def _same(value: Any, _: Memo | None) -> Any:
+def _same(value: object, _: Memo | None) -> object:
     return value
 
 
-def _dict_of(value: Any, _: Memo | None) -> Any:
+def _dict_of(value: Mapping[Any, Any], _: Memo | None) -> dict[Any, Any]:
     return dict(value)
 
 
-def _dicts_of(value: Any, _: Memo | None) -> Any:
+def _dicts_of(value: Mapping[Any, Mapping[Any, Any]], _: Memo | None) -> dict[Any, dict[Any, Any]]:
     return {key: dict(one) for key, one in value.items()}
 
 
-def _memories_of(value: Any, memo: Memo | None) -> Any:
+def _memories_of(value: Mapping[Any, Any], memo: Memo | None) -> dict[Any, Any]:
     return {name: copied(memory, memo) for name, memory in value.items() if memory}
 
 
