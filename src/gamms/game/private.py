@@ -51,8 +51,8 @@ def copy_known(
         if not hasattr(rule.rule, "disclose"):  # it may draw at random what no agent knows
             getattr(rule.rule, "prepare", bool)(target.ctx)
     state.put_known(source.state, names, teams)
-    for name in names:
-        state.memory_of(name)  # also those that remember nothing have a memory
+    for name in filter(names.__contains__, source.state.memories):
+        state.memory_of(name)  # also of agents that remember nothing
     for rule in source.rules.rules:
         if hasattr(rule.rule, "disclose"):
             _put_in(state.data, copied(rule.rule.disclose(source.state.data, names), memo))

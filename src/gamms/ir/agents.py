@@ -22,10 +22,10 @@ Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
 
-_COLUMNS = {column.name: column for column in AGENT_COLUMNS if column.is_in_block}
+_COLUMNS = {column.name: column for column in AGENT_COLUMNS}
 _PLACES = [column.name for column in PLACES]
 _IN_ARRAYS = ("node", "previous")  # the columns that `use_arrays` turns into arrays
-_INITIAL = {name: column.initial for name, column in _COLUMNS.items() if name not in _IN_ARRAYS}  # of a new agent
+_INITIAL = {name: _COLUMNS[name].initial for name in BY_ROW if name not in _IN_ARRAYS}  # of a new agent
 
 
 class AgentBlock:

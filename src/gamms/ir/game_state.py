@@ -226,13 +226,16 @@ def _refill(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
     known.update(value)
 
 
-def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    for key in {**known, **value}:
-        _refill(known.setdefault(key, {}), value.get(key, {}))
+def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any], first: Any = ()) -> None:
+    """Refill the dicts in a dict; those that have no value are as at first."""
+    for key, one in known.items():
+        one.clear()
+        one.update(value.get(key, first))
+    known.update({**value, **known})
 
 
 def _refill_counts(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    _refill_each(known, {**{key: dict.fromkeys(one, 0) for key, one in known.items()}, **value})
+    _refill_each(known, value, dict.fromkeys(next(iter(known.values()), ()), 0))
 
 
 def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
@@ -399,7 +402,7 @@ class GameState:
     histories: dict[str, LogHistory] = kept(lambda: {name: LogHistory() for name in LOGS})
     shared_logs: dict[str, LogPoint] = kept(dict)
 
-    def put(self, name: str, value: Any) -> None:
+    def put(self, name: str, value: object) -> None:
         """Set a field to another value, in place where others hold a reference to it."""
         refill = FIELDS[name].refill
         if refill is None:

@@ -165,7 +165,7 @@ CHANGE_EVENTS = {column.name: column.event for column in AGENT_COLUMNS if column
 ATTRIBUTES = {column.name: column.attribute or column.name for column in AGENT_COLUMNS}
 """Name of a column -> what agents call it."""
 
-SETTABLE = frozenset(map(ATTRIBUTES.__getitem__, CHANGE_EVENTS))
+SETTABLE = {ATTRIBUTES[name] for name in CHANGE_EVENTS}
 """The names of the attributes of agents that stand for a column and can be set."""
 
 ON_EDGES = tuple(part.name for column in AGENT_COLUMNS for part in column.parts)

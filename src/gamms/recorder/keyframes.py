@@ -30,7 +30,6 @@ ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # kind, and shape of a row
     for column in _WRITTEN
     if column.kind is not None
 }
-_OPTIONAL = [column for column in _WRITTEN if column.initial is not None]
 _MOST_AGENTS = 1 << 24  # that one recording may number
 
 
@@ -71,9 +70,8 @@ def members_of(ctx: HostContext, described: list[dict[str, Any]]) -> Columns:
     arrays = rows.arrays(("names", "kind", "alive"))
     sensors = [sensors and {name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details]
     return {
-        "names": arrays["names"],
+        **arrays,
         "numbers": np.array(rows.journal.ids[: len(details)], np.int64),
-        "kind": arrays["kind"],
         "alive": arrays["alive"].astype(np.int64),
         "teams": to_plain(list(rows.teams)),
         "speed": to_plain(list(rows.speed)),
@@ -308,7 +306,9 @@ def checked(columns: Columns) -> Columns:
         Damaged: they are not right; other errors tell the same.
     """
     names = [checked_name(name) for name in columns["names"]]
-    columns = {one.name: np.full(len(names), one.initial, one.kind) for one in _OPTIONAL} | columns
+    columns = {
+        one.name: np.full(len(names), one.initial, one.kind) for one in _WRITTEN if one.initial is not None
+    } | columns
     whole: Columns = {name: list(columns[name]) for name in LISTS}
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(columns[name], dtype)
