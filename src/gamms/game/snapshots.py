@@ -339,6 +339,7 @@ class GameInternals(Guarded):
         after_observing: called in every turn with the agents and their states before any agent decides, in order.
         scenario: what the game was built from, as plain values, for the recorder; None: by a program.
         digests: gives the SHA-256 of each part of that, for strategies that fit one map; None: built by a program.
+        kept: what rules keep to find it faster, by name; no copy or snapshot of the game has it.
     """
 
     _called = "ctx.game.internals"
@@ -351,6 +352,7 @@ class GameInternals(Guarded):
         self.after_observing: list[Observer] = []
         self.scenario: dict[str, Any] | None = None
         self.digests: Callable[[], dict[str, str]] | None = None
+        self.kept: dict[str, Any] = {}
 
     @property
     def parts(self) -> SnapshotTaker:

@@ -3,15 +3,15 @@
 A turn is the time from 0 to 1; `gamms.core.contacts` says what contacts are.
 """
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Annotated, NamedTuple
 
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.moves import TurnMoves
-from gamms.rules.meetings import MetInGame, Nearness, met_in_game
-from gamms.rules.visits import EdgesGoneAlong
+from gamms.ir.agents import Position
+from gamms.rules.meetings import InTurn, Nearness, turn_of
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS
@@ -135,7 +135,7 @@ def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
     return [one.contact for one in ranked(ctx, a, b, nearness)]
 
 
-def ranked(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Ranked]:
+def ranked(ctx: Context, a: Side, b: Side, nearness: Nearness) -> Sequence[Ranked]:
     """Return all contacts of a turn, each with what it is ordered by."""
     if _are_apart(ctx, a, b, nearness):
         return []
@@ -146,29 +146,27 @@ def ranked(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Ranked]:
     if not (any(of_a) and any(of_b)):
         return []
     sides = [one + 2 * other for one, other in zip(of_a, of_b, strict=True)]
-    agents = [agent for agent, side in zip(agents, sides, strict=True) if side]
-    sides = [side for side in sides if side]
-    in_space = agents if ctx.agent.block.flyers and nearness.unit == "euclid" else ()
-    aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
-    return _as_contacts(ctx, met_in_game(ctx, agents, sides, nearness, aerial))
+    turn, asked = turn_of(ctx, agents), (bytes(sides), nearness)
+    if asked not in turn.found:
+        in_space = agents if ctx.agent.block.flyers and nearness.unit == "euclid" else ()
+        aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
+        turn.found[asked] = _as_contacts(turn, sides, nearness, aerial)
+    found: Sequence[Ranked] = turn.found[asked]
+    return found
 
 
-def _as_contacts(ctx: Context, game: MetInGame) -> list[Ranked]:
-    met, ids = game.met, game.node_ids
-    if not len(met.games):
-        return []
-    edges = None if ctx.game.speed_unit == "edges" else EdgesGoneAlong(ctx)
+def _as_contacts(
+    turn: InTurn, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]
+) -> Sequence[Ranked]:
+    met = turn.find(sides, nearness, in_air)
+    tracks = turn.tracks_for(nearness) if met else ()
     found = []
-    for _, a, b, a_node, b_node, time, distance, draw, on_edge in zip(
-        *(column.tolist() for column in met), strict=True
-    ):
-        names = game.agents[a].name, game.agents[b].name
-        nodes = ids[a_node], ids[b_node]
-        places = []
-        if edges is not None:
-            for number, name, node in zip((a, b), names, nodes, strict=True):
-                places.append(edges.xy_at(game.tracks[number], time, node, game.in_air.get(name)))
-        contact = Contact(*names, distance, time, *nodes, *places)
+    for a, b, a_node, b_node, time, distance, draw, on_edge in met:
+        names, places = (turn.agents[a].name, turn.agents[b].name), []
+        if turn.by_metres:
+            for number, name, node in zip((a, b), names, (a_node, b_node), strict=True):
+                places.append(turn.edges.xy_at(tracks[number], time, node, in_air.get(name)))
+        contact = Contact(*names, distance, time, a_node, b_node, *places)
         found.append(Ranked((time, distance, draw, on_edge), contact))
     return found
 

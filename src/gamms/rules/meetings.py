@@ -1,10 +1,10 @@
 """What `gamms.core.contacts` is asked: the columns of agents that it takes, and the contacts that it finds.
 
-`met_in_game` asks it about the game of a context, `met_in_turn` about a turn of many games.
+`turn_of` asks it about the game of a context, `met_in_turn` about a turn of many games.
 """
 
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import accumulate, chain
 from typing import Any, NamedTuple
@@ -24,11 +24,13 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.near_nodes import NearNodes
-from gamms.rules.visits import EdgesGoneAlong, tracks_of
+from gamms.rules.visits import EdgesGoneAlong, at_end
 from gamms.typing import IAgent
 from gamms.typing.game import Track
 
 _FIRST_ROOM = 64  # contacts
+_MOST_KNOWN = 1 << 20  # pairs of nodes near each other that a game keeps for one distance
+_NOWHERE = 0.0, 0.0, 0.0
 _BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
 
 
@@ -101,54 +103,55 @@ class _Room(NamedTuple):
     core: core.Contacts
 
 
-_IDLE: list[_Room] = []  # which is used again, as making one takes longer than to find the contacts of a few agents
+class Finder:
+    """Finds the contacts of turns of one game or batch, with room for the largest turn so far."""
+
+    def __init__(self) -> None:
+        self._room = _room_of(0, 0, _FIRST_ROOM)
+
+    def find(self, question: Question, nearness: Nearness) -> tuple[Met, IntArray]:
+        """Find the contacts of a turn.
+
+        Returns:
+            Room for contacts, and the rows of those that were found, in their order; valid until the next call.
+        """
+        contacts = len(self._room.order)
+        while True:
+            room = self._room_for(question, contacts)
+            near = question.near
+            room.core.ask(
+                question.tracks,
+                question.legs,
+                question.names,
+                question.purposes,
+                question.turns,
+                reach=near if isinstance(near, core.Reach) else _NO_REACH,
+                places=near if isinstance(near, core.Places) else _NO_PLACES,
+                lines=near if isinstance(near, core.Lines) else _NO_LINES,
+                crossing=nearness.crossing,
+                by_metres=question.by_metres,
+            )
+            if isinstance(near, core.Reach):
+                is_exact = question.by_metres and nearness.unit == "metres"
+                contacts = room.core.find_by_paths(nearness.limit, is_exact)
+            elif isinstance(near, core.Places):
+                contacts = room.core.find_near_places(nearness.limit)
+            elif isinstance(near, core.Lines):
+                contacts = room.core.find_on_lines(nearness.limit)
+            else:
+                contacts = room.core.find_on_nodes()
+            if contacts <= len(room.order):
+                return room.met, room.order[: room.core.kept]
+
+    def _room_for(self, question: Question, contacts: int) -> _Room:
+        room = self._room
+        if question.pieces > room.pieces or question.keys > room.keys or contacts > len(room.order):
+            pieces, keys = max(question.pieces, room.pieces), max(question.keys, room.keys)
+            room = self._room = _room_of(pieces, keys, max(contacts, len(room.order)))
+        return room
 
 
-def find(question: Question, nearness: Nearness) -> Met:
-    """Return the contacts of a turn."""
-    contacts = _FIRST_ROOM
-    while True:
-        room = _room_for(question, contacts)
-        near = question.near
-        room.core.ask(
-            question.tracks,
-            question.legs,
-            question.names,
-            question.purposes,
-            question.turns,
-            reach=near if isinstance(near, core.Reach) else _NO_REACH,
-            places=near if isinstance(near, core.Places) else _NO_PLACES,
-            lines=near if isinstance(near, core.Lines) else _NO_LINES,
-            crossing=nearness.crossing,
-            by_metres=question.by_metres,
-        )
-        if isinstance(near, core.Reach):
-            is_exact = question.by_metres and nearness.unit == "metres"
-            contacts = room.core.find_by_paths(nearness.limit, is_exact)
-        elif isinstance(near, core.Places):
-            contacts = room.core.find_near_places(nearness.limit)
-        elif isinstance(near, core.Lines):
-            contacts = room.core.find_on_lines(nearness.limit)
-        else:
-            contacts = room.core.find_on_nodes()
-        if contacts <= len(room.order):
-            found = _NONE if not room.core.kept else room.met.those(room.order[: room.core.kept])
-            _IDLE.append(room)
-            return found
-
-
-def _room_for(question: Question, contacts: int) -> _Room:
-    try:
-        idle = _IDLE.pop()
-    except IndexError:
-        idle = None
-    if idle is not None:
-        if question.pieces <= idle.pieces and question.keys <= idle.keys and contacts <= len(idle.order):
-            return idle
-        # What is once used is often used again, by a game and a batch in turn.
-        contacts = max(contacts, len(idle.order))
-    pieces = max(question.pieces, 0 if idle is None else idle.pieces)
-    keys = max(question.keys, 0 if idle is None else idle.keys)
+def _room_of(pieces: int, keys: int, contacts: int) -> _Room:
     met, order = _columns(contacts), np.empty(contacts, np.int64)
     ints, floats, first = np.empty((6, pieces), np.int64), np.empty((4, pieces)), np.full(keys, -1)
     scratch = core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], first, ints[5])))
@@ -176,7 +179,6 @@ def _most_pieces(agents: int, most: int, most_legs: int | None) -> int:
     return agents * (most if most_legs is None else 2 * (most + 2 * most_legs + 1))
 
 
-_NONE = _columns(0)
 _NO_REACH = core.Reach(_column("q"), _column("q"), _column("q"), _column("d"))
 _NO_PLACES = core.Places(_column("q"), _column("d"))
 _NO_LINES = core.Lines(_column("q"), *[_column("d")] * 4)
@@ -186,94 +188,274 @@ _NO_LEGS = core.Legs(0, *[_column("q")] * 5, *[_column("d")] * 5)  # in games th
 # -- in the game of a context ------------------------------------------------------------------------------------------
 
 
-class MetInGame(NamedTuple):
-    """The contacts of one game.
+class Found(NamedTuple):
+    """A contact of one game: both agents by number, the ids of the nodes where they were, and what orders it."""
 
-    Attributes:
-        agents: those that they number.
-        node_ids: of the nodes that they number.
-        met: the contacts.
-        tracks: of the agents, in games by metres.
-        in_air: agent -> where it is, of those that fly where straight lines count.
-    """
-
-    agents: Sequence[IAgent]
-    node_ids: Sequence[int]
-    met: Met
-    tracks: Sequence[Track]
-    in_air: Mapping[str, Position]
+    a: int
+    b: int
+    a_node: int
+    b_node: int
+    time: float
+    distance: float
+    draw: int
+    on_edge: int
 
 
-def met_in_game(
-    ctx: Context, agents: Sequence[IAgent], sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]
-) -> MetInGame:
-    """Return the contacts of the turn.
+class InTurn:
+    """Where the agents of one game are in a turn.
 
     Args:
         ctx: the context.
-        agents: of either side.
-        sides: of each, as `core.Tracks` has it.
-        nearness: what counts as a contact.
-        in_air: agent -> where it is, of those that fly where straight lines count.
+        agents: whose contacts are found.
+        known: what is known of the map.
+
+    Attributes:
+        agents: as given.
+        tracks: of these.
+        edges: those that they go along.
+        by_metres: whether the game is by metres.
+        found: the contacts of those that were asked for, by what was asked.
     """
-    by_metres = ctx.game.speed_unit != "edges"
-    # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
-    tracks = tracks_of(ctx, agents, passing=nearness.passing or not by_metres)
-    edges = EdgesGoneAlong(ctx)
-    numbers = _numbers(tracks)
-    paths = [track.path for track in tracks]
-    most = max(map(len, paths))
-    most_legs = max(len(track.legs) for track in tracks) if by_metres else 0
-    near: Near = None
-    if nearness.unit == "euclid":
-        places = [in_air.get(agent.name) for agent in agents]
-        near = _lines(edges, tracks, places) if by_metres else _places(ctx.graph.graph, paths, most, numbers, places)
-    elif nearness.unit is not None:
+
+    def __init__(self, ctx: Context, agents: Sequence[IAgent], known: "_KnownMap") -> None:
+        self.agents = agents
+        self.tracks = ctx.game.tracks(agents)
+        self.edges = EdgesGoneAlong(ctx)
+        self.by_metres = ctx.game.speed_unit != "edges"
+        self.found: dict[Hashable, Any] = {}
+        self._known = known
+        self._most = most = max([len(track.path) for track in self.tracks])
+        self._ids = list[int]()
+        times = list[float]()
+        for path, passed, _ in self.tracks:
+            self._ids += path
+            times += passed
+            if len(path) < most:
+                self._ids += path[-1:] * (most - len(path))
+                times += (1.0,) * (most - len(path))
+        self._columns = (
+            _column("q", map(known.numbers.__getitem__, self._ids)),
+            _column("d", times),
+            _column("q", [len(track.path) for track in self.tracks]),
+        )
+        self._most_legs = max([len(track.legs) for track in self.tracks]) if self.by_metres else 0
+        self._legs = _legs(self.edges, self.tracks, self._most_legs, known.numbers) if self.by_metres else _NO_LEGS
+        self._names = _column("Q", [kernels.name_key(agent.name) for agent in agents])
+        self._purpose = _column("Q", [kernels.purpose_key(ctx.seed, "contacts")])
+        self._turn = _column("q", [ctx.game.turn])
+
+    def tracks_for(self, nearness: Nearness) -> Sequence[Track]:
+        """Return how agents came to where they are, as far as that counts."""
+        # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
+        return self.tracks if nearness.passing or not self.by_metres else [at_end(track) for track in self.tracks]
+
+    def find(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> list[Found]:
+        """Find contacts.
+
+        Args:
+            sides: of each agent, as `core.Tracks` has it.
+            nearness: what counts as a contact.
+            in_air: agent -> where it is, of those that fly where straight lines count.
+        """
+        near, known = self._near(sides, nearness, in_air), self._known
+        question = Question(
+            core.Tracks(len(sides), self._most, *self._columns, _column("q", sides), at_end=not nearness.passing),
+            self._legs,
+            near,
+            self._names,
+            self._purpose,
+            self._turn,
+            max(
+                _most_pieces(len(sides), self._most, self._most_legs if self.by_metres else None),
+                near.parts if isinstance(near, core.Lines) else 0,
+            ),
+            len(known.numbers) + self._most_legs * len(sides),
+            self.by_metres,
+        )
+        met, rows = known.finder.find(question, nearness)
+        a, b, a_nodes, b_nodes, times, distances, draws, on_edges = [column.data for column in met[1:]]
+        ids = known.ids
+        return [
+            Found(a[i], b[i], ids[a_nodes[i]], ids[b_nodes[i]], times[i], distances[i], draws[i], on_edges[i])
+            for i in rows.tolist()
+        ]
+
+    def _near(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> Near:
+        if nearness.unit is None:
+            return None
+        if nearness.unit != "euclid":
+            return self._known.near(nearness).around(self._asked(sides))
+        places = [in_air.get(agent.name) for agent in self.agents]
+        if self.by_metres:
+            return _lines(self.edges, self.tracks_for(nearness), places, sides)
+        xyz = list[Position]()
+        for track, place, side in zip(self.tracks, places, sides, strict=True):
+            if place is None and side:
+                xyz += [self._known.places[node] for node in track.path]
+                xyz += xyz[-1:] * (self._most - len(track.path))
+            else:
+                xyz += [place or _NOWHERE] * self._most
+        return core.Places(_column("q", range(len(xyz))), _column("d", chain.from_iterable(xyz)))
+
+    def _asked(self, sides: Sequence[int]) -> set[int]:
+        """Return the nodes around which agents of a side may be near others."""
         # Where none passes a node, those that agents have left do not count.
-        asked = numbers if by_metres or most > 2 else dict.fromkeys(path[-1] for path in paths)
-        near = _reach(ctx.graph.graph, asked, numbers, nearness)
-    question = Question(
-        core.Tracks(len(tracks), most, *_nodes_and_times(tracks, most, numbers, sides), at_end=not nearness.passing),
-        _legs(edges, tracks, most_legs, numbers) if by_metres else _NO_LEGS,
-        near,
-        _column("Q", [kernels.name_key(agent.name) for agent in agents]),
-        _column("Q", [kernels.purpose_key(ctx.seed, "contacts")]),
-        _column("q", [ctx.game.turn]),
-        max(
-            _most_pieces(len(tracks), most, most_legs if by_metres else None),
-            near.parts if isinstance(near, core.Lines) else 0,
-        ),
-        len(numbers) + most_legs * len(tracks),
-        by_metres,
-    )
-    return MetInGame(agents, list(numbers), find(question, nearness), tracks, in_air)
+        first = 0 if self.by_metres or self._most > 2 else -1
+        taking_part = [track for track, side in zip(self.tracks, sides, strict=True) if side]
+        asked = {node for track in taking_part for node in track.path[first:]}
+        for track in taking_part if self.by_metres else ():
+            for leg in track.legs:
+                asked |= {leg.source, leg.target}
+        return asked
 
 
-def _numbers(tracks: Sequence[Track]) -> dict[int, int]:
-    """Return node id -> its number, of all nodes on the ways of agents."""
-    nodes = dict.fromkeys(chain.from_iterable([track.path for track in tracks]))
-    for track in tracks:
-        for leg in track.legs:
-            nodes[leg.source] = nodes[leg.target] = None
-    return dict(zip(nodes, range(len(nodes)), strict=True))
+class InGame:
+    """Where the agents of one game are in the last turn that was asked about, and what is known of the map."""
+
+    def __init__(self) -> None:
+        self._finder = Finder()
+        self._known: _KnownMap | None = None
+        self._turn: InTurn | None = None
+        self._key: tuple[Any, ...] = ()
+
+    def turn(self, ctx: Context, agents: Sequence[IAgent]) -> InTurn:
+        """Return where agents are in this turn; it is looked up again if that may have changed."""
+        graph, block, internals = ctx.graph.graph, ctx.agent.block, ctx.game.internals
+        if self._known is None or self._known.graph is not graph or self._known.revision != graph.revision:
+            self._known, self._turn = _KnownMap(graph, self._finder), None
+        moves, versions = internals.state.moves, (block.version, block.structure.version)
+        key = moves, block, versions, ctx.game.speed_unit, ctx.game.turn, ctx.seed, agents
+        # While agents are moved, moves may change that nobody has made yet.
+        if self._turn is None or internals.parts.turns.is_moving or key != self._key:
+            self._turn, self._key = InTurn(ctx, agents, self._known), key
+        return self._turn
 
 
-def _nodes_and_times(
-    tracks: Sequence[Track], most: int, numbers: Mapping[int, int], sides: Sequence[int]
-) -> Iterator[Any]:
-    """Yield the columns of `core.Tracks`."""
-    nodes, times = list[int](), list[float]()
-    for track in tracks:
-        path = track.path
-        nodes += path
-        times += track.times
-        if len(path) < most:
-            nodes += path[-1:] * (most - len(path))
-            times += (1.0,) * (most - len(path))
-    yield _column("q", map(numbers.__getitem__, nodes))
-    yield _column("d", times)
-    yield _column("q", [len(track.path) for track in tracks])
-    yield _column("q", sides)
+def turn_of(ctx: Context, agents: Sequence[IAgent]) -> InTurn:
+    """Return where agents of a game are in this turn, for all rules that ask."""
+    kept = ctx.game.internals.kept
+    if "contacts" not in kept:
+        kept["contacts"] = InGame()
+    in_game: InGame = kept["contacts"]
+    return in_game.turn(ctx, agents)
+
+
+class _Numbers(dict[int, int]):
+    """Node id -> its number, which it gets when it is first asked for; `ids` has the ids by number."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[int] = []
+
+    def __missing__(self, node: int) -> int:
+        number = self[node] = len(self)
+        self.ids.append(node)
+        return number
+
+
+class _NodePlaces(dict[int, Position]):
+    """Node id -> where it is, on the ground, of those that were asked for."""
+
+    def __init__(self, graph: Graph) -> None:
+        super().__init__()
+        self._graph = graph
+
+    def __missing__(self, node: int) -> Position:
+        _, x, y = self._graph.get_node(node)
+        place = self[node] = x, y, 0.0
+        return place
+
+
+class _KnownMap:
+    """What finding contacts in one game has learned of a map, which has not changed since.
+
+    Args:
+        graph: the map.
+        finder: of the game.
+
+    Attributes:
+        revision: of the graph, when it was first looked at.
+        numbers: of nodes.
+        ids: of nodes, by number.
+        places: of nodes.
+    """
+
+    def __init__(self, graph: Graph, finder: Finder) -> None:
+        self.graph, self.finder, self.revision = graph, finder, graph.revision
+        self.numbers, self.places = _Numbers(), _NodePlaces(graph)
+        self.ids = self.numbers.ids
+        self._near: dict[tuple[str | None, float], _NearInGame] = {}
+
+    def near(self, nearness: Nearness) -> "_NearInGame":
+        """Return what is so near nodes."""
+        key = nearness.unit, nearness.limit
+        if key not in self._near or self._near[key].used > _MOST_KNOWN:
+            search = partial(nodes_within, self.graph) if nearness.unit == "hops" else _by_length(self.graph)
+            self._near[key] = _NearInGame(search, nearness.limit, self.numbers)
+        return self._near[key]
+
+
+class _Growing:
+    """A column of numbers, as `_column` has it, that becomes longer where that is needed."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+        self.view = _column(kind)
+
+    def reserve(self, size: int) -> None:
+        """Have room for so many numbers, which are 0 at first."""
+        if size > len(self.view):
+            longer = _column(self._kind, bytes(2 * size * self.view.itemsize))
+            longer[: len(self.view)] = self.view
+            self.view = longer
+
+    def write(self, first: int, values: Sequence[float]) -> None:
+        """Write numbers from a place on."""
+        self.reserve(first + len(values))
+        self.view[first : first + len(values)] = array(self._kind, values)
+
+
+class _NearInGame:
+    """What is near nodes of a map, found when they are first asked for.
+
+    Args:
+        search: a node and a limit -> the nodes within it, and how far each is.
+        limit: how far that may be.
+        numbers: of nodes.
+
+    Attributes:
+        used: how many pairs of nodes are known.
+    """
+
+    def __init__(self, search: Callable[[int, float], Mapping[int, float]], limit: float, numbers: _Numbers) -> None:
+        self._search, self._limit, self._numbers = search, limit, numbers
+        self._offsets, self._counts, self._ends = _Growing("q"), _Growing("q"), _Growing("q")
+        self._far = _Growing("d")
+        self._learned: set[int] = set()
+        self._reach = _NO_REACH
+        self.used = 0
+
+    def around(self, nodes: set[int]) -> core.Reach:
+        """Return what is near these nodes, and near those that were asked for before."""
+        new = nodes - self._learned
+        if new or len(self._numbers) > len(self._offsets.view):
+            for node in new:
+                self._learn(node)
+            for column in (self._offsets, self._counts):
+                column.reserve(len(self._numbers))
+            columns = self._offsets, self._counts, self._ends, self._far
+            self._reach = core.Reach(*[column.view for column in columns])
+        return self._reach
+
+    def _learn(self, node: int) -> None:
+        numbers = self._numbers
+        row = sorted([(numbers[end], far) for end, far in self._search(node, self._limit).items()])
+        self._offsets.write(numbers[node], [self.used])
+        self._counts.write(numbers[node], [len(row)])
+        self._ends.write(self.used, [end for end, _ in row])
+        self._far.write(self.used, [far for _, far in row])
+        self.used += len(row)
+        self._learned.add(node)
 
 
 def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, numbers: Mapping[int, int]) -> core.Legs:
@@ -293,20 +475,6 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, numbers: Ma
     return core.Legs(most, *_flat((counts, *ints, *floats)))
 
 
-def _reach(graph: Graph, asked: Iterable[int], numbers: Mapping[int, int], nearness: Nearness) -> core.Reach:
-    """Return how far it is from the nodes that are asked for to those that have numbers."""
-    search = partial(nodes_within, graph) if nearness.unit == "hops" else _by_length(graph)
-    offsets, counts = [0] * len(numbers), [0] * len(numbers)
-    ends, distances = list[int](), list[float]()
-    for node in asked:
-        far = search(node, nearness.limit)
-        row = sorted([(numbers[end], far[end]) for end in far.keys() & numbers.keys()])
-        offsets[numbers[node]], counts[numbers[node]] = len(ends), len(row)
-        ends += [end for end, _ in row]
-        distances += [distance for _, distance in row]
-    return core.Reach(_column("q", offsets), _column("q", counts), _column("q", ends), _column("d", distances))
-
-
 def _by_length(graph: Graph) -> Any:
     return lambda node, limit: graph.distances(source=node, cutoff=limit)
 
@@ -322,27 +490,11 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
     return hops
 
 
-def _places(
-    graph: Graph,
-    paths: Sequence[Sequence[int]],
-    most: int,
-    numbers: Mapping[int, int],
-    in_air: Sequence[Position | None],
-) -> core.Places:
-    places = [(x, y, 0.0) for x, y in graph.positions([*numbers]).tolist()]
-    found: list[int] = []
-    for path, place in zip(paths, in_air, strict=True):
-        if place is None:
-            found += [numbers[node] for node in path]
-            found += [0] * (most - len(path))
-        else:
-            found += [len(places)] * most
-            places.append(place)
-    return core.Places(_column("q", found), _column("d", chain.from_iterable(places)))
-
-
-def _lines(edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None]) -> core.Lines:
-    rows = [list(edges.lines_of(track, at)) for track, at in zip(tracks, in_air, strict=True)]
+def _lines(
+    edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None], sides: Sequence[int]
+) -> core.Lines:
+    each = zip(tracks, in_air, sides, strict=True)
+    rows = [list(edges.lines_of(track, at)) if side else [] for track, at, side in each]
     lines = [line for row in rows for line in row]
     offsets = _column("q", [0, *accumulate(map(len, rows))])
     since = _column("d", [since for since, _, _, _ in lines])
@@ -393,7 +545,8 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),
         legs is not None,
     )
-    return find(question, nearness)
+    met, rows = turn.shared("contacts", Finder).find(question, nearness)
+    return met.those(rows)
 
 
 def one_to_one_of_games(games: IntArray, a: IntArray, b: IntArray, agents: int) -> IntArray:

@@ -22,10 +22,10 @@ def tracks_of(ctx: Context, agents: Sequence[IAgent], *, passing: bool) -> list[
     """Return how agents came to where they are; not `passing`: only that they are there at the end of the turn."""
     if passing:
         return ctx.game.tracks(agents)
-    return [_at_end(track) for track in ctx.game.tracks(agents)]
+    return [at_end(track) for track in ctx.game.tracks(agents)]
 
 
-def _at_end(track: Track) -> Track:
+def at_end(track: Track) -> Track:
     """Return that an agent is where it is at the end of the turn, and nothing of how it got there."""
     last = track.legs[-1]._replace(begin=track.legs[-1].end, since=1.0, until=1.0) if track.legs else None
     is_on_edge = last is not None and 0.0 < last.end < 1.0
