@@ -159,14 +159,14 @@ def _as_contacts(
     turn: InTurn, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]
 ) -> Sequence[Ranked]:
     met = turn.find(sides, nearness, in_air)
-    tracks = turn.tracks_for(nearness) if met else ()
+    tracks, ids = turn.tracks_for(nearness) if met else (), turn.node_ids
     found = []
-    for a, b, a_node, b_node, time, distance, draw, on_edge in met:
-        names, places = (turn.agents[a].name, turn.agents[b].name), []
+    for _, a, b, a_node, b_node, time, distance, draw, on_edge in met:
+        names, nodes, places = (turn.agents[a].name, turn.agents[b].name), (ids[a_node], ids[b_node]), []
         if turn.by_metres:
-            for number, name, node in zip((a, b), names, (a_node, b_node), strict=True):
+            for number, name, node in zip((a, b), names, nodes, strict=True):
                 places.append(turn.edges.xy_at(tracks[number], time, node, in_air.get(name)))
-        contact = Contact(*names, distance, time, a_node, b_node, *places)
+        contact = Contact(*names, distance, time, *nodes, *places)
         found.append(Ranked((time, distance, draw, on_edge), contact))
     return found
 

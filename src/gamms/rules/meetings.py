@@ -5,8 +5,9 @@
 
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from functools import partial
-from itertools import accumulate, chain
+from functools import cache, partial
+from itertools import accumulate, chain, compress
+from operator import gt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,13 +24,12 @@ from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.near_nodes import NearNodes
+from gamms.rules.near_nodes import NearNodes, Reached, reached
 from gamms.rules.visits import EdgesGoneAlong, at_end
 from gamms.typing import IAgent
 from gamms.typing.game import Track
 
 _FIRST_ROOM = 64  # contacts
-_MOST_KNOWN = 1 << 20  # pairs of nodes near each other that a game keeps for one distance
 _NOWHERE = 0.0, 0.0, 0.0
 _BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
 
@@ -93,21 +93,18 @@ class Question(NamedTuple):
     by_metres: bool
 
 
-class _Room(NamedTuple):
-    """What the core writes into: of so many pieces, keys and contacts."""
-
-    pieces: int
-    keys: int
-    met: Met
-    order: IntArray
-    core: core.Contacts
-
-
 class Finder:
     """Finds the contacts of turns of one game or batch, with room for the largest turn so far."""
 
     def __init__(self) -> None:
-        self._room = _room_of(0, 0, _FIRST_ROOM)
+        self._make_room(0, 0, _FIRST_ROOM)
+
+    def _make_room(self, pieces: int, keys: int, contacts: int) -> None:
+        self._sizes = pieces, keys, contacts
+        self._met, self._order = _columns(contacts), np.empty(contacts, np.int64)
+        ints, floats, first = np.empty((6, pieces), np.int64), np.empty((4, pieces)), np.full(keys, -1)
+        scratch = core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], first, ints[5])))
+        self._core = core.Contacts(scratch, *_flat((*self._met, self._order)))
 
     def find(self, question: Question, nearness: Nearness) -> tuple[Met, IntArray]:
         """Find the contacts of a turn.
@@ -115,11 +112,12 @@ class Finder:
         Returns:
             Room for contacts, and the rows of those that were found, in their order; valid until the next call.
         """
-        contacts = len(self._room.order)
+        near, contacts = question.near, 0
         while True:
-            room = self._room_for(question, contacts)
-            near = question.near
-            room.core.ask(
+            sizes = question.pieces, question.keys, contacts
+            if any(map(gt, sizes, self._sizes)):
+                self._make_room(*map(max, sizes, self._sizes))
+            self._core.ask(
                 question.tracks,
                 question.legs,
                 question.names,
@@ -133,29 +131,15 @@ class Finder:
             )
             if isinstance(near, core.Reach):
                 is_exact = question.by_metres and nearness.unit == "metres"
-                contacts = room.core.find_by_paths(nearness.limit, is_exact)
+                contacts = self._core.find_by_paths(nearness.limit, is_exact)
             elif isinstance(near, core.Places):
-                contacts = room.core.find_near_places(nearness.limit)
+                contacts = self._core.find_near_places(nearness.limit)
             elif isinstance(near, core.Lines):
-                contacts = room.core.find_on_lines(nearness.limit)
+                contacts = self._core.find_on_lines(nearness.limit)
             else:
-                contacts = room.core.find_on_nodes()
-            if contacts <= len(room.order):
-                return room.met, room.order[: room.core.kept]
-
-    def _room_for(self, question: Question, contacts: int) -> _Room:
-        room = self._room
-        if question.pieces > room.pieces or question.keys > room.keys or contacts > len(room.order):
-            pieces, keys = max(question.pieces, room.pieces), max(question.keys, room.keys)
-            room = self._room = _room_of(pieces, keys, max(contacts, len(room.order)))
-        return room
-
-
-def _room_of(pieces: int, keys: int, contacts: int) -> _Room:
-    met, order = _columns(contacts), np.empty(contacts, np.int64)
-    ints, floats, first = np.empty((6, pieces), np.int64), np.empty((4, pieces)), np.full(keys, -1)
-    scratch = core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], first, ints[5])))
-    return _Room(pieces, keys, met, order, core.Contacts(scratch, *_flat((*met, order))))
+                contacts = self._core.find_on_nodes()
+            if contacts <= len(self._order):
+                return self._met, self._order[: self._core.kept]
 
 
 def _columns(contacts: int) -> Met:
@@ -188,59 +172,47 @@ _NO_LEGS = core.Legs(0, *[_column("q")] * 5, *[_column("d")] * 5)  # in games th
 # -- in the game of a context ------------------------------------------------------------------------------------------
 
 
-class Found(NamedTuple):
-    """A contact of one game: both agents by number, the ids of the nodes where they were, and what orders it."""
-
-    a: int
-    b: int
-    a_node: int
-    b_node: int
-    time: float
-    distance: float
-    draw: int
-    on_edge: int
-
-
 class InTurn:
     """Where the agents of one game are in a turn.
 
     Args:
         ctx: the context.
         agents: whose contacts are found.
-        known: what is known of the map.
+        game: what is known of the game and its map.
+        before: the same for an earlier turn.
 
     Attributes:
         agents: as given.
         tracks: of these.
         edges: those that they go along.
         by_metres: whether the game is by metres.
+        node_ids: of the nodes that contacts number.
+        names: (agents,) keys of their names.
         found: the contacts of those that were asked for, by what was asked.
     """
 
-    def __init__(self, ctx: Context, agents: Sequence[IAgent], known: "_KnownMap") -> None:
+    def __init__(self, ctx: Context, agents: Sequence[IAgent], game: "InGame", before: "InTurn | None") -> None:
         self.agents = agents
         self.tracks = ctx.game.tracks(agents)
         self.edges = EdgesGoneAlong(ctx)
         self.by_metres = ctx.game.speed_unit != "edges"
         self.found: dict[Hashable, Any] = {}
-        self._known = known
+        self._game = game
+        self.node_ids = game.ids
         self._most = most = max([len(track.path) for track in self.tracks])
-        self._ids = list[int]()
-        times = list[float]()
-        for path, passed, _ in self.tracks:
-            self._ids += path
-            times += passed
-            if len(path) < most:
-                self._ids += path[-1:] * (most - len(path))
-                times += (1.0,) * (most - len(path))
+        self._paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in self.tracks]
         self._columns = (
-            _column("q", map(known.numbers.__getitem__, self._ids)),
-            _column("d", times),
+            _column("q", map(game.number, chain.from_iterable(self._paths))),
+            _column("d", chain.from_iterable([at + (1.0,) * (most - len(at)) for _, at, _ in self.tracks])),
             _column("q", [len(track.path) for track in self.tracks]),
         )
         self._most_legs = max([len(track.legs) for track in self.tracks]) if self.by_metres else 0
-        self._legs = _legs(self.edges, self.tracks, self._most_legs, known.numbers) if self.by_metres else _NO_LEGS
-        self._names = _column("Q", [kernels.name_key(agent.name) for agent in agents])
+        self._legs = _legs(self.edges, self.tracks, self._most_legs, game.number) if self.by_metres else _NO_LEGS
+        self.names: memoryview = (
+            before.names
+            if before is not None and before.agents == agents
+            else _column("Q", [kernels.name_key(agent.name) for agent in agents])
+        )
         self._purpose = _column("Q", [kernels.purpose_key(ctx.seed, "contacts")])
         self._turn = _column("q", [ctx.game.turn])
 
@@ -249,216 +221,125 @@ class InTurn:
         # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
         return self.tracks if nearness.passing or not self.by_metres else [at_end(track) for track in self.tracks]
 
-    def find(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> list[Found]:
-        """Find contacts.
+    def find(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> list[list[Any]]:
+        """Find contacts: what `Met` has of each.
 
         Args:
             sides: of each agent, as `core.Tracks` has it.
             nearness: what counts as a contact.
             in_air: agent -> where it is, of those that fly where straight lines count.
         """
-        near, known = self._near(sides, nearness, in_air), self._known
+        near = self._near(sides, nearness, in_air)
         question = Question(
             core.Tracks(len(sides), self._most, *self._columns, _column("q", sides), at_end=not nearness.passing),
             self._legs,
             near,
-            self._names,
+            self.names,
             self._purpose,
             self._turn,
             max(
                 _most_pieces(len(sides), self._most, self._most_legs if self.by_metres else None),
                 near.parts if isinstance(near, core.Lines) else 0,
             ),
-            len(known.numbers) + self._most_legs * len(sides),
+            len(self._game.ids) + self._most_legs * len(sides),
             self.by_metres,
         )
-        met, rows = known.finder.find(question, nearness)
-        a, b, a_nodes, b_nodes, times, distances, draws, on_edges = [column.data for column in met[1:]]
-        ids = known.ids
-        return [
-            Found(a[i], b[i], ids[a_nodes[i]], ids[b_nodes[i]], times[i], distances[i], draws[i], on_edges[i])
-            for i in rows.tolist()
-        ]
+        met, rows = self._game.finder.find(question, nearness)
+        columns = [column.data for column in met] if len(rows) else []
+        return [[column[row] for column in columns] for row in rows.tolist()]
 
     def _near(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> Near:
         if nearness.unit is None:
             return None
         if nearness.unit != "euclid":
-            return self._known.near(nearness).around(self._asked(sides))
-        places = [in_air.get(agent.name) for agent in self.agents]
+            return self._game.near(nearness.unit, nearness.limit).around(self._asked(sides), len(self._game.ids))
         if self.by_metres:
+            places = [in_air.get(agent.name) for agent in self.agents]
             return _lines(self.edges, self.tracks_for(nearness), places, sides)
-        xyz = list[Position]()
-        for track, place, side in zip(self.tracks, places, sides, strict=True):
-            if place is None and side:
-                xyz += [self._known.places[node] for node in track.path]
-                xyz += xyz[-1:] * (self._most - len(track.path))
-            else:
-                xyz += [place or _NOWHERE] * self._most
-        return core.Places(_column("q", range(len(xyz))), _column("d", chain.from_iterable(xyz)))
+        place, most = self._game.place, self._most
+        rows = [
+            [in_air[agent.name]] * most if agent.name in in_air else map(place, path) if side else [_NOWHERE] * most
+            for agent, path, side in zip(self.agents, self._paths, sides, strict=True)
+        ]
+        xyz = chain.from_iterable(chain.from_iterable(rows))
+        return core.Places(_column("q", range(most * len(rows))), _column("d", xyz))
 
-    def _asked(self, sides: Sequence[int]) -> set[int]:
-        """Return the nodes around which agents of a side may be near others."""
+    def _asked(self, sides: Sequence[int]) -> IntArray:
+        """Return the nodes, by number, around which agents of a side may be near others."""
         # Where none passes a node, those that agents have left do not count.
-        first = 0 if self.by_metres or self._most > 2 else -1
-        taking_part = [track for track, side in zip(self.tracks, sides, strict=True) if side]
-        asked = {node for track in taking_part for node in track.path[first:]}
-        for track in taking_part if self.by_metres else ():
-            for leg in track.legs:
-                asked |= {leg.source, leg.target}
-        return asked
+        first = 0 if self.by_metres or self._most > 2 else self._most - 1
+        nodes = [node for path in compress(self._paths, sides) for node in path[first:]]
+        if self.by_metres:
+            legs = chain.from_iterable([track.legs for track in compress(self.tracks, sides)])
+            nodes += [node for leg in legs for node in (leg.source, leg.target)]
+        return np.array([*map(self._game.number, nodes)])
 
 
 class InGame:
-    """Where the agents of one game are in the last turn that was asked about, and what is known of the map."""
+    """What finding contacts in one game has learned of its map, and of the last turn.
 
-    def __init__(self) -> None:
-        self._finder = Finder()
-        self._known: _KnownMap | None = None
+    Args:
+        graph: the map, as it is now.
+
+    Attributes:
+        map: the graph, and its revision.
+        finder: finds contacts.
+        number: node id -> a number of the node.
+        ids: of nodes, by number.
+        place: node id -> where the node is, on the ground.
+        near: unit and limit of a `Nearness` -> what is so near nodes.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self.finder = Finder()
+        self.ids: list[int] = []
+        self.number, self.place, self.near = cache(self._number), cache(self._place), cache(self._near)
+        self._graph, self.map = graph, (graph, graph.revision)
         self._turn: InTurn | None = None
         self._key: tuple[Any, ...] = ()
 
+    def _number(self, node: int) -> int:
+        self.ids.append(node)
+        return len(self.ids) - 1
+
+    def _place(self, node: int) -> Position:
+        _, x, y = self._graph.get_node(node)
+        return x, y, 0.0
+
+    def _near(self, unit: str, limit: float) -> NearNodes:
+        search = nodes_within if unit == "hops" else _by_length
+
+        def found(rows: IntArray) -> Reached:
+            near = [search(self._graph, self.ids[row], limit) for row in rows.tolist()]
+            index = np.repeat(np.arange(len(near)), [len(one) for one in near])
+            ends = np.array([self.number(node) for one in near for node in one])
+            far = np.array([distance for one in near for distance in one.values()], np.float64)
+            order = np.lexsort((ends, index))
+            return index, ends[order], far[order]
+
+        return NearNodes(found)
+
     def turn(self, ctx: Context, agents: Sequence[IAgent]) -> InTurn:
-        """Return where agents are in this turn; it is looked up again if that may have changed."""
-        graph, block, internals = ctx.graph.graph, ctx.agent.block, ctx.game.internals
-        if self._known is None or self._known.graph is not graph or self._known.revision != graph.revision:
-            self._known, self._turn = _KnownMap(graph, self._finder), None
-        moves, versions = internals.state.moves, (block.version, block.structure.version)
-        key = moves, block, versions, ctx.game.speed_unit, ctx.game.turn, ctx.seed, agents
-        # While agents are moved, moves may change that nobody has made yet.
-        if self._turn is None or internals.parts.turns.is_moving or key != self._key:
-            self._turn, self._key = InTurn(ctx, agents, self._known), key
+        """Return where agents are in this turn; they are looked at again if anything may have changed."""
+        block, internals = ctx.agent.block, ctx.game.internals
+        versions = internals.state.moves, block, block.version, block.structure.version
+        key = *versions, ctx.game.speed_unit, ctx.game.turn, ctx.seed, agents
+        # NOTE: before agents are moved, rules may take their moves back, which no version says.
+        if self._turn is None or key != self._key or internals.parts.turns.is_moving:
+            self._key, self._turn = key, InTurn(ctx, agents, self, self._turn)
         return self._turn
 
 
 def turn_of(ctx: Context, agents: Sequence[IAgent]) -> InTurn:
     """Return where agents of a game are in this turn, for all rules that ask."""
-    kept = ctx.game.internals.kept
-    if "contacts" not in kept:
-        kept["contacts"] = InGame()
-    in_game: InGame = kept["contacts"]
-    return in_game.turn(ctx, agents)
+    kept, graph = ctx.game.internals.kept, ctx.graph.graph
+    known: InGame | None = kept.get("contacts")
+    if known is None or known.map != (graph, graph.revision):
+        known = kept["contacts"] = InGame(graph)
+    return known.turn(ctx, agents)
 
 
-class _Numbers(dict[int, int]):
-    """Node id -> its number, which it gets when it is first asked for; `ids` has the ids by number."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.ids: list[int] = []
-
-    def __missing__(self, node: int) -> int:
-        number = self[node] = len(self)
-        self.ids.append(node)
-        return number
-
-
-class _NodePlaces(dict[int, Position]):
-    """Node id -> where it is, on the ground, of those that were asked for."""
-
-    def __init__(self, graph: Graph) -> None:
-        super().__init__()
-        self._graph = graph
-
-    def __missing__(self, node: int) -> Position:
-        _, x, y = self._graph.get_node(node)
-        place = self[node] = x, y, 0.0
-        return place
-
-
-class _KnownMap:
-    """What finding contacts in one game has learned of a map, which has not changed since.
-
-    Args:
-        graph: the map.
-        finder: of the game.
-
-    Attributes:
-        revision: of the graph, when it was first looked at.
-        numbers: of nodes.
-        ids: of nodes, by number.
-        places: of nodes.
-    """
-
-    def __init__(self, graph: Graph, finder: Finder) -> None:
-        self.graph, self.finder, self.revision = graph, finder, graph.revision
-        self.numbers, self.places = _Numbers(), _NodePlaces(graph)
-        self.ids = self.numbers.ids
-        self._near: dict[tuple[str | None, float], _NearInGame] = {}
-
-    def near(self, nearness: Nearness) -> "_NearInGame":
-        """Return what is so near nodes."""
-        key = nearness.unit, nearness.limit
-        if key not in self._near or self._near[key].used > _MOST_KNOWN:
-            search = partial(nodes_within, self.graph) if nearness.unit == "hops" else _by_length(self.graph)
-            self._near[key] = _NearInGame(search, nearness.limit, self.numbers)
-        return self._near[key]
-
-
-class _Growing:
-    """A column of numbers, as `_column` has it, that becomes longer where that is needed."""
-
-    def __init__(self, kind: str) -> None:
-        self._kind = kind
-        self.view = _column(kind)
-
-    def reserve(self, size: int) -> None:
-        """Have room for so many numbers, which are 0 at first."""
-        if size > len(self.view):
-            longer = _column(self._kind, bytes(2 * size * self.view.itemsize))
-            longer[: len(self.view)] = self.view
-            self.view = longer
-
-    def write(self, first: int, values: Sequence[float]) -> None:
-        """Write numbers from a place on."""
-        self.reserve(first + len(values))
-        self.view[first : first + len(values)] = array(self._kind, values)
-
-
-class _NearInGame:
-    """What is near nodes of a map, found when they are first asked for.
-
-    Args:
-        search: a node and a limit -> the nodes within it, and how far each is.
-        limit: how far that may be.
-        numbers: of nodes.
-
-    Attributes:
-        used: how many pairs of nodes are known.
-    """
-
-    def __init__(self, search: Callable[[int, float], Mapping[int, float]], limit: float, numbers: _Numbers) -> None:
-        self._search, self._limit, self._numbers = search, limit, numbers
-        self._offsets, self._counts, self._ends = _Growing("q"), _Growing("q"), _Growing("q")
-        self._far = _Growing("d")
-        self._learned: set[int] = set()
-        self._reach = _NO_REACH
-        self.used = 0
-
-    def around(self, nodes: set[int]) -> core.Reach:
-        """Return what is near these nodes, and near those that were asked for before."""
-        new = nodes - self._learned
-        if new or len(self._numbers) > len(self._offsets.view):
-            for node in new:
-                self._learn(node)
-            for column in (self._offsets, self._counts):
-                column.reserve(len(self._numbers))
-            columns = self._offsets, self._counts, self._ends, self._far
-            self._reach = core.Reach(*[column.view for column in columns])
-        return self._reach
-
-    def _learn(self, node: int) -> None:
-        numbers = self._numbers
-        row = sorted([(numbers[end], far) for end, far in self._search(node, self._limit).items()])
-        self._offsets.write(numbers[node], [self.used])
-        self._counts.write(numbers[node], [len(row)])
-        self._ends.write(self.used, [end for end, _ in row])
-        self._far.write(self.used, [far for _, far in row])
-        self.used += len(row)
-        self._learned.add(node)
-
-
-def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, numbers: Mapping[int, int]) -> core.Legs:
+def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:
     streets: dict[int, int] = {}
     ints = np.zeros((4, len(tracks), most), np.int64)
     floats = np.zeros((5, len(tracks), most))
@@ -469,14 +350,14 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, numbers: Ma
                 _BACKWARDS * (leg.street != leg.edge) + _TURNS * (leg.back is not None) + _REMOVED * (length is None)
             )
             street = streets.setdefault(leg.street, len(streets))
-            ints[:, row, place] = numbers[leg.source], numbers[leg.target], street, flags
+            ints[:, row, place] = number(leg.source), number(leg.target), street, flags
             floats[:, row, place] = leg.begin, leg.end, leg.since, leg.until, length or 0.0
     counts = np.array([len(track.legs) for track in tracks])
     return core.Legs(most, *_flat((counts, *ints, *floats)))
 
 
-def _by_length(graph: Graph) -> Any:
-    return lambda node, limit: graph.distances(source=node, cutoff=limit)
+def _by_length(graph: Graph, node: int, limit: float) -> dict[int, float]:
+    return graph.distances(source=node, cutoff=limit)
 
 
 def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
@@ -530,7 +411,7 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         near = _places_of(turn, nodes, in_air) if legs is None else _lines_of(turn, legs, in_air, nearness)
     elif nearness.unit is not None:
         asked = nodes if legs is None else np.concatenate((nodes, legs.sources, legs.targets), axis=-1)
-        near = core.Reach(*_flat(_near_nodes(turn, nearness).around(asked)))
+        near = _near_nodes(turn, nearness).around(asked, turn.streets.num_nodes)
     most_legs = 0 if legs is None else legs.sources.shape[-1]
     parts = near.parts if isinstance(near, core.Lines) else 0
     names, purposes, turns = _flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn))
@@ -611,8 +492,16 @@ def _legs_of(turn: ArrayTurn, legs: LegsOfTurn, by_move: BoolArray) -> _Legs:
 
 
 def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
-    unit, limit = nearness.unit, nearness.limit
-    return turn.shared(("near", unit, limit), lambda: NearNodes(turn.streets, limit, by_length=unit == "metres"))
+    unit, limit = nearness[:2]
+
+    def make() -> NearNodes:
+        streets = turn.streets
+        columns = streets.columns
+        weights = columns.lengths if unit == "metres" else np.ones(len(columns.lengths))
+        arcs = kernels.make_arcs(columns.sources, columns.targets, weights, streets.num_nodes)
+        return NearNodes(partial(reached, arcs, limit))
+
+    return turn.shared(("near", unit, limit), make)
 
 
 def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> core.Places:

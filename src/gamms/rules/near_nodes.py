@@ -1,60 +1,57 @@
-"""The nodes that are near nodes in many games on one graph, for `meetings.py`."""
+"""The nodes that are near nodes, for `meetings.py`."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from gamms import kernels
-from gamms.game.streets import Streets
+from gamms.core import contacts as core
 from gamms.ir.graph import FloatArray, IntArray
 
 _MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
 
-
-class Reach(NamedTuple):
-    """The nodes within a distance ahead of nodes, as `core.contacts.Reach` has them."""
-
-    offsets: IntArray
-    counts: IntArray
-    ends: IntArray
-    far: FloatArray
+Reached = tuple[IntArray, IntArray, FloatArray]
 
 
 class NearNodes:
     """The nodes that can be reached from others within a distance, found when they are first asked for.
 
     Args:
-        streets: the graph.
-        limit: the distance.
-        by_length: whether lengths of edges count, rather than their number.
+        search: rows of nodes, ascending -> what can be reached: the places in these rows, ascending, rows of nodes, and
+            how far they are; the nodes reached from one ascend.
     """
 
-    def __init__(self, streets: Streets, limit: float, *, by_length: bool) -> None:
-        columns, self._limit = streets.columns, limit
-        weights = columns.lengths if by_length else np.ones(len(columns.lengths))
-        self._nodes = len(columns.node_ids)
-        self._arcs = kernels.make_arcs(columns.sources, columns.targets, weights, self._nodes)
+    def __init__(self, search: Callable[[IntArray], Reached]) -> None:
+        self._search = search
         self._forget()
 
     def _forget(self) -> None:
-        self._offset = np.full(self._nodes, -1, np.int64)
-        self._count = np.zeros(self._nodes, np.int64)
-        self._ends, self._far, self._used = np.zeros(0, np.int64), np.zeros(0), 0
+        self._offset, self._count, self._ends = np.zeros((3, 0), np.int64)
+        self._far, self._used = np.zeros(0), 0
+        self._reach: core.Reach | None = None
 
-    def around(self, rows: IntArray) -> Reach:
-        """Return what lies around nodes, and around those that were asked for before."""
-        self._learn(rows)
-        return Reach(self._offset, self._count, self._ends, self._far)
-
-    def _learn(self, rows: IntArray) -> None:
-        """Look around nodes, as far as that was not done before."""
-        new = np.unique(rows[self._offset[rows] < 0])
-        if not len(new):
-            return
+    def around(self, rows: IntArray, nodes: int) -> core.Reach:
+        """Return what lies around nodes, and around those that were asked for before; there are so many."""
         if self._used > _MOST_KNOWN:
             self._forget()
-            new = np.unique(rows)
-        index, ends, far = self._around(new)
+        if nodes > len(self._offset):
+            more = 2 * nodes - len(self._offset)
+            self._offset = np.concatenate((self._offset, np.full(more, -1)))
+            self._count = np.concatenate((self._count, np.zeros(more, np.int64)))
+            self._reach = None
+        is_new = self._offset[rows] < 0
+        if is_new.any():
+            self._learn(np.unique(rows[is_new]))
+            self._reach = None
+        if self._reach is None:
+            columns: list[Any] = [one.data for one in (self._offset, self._count, self._ends, self._far)]
+            self._reach = core.Reach(*columns)
+        return self._reach
+
+    def _learn(self, new: IntArray) -> None:
+        """Look around nodes."""
+        index, ends, far = self._search(new)
         self._count[new] = np.bincount(index, minlength=len(new))
         self._offset[new] = self._used + np.cumsum(self._count[new]) - self._count[new]
         after = self._used + len(ends)
@@ -63,33 +60,34 @@ class NearNodes:
             self._far = np.concatenate((self._far[: self._used], np.empty(2 * after - self._used)))
         self._ends[self._used : after], self._far[self._used : after], self._used = ends, far, after
 
-    def _around(self, rows: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return what can be reached: the places in `rows`, ascending, rows of nodes, and the distances.
 
-        The weights of a path are added from its start, so that the sums are those of `kernels.shortest_distances`.
-        """
-        nodes, arcs = self._nodes, self._arcs
-        keys, far = np.arange(len(rows)) * nodes + rows, np.zeros(len(rows))
-        order = np.argsort(keys)
+def reached(arcs: kernels.Arcs, limit: float, rows: IntArray) -> Reached:
+    """Return what can be reached from nodes within a distance, as `NearNodes` asks for it.
+
+    The weights of a path are added from its start, so that the sums are those of `kernels.shortest_distances`.
+    """
+    nodes = len(arcs.offsets) - 1
+    keys, far = np.arange(len(rows)) * nodes + rows, np.zeros(len(rows))
+    order = np.argsort(keys)
+    keys, far = keys[order], far[order]
+    new, new_far = keys, far
+    while len(new):
+        entries, runs = kernels.chosen_runs(arcs.offsets, new % nodes)
+        lines = np.repeat(np.arange(len(new)), np.diff(runs))
+        sums = new_far[lines] + arcs.weights[entries]
+        reached = (new // nodes)[lines] * nodes + arcs.ends[entries]
+        is_near = sums <= limit
+        reached, sums = reached[is_near], sums[is_near]
+        order = np.lexsort((sums, reached))
+        new, first = np.unique(reached[order], return_index=True)
+        new_far = sums[order][first]
+        at = kernels.rows_of(keys, new)
+        is_known = at >= 0
+        is_better = ~is_known | (new_far < far[at])
+        far[at[is_known & is_better]] = new_far[is_known & is_better]
+        added = ~is_known
+        keys, far = np.concatenate((keys, new[added])), np.concatenate((far, new_far[added]))
+        order = np.argsort(keys, kind="stable")
         keys, far = keys[order], far[order]
-        new, new_far = keys, far
-        while len(new):
-            entries, runs = kernels.chosen_runs(arcs.offsets, new % nodes)
-            lines = np.repeat(np.arange(len(new)), np.diff(runs))
-            sums = new_far[lines] + arcs.weights[entries]
-            reached = (new // nodes)[lines] * nodes + arcs.ends[entries]
-            is_near = sums <= self._limit
-            reached, sums = reached[is_near], sums[is_near]
-            order = np.lexsort((sums, reached))
-            new, first = np.unique(reached[order], return_index=True)
-            new_far = sums[order][first]
-            at = kernels.rows_of(keys, new)
-            is_known = at >= 0
-            is_better = ~is_known | (new_far < far[at])
-            far[at[is_known & is_better]] = new_far[is_known & is_better]
-            added = ~is_known
-            keys, far = np.concatenate((keys, new[added])), np.concatenate((far, new_far[added]))
-            order = np.argsort(keys, kind="stable")
-            keys, far = keys[order], far[order]
-            new, new_far = new[is_better], new_far[is_better]
-        return keys // nodes, keys % nodes, far
+        new, new_far = new[is_better], new_far[is_better]
+    return keys // nodes, keys % nodes, far
