@@ -69,30 +69,6 @@ class Met(NamedTuple):
 Near = core.Reach | core.Places | core.Lines | None
 
 
-class Question(NamedTuple):
-    """What the core is asked.
-
-    Attributes:
-        tracks, legs: of all agents.
-        near: what says how far places are from each other; None: agents meet on nodes.
-        names: (agents,) the keys of their names.
-        purposes, turns: (games,) the keys of the purpose for which lots decide between equals, and turns.
-        pieces: the most that the agents of one game do in a turn, one after the other.
-        keys: how many numbers of nodes and of streets there are at most.
-        by_metres: whether the games are by metres.
-    """
-
-    tracks: core.Tracks
-    legs: core.Legs
-    near: Near
-    names: memoryview
-    purposes: memoryview
-    turns: memoryview
-    pieces: int
-    keys: int
-    by_metres: bool
-
-
 class Finder:
     """Finds the contacts of turns of one game or batch, with room for the largest turn so far."""
 
@@ -106,31 +82,37 @@ class Finder:
         scratch = core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], first, ints[5])))
         self._core = core.Contacts(scratch, *_flat((*self._met, self._order)))
 
-    def find(self, question: Question, nearness: Nearness) -> tuple[Met, IntArray]:
+    def find(
+        self, nearness: Nearness, near: Near, *columns: Any, pieces: int, keys: int, by_metres: bool
+    ) -> tuple[Met, IntArray]:
         """Find the contacts of a turn.
+
+        Args:
+            nearness: what counts as a contact.
+            near: what says how far places are from each other; None: agents meet on nodes.
+            columns: of agents and games, as `core.Contacts.ask` takes them.
+            pieces: the most that the agents of one game do in a turn, one after the other.
+            keys: how many numbers of nodes and of streets there are at most.
+            by_metres: whether the games are by metres.
 
         Returns:
             Room for contacts, and the rows of those that were found, in their order; valid until the next call.
         """
-        near, contacts = question.near, 0
+        contacts, parts = 0, near.parts if isinstance(near, core.Lines) else 0
         while True:
-            sizes = question.pieces, question.keys, contacts
+            sizes = max(pieces, parts), keys, contacts
             if any(map(gt, sizes, self._sizes)):
                 self._make_room(*map(max, sizes, self._sizes))
             self._core.ask(
-                question.tracks,
-                question.legs,
-                question.names,
-                question.purposes,
-                question.turns,
+                *columns,
                 reach=near if isinstance(near, core.Reach) else _NO_REACH,
                 places=near if isinstance(near, core.Places) else _NO_PLACES,
                 lines=near if isinstance(near, core.Lines) else _NO_LINES,
                 crossing=nearness.crossing,
-                by_metres=question.by_metres,
+                by_metres=by_metres,
             )
             if isinstance(near, core.Reach):
-                is_exact = question.by_metres and nearness.unit == "metres"
+                is_exact = by_metres and nearness.unit == "metres"
                 contacts = self._core.find_by_paths(nearness.limit, is_exact)
             elif isinstance(near, core.Places):
                 contacts = self._core.find_near_places(nearness.limit)
@@ -158,9 +140,9 @@ def _column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, wh
     return memoryview(array(kind, values))
 
 
-def _most_pieces(agents: int, most: int, most_legs: int | None) -> int:
-    """Return how many pieces there are at most: visits, and in games by metres legs, each with two entries."""
-    return agents * (most if most_legs is None else 2 * (most + 2 * most_legs + 1))
+def _most_pieces(agents: int, most: int, most_legs: int) -> int:
+    """Return how many pieces there are at most: visits and legs, each with two entries."""
+    return 2 * agents * (most + 2 * most_legs + 1)
 
 
 _NO_REACH = core.Reach(_column("q"), _column("q"), _column("q"), _column("d"))
@@ -230,21 +212,18 @@ class InTurn:
             in_air: agent -> where it is, of those that fly where straight lines count.
         """
         near = self._near(sides, nearness, in_air)
-        question = Question(
+        met, rows = self._game.finder.find(
+            nearness,
+            near,
             core.Tracks(len(sides), self._most, *self._columns, _column("q", sides), at_end=not nearness.passing),
             self._legs,
-            near,
             self.names,
             self._purpose,
             self._turn,
-            max(
-                _most_pieces(len(sides), self._most, self._most_legs if self.by_metres else None),
-                near.parts if isinstance(near, core.Lines) else 0,
-            ),
-            len(self._game.ids) + self._most_legs * len(sides),
-            self.by_metres,
+            pieces=_most_pieces(len(sides), self._most, self._most_legs),
+            keys=len(self._game.ids) + self._most_legs * len(sides),
+            by_metres=self.by_metres,
         )
-        met, rows = self._game.finder.find(question, nearness)
         columns = [column.data for column in met] if len(rows) else []
         return [[column[row] for column in columns] for row in rows.tolist()]
 
@@ -311,11 +290,9 @@ class InGame:
 
         def found(rows: IntArray) -> Reached:
             near = [search(self._graph, self.ids[row], limit) for row in rows.tolist()]
-            index = np.repeat(np.arange(len(near)), [len(one) for one in near])
-            ends = np.array([self.number(node) for one in near for node in one])
-            far = np.array([distance for one in near for distance in one.values()], np.float64)
-            order = np.lexsort((ends, index))
-            return index, ends[order], far[order]
+            pairs = [sorted([(self.number(node), far) for node, far in one.items()]) for one in near]
+            ends, far = np.array([*chain.from_iterable(pairs)]).T
+            return np.array([len(one) for one in near]), ends, far
 
         return NearNodes(found)
 
@@ -413,20 +390,16 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         asked = nodes if legs is None else np.concatenate((nodes, legs.sources, legs.targets), axis=-1)
         near = _near_nodes(turn, nearness).around(asked, turn.streets.num_nodes)
     most_legs = 0 if legs is None else legs.sources.shape[-1]
-    parts = near.parts if isinstance(near, core.Lines) else 0
-    names, purposes, turns = _flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn))
-    question = Question(
+    met, rows = turn.shared("contacts", Finder).find(
+        nearness,
+        near,
         core.Tracks(agents, most, *_flat((nodes, times, lengths, sides)), at_end=not nearness.passing),
         _NO_LEGS if legs is None else core.Legs(most_legs, *_flat(legs[1:])),
-        near,
-        names,
-        purposes,
-        turns,
-        max(parts, _most_pieces(agents, most, None if legs is None else most_legs)),
-        max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),
-        legs is not None,
+        *_flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn)),
+        pieces=_most_pieces(agents, most, most_legs),
+        keys=max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),
+        by_metres=legs is not None,
     )
-    met, rows = turn.shared("contacts", Finder).find(question, nearness)
     return met.those(rows)
 
 

@@ -11,15 +11,15 @@ from gamms.ir.graph import FloatArray, IntArray
 
 _MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
 
-Reached = tuple[IntArray, IntArray, FloatArray]
+Reached = tuple[IntArray, IntArray | FloatArray, FloatArray]
 
 
 class NearNodes:
     """The nodes that can be reached from others within a distance, found when they are first asked for.
 
     Args:
-        search: rows of nodes, ascending -> what can be reached: the places in these rows, ascending, rows of nodes, and
-            how far they are; the nodes reached from one ascend.
+        search: rows of nodes, ascending -> how many nodes can be reached from each; these, from one after the other,
+            ascending; and how far they are.
     """
 
     def __init__(self, search: Callable[[IntArray], Reached]) -> None:
@@ -51,9 +51,8 @@ class NearNodes:
 
     def _learn(self, new: IntArray) -> None:
         """Look around nodes."""
-        index, ends, far = self._search(new)
-        self._count[new] = np.bincount(index, minlength=len(new))
-        self._offset[new] = self._used + np.cumsum(self._count[new]) - self._count[new]
+        counts, ends, far = self._search(new)
+        self._count[new], self._offset[new] = counts, self._used + np.cumsum(counts) - counts
         after = self._used + len(ends)
         if after > len(self._ends):
             self._ends = np.concatenate((self._ends[: self._used], np.empty(2 * after - self._used, np.int64)))
@@ -90,4 +89,4 @@ def reached(arcs: kernels.Arcs, limit: float, rows: IntArray) -> Reached:
         order = np.argsort(keys, kind="stable")
         keys, far = keys[order], far[order]
         new, new_far = new[is_better], new_far[is_better]
-    return keys // nodes, keys % nodes, far
+    return np.bincount(keys // nodes, minlength=len(rows)), keys % nodes, far
