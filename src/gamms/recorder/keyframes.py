@@ -154,13 +154,19 @@ def _narrowed(numbers: IntArray, *dtypes: type) -> IntArray:
 CAPTURED = {name: field.captured for name, field in FIELDS.items() if field.captured is not None}
 """Field of `GameState` -> returns what keyframes hold of it."""
 
+_IN_ALL_KEYFRAMES = frozenset({"scores", "data", "over"})  # also in those of the first recordings of version 3
 _FIRST_GAME = {name: captured(getattr(GameState(), name)) for name, captured in CAPTURED.items()}
 
 
 def restore_game(game: GameState, keyframe: Keyframe) -> None:
-    """Set the fields of a game to what a keyframe holds, or to the first ones where an older keyframe has none."""
+    """Set the fields of a game to what a keyframe holds, or to the first ones where an older keyframe has none.
+
+    Raises:
+        KeyError: it lacks a field that all keyframes have.
+    """
     for name, first in _FIRST_GAME.items():
-        game.put(name, FIELDS[name].restored(keyframe.get(name, first)))
+        captured = keyframe[name] if name in _IN_ALL_KEYFRAMES else keyframe.get(name, first)
+        game.put(name, FIELDS[name].restored(captured))
 
 
 def history(ctx: HostContext) -> Keyframe:
