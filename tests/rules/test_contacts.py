@@ -217,3 +217,29 @@ def test_few_and_many_agents_are_compared_alike(spots, limit, split):
             if sum((p - q) ** 2 for p, q in zip(spots[i], spots[k], strict=True)) <= limit * limit
         }
         assert pairs(ctx, euclid=limit) == expected
+
+
+def test_an_agent_that_a_rule_moves_is_looked_at_again():
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
+    for node in range(3):
+        ctx.graph.graph.add_node({"id": node, "x": float(node), "y": 0.0})
+    ctx.agent.create_agent("a", team="red", start_node_id=0)
+    moved = ctx.agent.create_agent("b", team="blue", start_node_id=1)
+    ctx.agent.create_agent("c", team="blue", start_node_id=0)
+    seen = []
+
+    def look(ctx):
+        seen.append([contact.b for contact in contacts(ctx, "red", "blue", euclid=0.5)])
+
+    def move(ctx):
+        look(ctx)
+        look(ctx)
+        moved.current_node_id = 0
+        look(ctx)
+        ctx.graph.graph.update_node({"id": 0, "x": 9.0})
+        moved.current_node_id = 1
+        look(ctx)
+
+    ctx.game.add(move)
+    ctx.game.step()
+    assert [sorted(names) for names in seen] == [["c"], ["c"], ["b", "c"], ["c"]]
