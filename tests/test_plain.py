@@ -60,3 +60,11 @@ def test_what_is_not_plain_is_named_with_its_place(value, why):
 
 def test_what_is_not_plain_becomes_a_text_without_its_address():
     assert to_plain({"a": object()}) == {"a": "<object object>"}
+
+
+def test_an_object_that_cannot_be_shown_is_described_by_its_class():
+    class Hidden:
+        def __repr__(self):
+            raise ValueError("not to be shown")
+
+    assert to_plain([Hidden()])[0].startswith(f"<{__name__}.test_an_object_that_cannot_be_shown")

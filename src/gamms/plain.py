@@ -201,7 +201,11 @@ def _is_exact_key(key: Plain) -> bool:
 
 def _described(value: Plain) -> str:
     """Return what an object looks like, without where it lies in memory."""
-    return without_address(repr(value))
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001 - of an object of the user, which has none
+        text = object.__repr__(value)
+    return without_address(text)
 
 
 # -- copy it -----------------------------------------------------------------------------------------------------
