@@ -221,7 +221,7 @@ def test_a_tight_page_has_room_for_its_title(street):
 @pytest.mark.parametrize(
     ("options", "error", "said"),
     [
-        ({"fit": "loose"}, BadValue, "'page', 'tight', not 'loose'"),
+        ({"fit": "loose"}, BadValue, "'page' or 'tight', not 'loose'"),
         ({"scale_bar": "yes"}, BadType, "scale_bar"),
         ({"titel": "A"}, BadType, "'titel'.* Did you mean 'title'"),
         ({"background": "rde"}, BadValue, "rde"),

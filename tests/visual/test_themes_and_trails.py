@@ -207,3 +207,12 @@ def test_a_recording_is_rendered_with_theme_labels_and_trails(road, tmp_path):
     assert len(re.findall(f'stroke="#{hexadecimal(THEMES["dark"].teams[1])}" stroke-opacity', svg)) == 4
     render(tmp_path / "game.ggr", tmp_path / "b.svg", RenderOptions(labels=False))
     assert ">anna</text>" not in (tmp_path / "b.svg").read_text()
+
+
+@pytest.mark.parametrize("option", ["theme", "fit"])
+@pytest.mark.parametrize("value", [{"id": 1}, np.array([1, 2])], ids=["dict", "array"])
+def test_what_is_no_text_is_no_name_of_an_option(option, value):
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        with pytest.raises(BadValue):
+            ctx.visual.frame(**{option: value})

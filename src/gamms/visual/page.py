@@ -12,10 +12,9 @@ from typing import Unpack
 import numpy as np
 
 from gamms.arguments import as_bool, as_text, refuse_keywords
-from gamms.errors import BadValue
+from gamms.arguments import as_choice as one_of
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
-from gamms.text import shown
 from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
@@ -66,9 +65,7 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
         BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no colour.
     """
     refuse_keywords(options, PictureOptions.__annotations__, "A picture")
-    fit, scale_bar = options.get("fit", _FITS[0]), options.get("scale_bar")
-    if fit not in _FITS:
-        raise BadValue(f"fit is one of {', '.join(map(repr, _FITS))}, not {shown(fit)}.")
+    fit, scale_bar = one_of(options.get("fit", _FITS[0]), "fit", _FITS), options.get("scale_bar")
     columns, theme = ctx.graph.columns(), theme_called(options.get("theme", "light"))
     has_bar = in_metres(columns) if scale_bar is None else as_bool(scale_bar, "scale_bar")
     return PageStyle(

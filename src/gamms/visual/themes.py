@@ -103,12 +103,12 @@ THEMES = {
 }
 
 
-def theme_called(name: str) -> Theme:
+def theme_called(name: object) -> Theme:
     """Return the theme of that name.
 
     Raises:
         BadValue: there is none.
     """
-    if name not in THEMES:
+    if not isinstance(name, str) or name not in THEMES:
         raise BadValue(f"Unknown theme {shown(name)}; there is: {', '.join(THEMES)}.{nearest(name, THEMES)}")
     return THEMES[name]
