@@ -243,3 +243,12 @@ def test_an_agent_that_a_rule_moves_is_looked_at_again():
     ctx.game.add(move)
     ctx.game.step()
     assert [sorted(names) for names in seen] == [["c"], ["c"], ["b", "c"], ["c"]]
+
+
+def test_a_game_keeps_what_is_near_for_a_few_distances_alone(road):
+    ctx = road(anna=("red", 3), bob=("blue", 4))
+    ctx.game.step()
+    for metres in range(1, 60):
+        assert bool(contacts(ctx, "red", "blue", metres=float(metres))) == (metres >= 10)
+    kept = ctx.game.internals.kept["contacts"].near.cache_info()
+    assert kept.currsize == kept.maxsize < 59

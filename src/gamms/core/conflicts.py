@@ -427,8 +427,8 @@ def resolve(
     Args:
         c: gets them.
         starts: of all games, one after the other; see `begin`.
-        ends: likewise.
-        counts: likewise.
+        ends: of all games; see `begin`.
+        counts: of all games; see `begin`.
         offsets: see `begin`.
         limits: see `find_contests`.
         ranks: see `decide`; those of all games if they are drawn, otherwise the same for all.
@@ -469,13 +469,13 @@ def resolve_games(
     """Find the agents that stay in each of several games; return how many there are.
 
     Args:
-        c: for the games.
-        starts: see `resolve`, as for all that follows.
-        ends: likewise.
-        counts: likewise.
-        offsets: likewise.
-        limits: likewise.
-        ranks: likewise.
+        c: memory for one of the games at a time.
+        starts: see `resolve`.
+        ends: see `resolve`.
+        counts: see `resolve`.
+        offsets: see `resolve`.
+        limits: see `resolve`.
+        ranks: see `resolve`.
         turns: (games,) how many turns were played.
         stays: (games * agents,) bytes, all 0, which get `STAYS` or `NEEDS_RANK`.
     """

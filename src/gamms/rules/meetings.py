@@ -5,7 +5,7 @@
 
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from itertools import accumulate, chain, compress
 from operator import gt
 from typing import Any, NamedTuple
@@ -30,6 +30,8 @@ from gamms.typing import IAgent
 from gamms.typing.game import Track
 
 _FIRST_ROOM = 64  # contacts
+_MOST_DISTANCES = 8  # for which a game keeps what is near nodes
+_MOST_NEAR_IN_GAME, _MOST_NEAR_IN_BATCH = 1 << 20, 1 << 25  # pairs of nodes, for each distance
 _NOWHERE = 0.0, 0.0, 0.0
 _BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
 
@@ -272,7 +274,9 @@ class InGame:
     def __init__(self, graph: Graph) -> None:
         self.finder = Finder()
         self.ids: list[int] = []
-        self.number, self.place, self.near = cache(self._number), cache(self._place), cache(self._near)
+        self.number = cache(self._number)
+        self.place = cache(self._place)
+        self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._graph, self.map = graph, (graph, graph.revision)
         self._turn: InTurn | None = None
         self._key: tuple[Any, ...] = ()
@@ -294,7 +298,7 @@ class InGame:
             ends, far = np.array([*chain.from_iterable(pairs)]).T
             return np.array([len(one) for one in near]), ends, far
 
-        return NearNodes(found)
+        return NearNodes(found, _MOST_NEAR_IN_GAME)
 
     def turn(self, ctx: Context, agents: Sequence[IAgent]) -> InTurn:
         """Return where agents are in this turn; they are looked at again if anything may have changed."""
@@ -371,7 +375,7 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
     Args:
         turn: of the games.
         ours: (agents,) the numbers of one side in the roster.
-        theirs: likewise.
+        theirs: (agents,) the numbers of the other side.
         nearness: what counts as a contact.
     """
     side = np.zeros(turn.node.shape[1], np.int64)
@@ -472,7 +476,7 @@ def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
         columns = streets.columns
         weights = columns.lengths if unit == "metres" else np.ones(len(columns.lengths))
         arcs = kernels.make_arcs(columns.sources, columns.targets, weights, streets.num_nodes)
-        return NearNodes(partial(reached, arcs, limit))
+        return NearNodes(partial(reached, arcs, limit), _MOST_NEAR_IN_BATCH)
 
     return turn.shared(("near", unit, limit), make)
 

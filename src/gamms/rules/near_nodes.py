@@ -9,8 +9,6 @@ from gamms import kernels
 from gamms.core import contacts as core
 from gamms.ir.graph import FloatArray, IntArray
 
-_MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
-
 Reached = tuple[IntArray, IntArray | FloatArray, FloatArray]
 
 
@@ -20,10 +18,12 @@ class NearNodes:
     Args:
         search: rows of nodes, ascending -> how many nodes can be reached from each; these, from one after the other,
             ascending; and how far they are.
+        most: pairs of nodes that are kept; beyond, all are found again. A pair takes 16 bytes.
     """
 
-    def __init__(self, search: Callable[[IntArray], Reached]) -> None:
+    def __init__(self, search: Callable[[IntArray], Reached], most: int) -> None:
         self._search = search
+        self._most = most
         self._forget()
 
     def _forget(self) -> None:
@@ -33,7 +33,7 @@ class NearNodes:
 
     def around(self, rows: IntArray, nodes: int) -> core.Reach:
         """Return what lies around nodes, and around those that were asked for before; there are so many."""
-        if self._used > _MOST_KNOWN:
+        if self._used > self._most:
             self._forget()
         if nodes > len(self._offset):
             more = 2 * nodes - len(self._offset)
