@@ -233,8 +233,8 @@ class Context(Guarded, typing.IContext):
         # NOTE: at once, without asking for each who may set it (benchmarks: a plain rule).
         vars(self).update(_seed=as_int(seed, "seed"), is_seeded=True, _rng=None)
         self.graph.storage.restart_stream()
-        if self._game is not None:
-            self._game.internals.restart_streams(is_other_seed=self._seed != last)
+        if self._game is not None and self._seed != last:
+            self._game.internals.restart_streams()
         if rng_state is not None:
             self.rng.bit_generator.state = rng_state
 

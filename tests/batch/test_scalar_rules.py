@@ -1,7 +1,5 @@
 """Rules without an array form in games that are played in arrays: called game by game, with the same results."""
 
-import random
-
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
@@ -351,11 +349,6 @@ def counts(ctx):
     ctx.game.scores["counted"] = len(ctx.game.counts)
 
 
-def draws(ctx):
-    if ctx.game.turn > 3:
-        ctx.game.scores["luck"] += random.random()
-
-
 def publishes(ctx):
     if ctx.game.turn == 3:
         ctx.game.publish(storm=ctx.seed)
@@ -377,7 +370,6 @@ def uses_flags(ctx):
         (looks_through_eyes, "what agents have sensed"),
         (observes, "what an agent observes"),
         (counts, "ctx.game.counts"),
-        (draws, "the global random"),
         (publishes, "publishes facts"),
         (uses_flags, "data['flags']"),
     ],
@@ -388,7 +380,7 @@ def test_rules_that_need_the_turn_engine_get_it(rule, why, shares_memory):
             ctx.game.add(one)
         detached = check(ctx, [1, 2])
         assert sorted(detached) == [0, 1]
-        named = "the rule " if why == "the global random" else f"the rule {rule.__name__!r}: "
+        named = f"the rule {rule.__name__!r}: "
         assert all(one.startswith(named) and rule.__name__ in one and why in one for one in detached.values())
 
 
@@ -545,21 +537,8 @@ def test_games_in_which_agents_reach_new_nodes_are_played_and_recorded_and_not_o
 
 
 def leave(ctx):
-    """Draw from the global random, which arrays cannot have."""
-    random.random()
-
-
-def gamble(ctx):
-    """End the game at once, and count by the global random."""
-    ctx.game.end("at once")
-    ctx.game.scores["red"] = random.random()
-
-
-def test_games_that_end_in_the_turn_in_which_a_rule_draws_from_the_global_random_are_those_alone():
-    scenario = scene([{"rule": f"{__name__}:gamble"}], allow=[__name__])
-    with scenario.batch(3) as games:
-        games.step()
-        assert [games.result(i).scores for i in range(3)] == [scenario.play(seed=i).scores for i in range(3)]
+    """Look at what arrays do not have."""
+    ctx.game.counts  # noqa: B018 - looking is what does it
 
 
 def test_games_that_have_ended_apart_stay_so_and_are_recorded_with_what_was_given_to_them(tmp_path):

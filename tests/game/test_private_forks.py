@@ -2,7 +2,6 @@
 
 import pickle
 from copy import deepcopy
-from random import random
 
 import pytest
 
@@ -242,22 +241,3 @@ def test_a_strategy_that_closes_over_the_game_is_of_the_fork(world):
     world.agent.get_agent("ann").register_strategy(look)
     world.game.step()
     assert found == [([0, 4, 20, 24], [0, 0, 0, 0])]
-
-
-def test_a_fork_draws_nothing_from_the_generators_of_the_process(world):
-    drawn = []
-
-    def look(state):
-        game = state["fork"](7).game
-        for agent in game.ctx.agent.create_iter():
-            agent.register_strategy(lambda inner: inner.update(action=inner["legal"][int(2 * random())]))
-        if len(drawn) != 1:
-            game.step()
-        drawn.append(random())
-        walk(state)
-
-    world.agent.get_agent("ann").register_strategy(look)
-    for _ in range(2):
-        world.game.reset()
-        world.game.run(1)
-    assert drawn[0] == drawn[1]

@@ -3,7 +3,6 @@
 import copy
 import pickle
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -305,16 +304,3 @@ def test_a_log_returns_to_any_of_its_points(steps):
             point, then = points[step % len(points)]
             history.go_to(log, point)
             assert log == then
-
-
-def test_a_restored_game_draws_on_from_numpy_as_if_another_had_not_been_played_meanwhile(ctx):
-    drawn = []
-    ctx.game.add(lambda ctx: drawn.append(np.random.random()))  # noqa: NPY002 - what programs for 1.0.0 draw from
-    ctx.game.run(2)
-    snapshot = ctx.game.snapshot()
-    ctx.game.reset()
-    ctx.game.run(3)
-    assert drawn[:2] == drawn[2:4]
-    ctx.game.restore(snapshot)
-    ctx.game.step()
-    assert drawn[4:] == [drawn[5]] * 2

@@ -423,7 +423,7 @@ def test_the_order_of_creation_changes_nothing(grid):
     assert play(1) == play(-1)
 
 
-def test_with_a_seed_the_global_generators_are_lent_to_the_game_and_given_back(grid):
+def test_with_a_seed_a_run_seeds_the_global_generators_and_leaves_them_as_they_were(grid):
     def play(seed):
         random.seed(3)
         np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
@@ -445,38 +445,6 @@ def test_with_a_seed_the_global_generators_are_lent_to_the_game_and_given_back(g
     random.seed(3)
     np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
     assert after == [random.random(), np.random.random()]  # noqa: NPY002
-
-
-def test_a_loop_of_steps_draws_from_the_global_generators_as_a_run_does(grid):
-    def drawn(play):
-        """What a game draws, and what the program draws between its turns and afterwards."""
-        inside, outside = [], []
-
-        def strategy(state):
-            inside.append((random.random(), random.gauss(0, 1), np.random.normal()))  # noqa: NPY002
-            state["action"] = random.choice(state["legal"])
-
-        random.seed(3)
-        np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
-        outside.append((random.gauss(0, 1), np.random.normal()))  # noqa: NPY002 - each draws a second one ahead
-        with grid(seed=11) as ctx:
-            ctx.agent.create_agent("a", start_node_id=5, strategy=strategy)
-            play(ctx.game)
-        outside.append((random.gauss(0, 1), np.random.normal(), random.random(), np.random.random()))  # noqa: NPY002
-        return inside, outside
-
-    def steps(game):
-        for _ in range(7):
-            game.step()
-
-    def runs(game):
-        game.run(3)
-        game.step()
-        game.run(3)
-
-    expected = drawn(lambda game: game.run(7))
-    assert drawn(steps) == drawn(runs) == expected
-    assert drawn(lambda game: None)[1] == expected[1]
 
 
 def test_custom_sensors_are_all_asked_before_anybody_decides(ctx, play):

@@ -11,7 +11,7 @@ from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
-from gamms.game.global_random import GlobalRandom
+from gamms.game.global_random import seeded_for_run
 from gamms.game.private import copy_known
 from gamms.game.result import Collectors, Result, misspelt_names, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
@@ -47,11 +47,8 @@ class Game(RuleVerbs):
         self._state = GameState()
         self._ruleset = RuleSet(ctx)
         self._collectors = Collectors()
-        self._global_random = GlobalRandom()
         self._turns = TurnEngine(ctx, self, self._state, self._phase)
-        self._snapshots = SnapshotTaker(
-            ctx, self._state, self, self._ruleset, self._collectors, self._turns, self._global_random
-        )
+        self._snapshots = SnapshotTaker(ctx, self._state, self, self._ruleset, self._collectors, self._turns)
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
         self._unchecked_plans: list[Any] = []  # teams that were given one since the last turn
@@ -181,20 +178,17 @@ class Game(RuleVerbs):
     def step(self) -> bool:
         """Play one turn; return whether the game goes on. Once it is over, nothing happens.
 
-        The global `random` and `numpy.random` are seeded as by `run`. If a rule of "before" ends the game, the turn is
-        not played. If something raises before the agents have moved, the turn is not played either, and the next call
-        begins it again; if a rule raises after they have moved, the turn is played, without the rules that follow.
+        If a rule of "before" ends the game, the turn is not played. If something raises before the agents have moved,
+        the turn is not played either, and the next call begins it again; if a rule raises after they have moved, the
+        turn is played, without the rules that follow. `random` and `numpy.random` are not seeded, as they are by `run`.
 
         Raises:
             IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
         """
-        # NOTE: without the decorator and a generator that need not be lent: a turn takes 15 us (benchmarks: turns).
+        # NOTE: without the decorator: a turn of two agents takes 10 us (benchmarks: turns).
         if self._phase.agent is not None:
             self._phase.refuse("call ctx.game.step")
-        if not self.ctx.is_seeded:
-            return self._take_turn()
-        with self._global_random.of(self.ctx):
-            return self._take_turn()
+        return self._take_turn()
 
     def _take_turn(self) -> bool:
         state, turns = self._state, self._turns
@@ -208,8 +202,6 @@ class Game(RuleVerbs):
             self._ruleset.warn()
         if self._unchecked_plans:
             self._warn_of_unknown_teams()
-        if self._global_random.is_lent:
-            self._global_random.begin_turn()
         turns.is_playing = True
         try:
             self._play()
@@ -238,7 +230,7 @@ class Game(RuleVerbs):
 
     def _begin(self) -> None:
         """Take the snapshot to which `reset` returns."""
-        state, snapshot = self._state, self._snapshots.take(is_start=True)
+        state, snapshot = self._state, self._snapshots.take()
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
         state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
 
@@ -267,8 +259,8 @@ class Game(RuleVerbs):
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
         """Play until a rule ends the game, or for so many turns; warn if strategies have erred or scores look misspelt.
 
-        With a seed given to the context or to `reset`, the global `random` and `numpy.random` are seeded for the game,
-        too, and afterwards as they were before.
+        With a seed given to the context or to `reset`, the global `random` and `numpy.random` are seeded for the turns
+        of this call, too, and afterwards as they were before.
 
         Args:
             max_turns: so many turns from now on; None: until there were as many as the settings say.
@@ -286,7 +278,7 @@ class Game(RuleVerbs):
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         known, scored = len(self.errors), set(self._state.scores)
         of = "" if last is None else f" of {last}"
-        with self._global_random.of(self.ctx), progress_line() as show:
+        with seeded_for_run(self.ctx, self._state.turn), progress_line() as show:
             while (last is None or self._state.turn < last) and self._take_turn():
                 if progress:
                     show(f"turn {self._state.turn}{of}")
@@ -468,7 +460,7 @@ class Game(RuleVerbs):
                 game._state.began = self._internals.starts
             else:
                 copy_known(self._snapshots, game._snapshots, memo, frozenset(names), self._internals.starts)
-            ctx.is_seeded = True  # so that what is drawn from the global generators is its own
+            ctx.is_seeded = True
             game._state.parts_played = self._turns.part
             game._internals.digests = self._internals.digests
             game._begin()

@@ -1,7 +1,6 @@
 """What engines and clients do with a whole game: snapshots, detached copies (forks), and `ctx.game.internals`."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -11,7 +10,6 @@ from gamms.arguments import annotations_of
 from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
-from gamms.game.global_random import GlobalRandom
 from gamms.game.moves import TurnMoves
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
@@ -113,7 +111,6 @@ class SnapshotTaker(NamedTuple):
     rules: RuleSet
     collectors: Collectors
     turns: TurnEngine
-    global_random: GlobalRandom
 
     def refuse_in_turn(self, action: str) -> None:
         """Refuse a snapshot or a copy while a turn is being played, and once the context has ended."""
@@ -122,8 +119,8 @@ class SnapshotTaker(NamedTuple):
         if self.turns.is_playing:
             raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
-    def take(self, *, is_start: bool = False) -> Snapshot:
-        """Take a snapshot; that of a start is without the global streams, which begin again at a reset."""
+    def take(self) -> Snapshot:
+        """Take a snapshot."""
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
@@ -135,7 +132,6 @@ class SnapshotTaker(NamedTuple):
             "rules": self.rules.rules,
             "collectors": self.collectors.snapshot(),
             "logs": state.marks(),
-            "global_random": (None, None) if is_start else self.global_random.snapshot(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }
@@ -167,7 +163,6 @@ class SnapshotTaker(NamedTuple):
         ctx, parts = self.ctx, snapshot._parts
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
-        self.global_random.restore(parts["global_random"])
 
 
 def copies_of(state: GameState, names: Iterable[str] = COPY_OF) -> dict[str, Any]:
@@ -384,16 +379,9 @@ class GameInternals(Guarded):
         return place
 
     @refused_while_deciding
-    def lending(self) -> AbstractContextManager[None]:
-        """Lend the game its own states of `random` and `numpy.random`, once for several steps."""
-        return self._parts.global_random.of(self._parts.ctx)
-
-    @refused_while_deciding
-    def restart_streams(self, *, is_other_seed: bool) -> None:
-        """Start what agents and the global generators draw again from the seed that the context has now."""
-        if is_other_seed:
-            self._parts.turns.restart_streams()
-        self._parts.global_random.forget()
+    def restart_streams(self) -> None:
+        """Start what agents draw again from the seed that the context has now."""
+        self._parts.turns.restart_streams()
 
     @refused_while_deciding
     def fork(self, seed: int) -> tuple[Any, Memo]:
@@ -418,7 +406,6 @@ class GameInternals(Guarded):
 
     def copy_streams(self, target: "GameInternals") -> None:
         """Let a copy of this game draw what the game itself is going to draw."""
-        target.parts.global_random.restore(self._parts.global_random.snapshot())
         target.parts.turns.restore(self._parts.turns.snapshot())
 
     @refused_while_deciding

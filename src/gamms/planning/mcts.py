@@ -549,16 +549,15 @@ class _Search:
             name: _Walker(self, roots, policies[name], first=None, is_own=False) for name, roots in self._others.items()
         }
         lead = model.lead()
-        with model.game.internals.lending():
-            for turn in range(self.settings.depth):
-                self.turn = turn
-                if not timer.fits("turn", then="value"):
-                    return None
-                model.play(1, walkers)
-                before, lead = lead, model.lead()
-                rewards.append(lead - before)
-                if model.is_over:
-                    break
+        for turn in range(self.settings.depth):
+            self.turn = turn
+            if not timer.fits("turn", then="value"):
+                return None
+            model.play(1, walkers)
+            before, lead = lead, model.lead()
+            rewards.append(lead - before)
+            if model.is_over:
+                break
         if not timer.fits("value"):
             return None
         value = self.settings.value

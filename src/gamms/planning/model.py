@@ -143,11 +143,10 @@ class Model:
         given = {} if actions is None else actions
         for name in given:
             as_known(name, "agent", self.ctx.agent.agents)
-        with self.game.internals.lending():
-            for turn in range(as_count(turns, "turns of play", 0)):
-                self._actions = {} if turn else given
-                if not self.game.step():
-                    return
+        for turn in range(as_count(turns, "turns of play", 0)):
+            self._actions = {} if turn else given
+            if not self.game.step():
+                return
 
     def decide(self) -> dict[str, Action | None]:
         """Return what the policies of the agents that decide say in the game, and note in the model what they remember.

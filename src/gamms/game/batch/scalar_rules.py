@@ -1,6 +1,5 @@
 """What has no array form in games that are played in arrays: called game by game, in one context for all."""
 
-import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache
@@ -147,7 +146,7 @@ class RuleContext:
 
         Errors of what decides are raised, but those which say that a game needs the turn engine.
         """
-        decides, before = phase == "decide", _global_random()
+        decides = phase == "decide"
         unloaded = ((at, 0, None) for at in range(len(turn.games)))
         for at, i, columns in self._in_turns(turn, phase) if needs_game else unloaded:
             game = int(turn.games[at])
@@ -175,9 +174,6 @@ class RuleContext:
                 by = self.fork.calling or named
                 self._leave([game], by, error)
                 self._recover(by, error)
-        if _global_random() != before:
-            # those too that have ended in this turn, for the numbers that they got are not their own
-            self._leave(turn.games.tolist(), named, NeedsTurnEngine("it draws from the global random"))
 
     def _take_map(self, game: int) -> None:
         """Let a game have the roads that were left open in it."""
@@ -332,9 +328,3 @@ def _flights(turn: ArrayTurn, at: IntArray) -> Iterator[tuple[int, int, Resolved
     for i, which in zip(*(one.tolist() for one in np.nonzero(flights.goes)), strict=True):
         node, xyz = int(nodes[i, which]), flights.xyz[i, which].tolist()
         yield i, int(flights.agents[which]), ResolvedAction(node, (node,), position=tuple(xyz))
-
-
-def _global_random() -> tuple[Any, ...]:
-    """Return the states of `random` and `numpy.random`."""
-    state: Any = np.random.get_state(legacy=False)  # noqa: NPY002 - what rules may draw from
-    return random.getstate(), state["state"]["pos"], state["state"]["key"].tobytes(), state["has_gauss"]
