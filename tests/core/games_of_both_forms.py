@@ -21,7 +21,10 @@ def scenario_of(number):
         max_turns=8,
         map={"grid": {"width": rng.randint(3, 5), "height": 3}},
         teams={"red": team, "blue": team},
-        rules=[{"rule": "tag", "with": tag}],
+        rules=[
+            {"rule": "tag", "with": tag},
+            {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 5}, "goal": None}},
+        ],
         conflicts={"capacity": rng.randint(1, 3), "allow_swaps": rng.random() < 0.5},
         settings={"speed_unit": "metres"} if is_metric else {},
     )

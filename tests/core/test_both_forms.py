@@ -60,7 +60,7 @@ CASES = {
     ("draws", "fill_bits"): rows(U64, I64),
 }
 
-PLAYED = {"conflicts", "contacts"}
+PLAYED = {"conflicts", "contacts", "rules"}
 
 
 @cache

@@ -84,6 +84,7 @@ cdef class Contacts:
     cdef readonly i64 room, count, kept
     cdef double limit
 
+    cpdef int make_room(self, i64 contacts) except -1 with gil
     @cython.locals(game=i64, begin=i64)
     cpdef Py_ssize_t find_on_nodes(self) except -1 nogil
     @cython.locals(game=i64, begin=i64)
@@ -104,10 +105,6 @@ cdef class Contacts:
     cdef bint _share_nodes(
         self, i64 game, const i64[::1] nodes, const i64[::1] lengths, i64[::1] first
     ) except -1 nogil
-    @cython.locals(agent=i64, row=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
-    cdef int _put_visits(self, i64 game) except -1 nogil
-    @cython.locals(first=i64, leg=i64)
-    cdef bint _is_there(self, i64 row) except -1 nogil
     @cython.locals(soonest=double, agent=i64, row=i64, first=i64, last=i64, place=i64, until=double, leg=i64, piece=i64)
     cdef int _put_steps(self, i64 game) except -1 nogil
     @cython.locals(agent=i64, row=i64, leg=i64, last=i64, one=i64, piece=i64)
@@ -170,6 +167,10 @@ cdef class Contacts:
     cdef int _sink(self, i64[::1] order, i64 first, i64 root, i64 count, int by) except -1 nogil
 
 
+@cython.locals(agent=i64, row=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
+cdef int put_visits(Tracks tracks, Legs legs, Pieces pieces, i64 game) except -1 nogil
+@cython.locals(first=i64, leg=i64)
+cdef bint is_there(Tracks tracks, Legs legs, i64 row) except -1 nogil
 cdef int compared(double one, double other) noexcept nogil
 @cython.locals(contact=i64)
 cpdef int match(

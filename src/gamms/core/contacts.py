@@ -7,6 +7,7 @@ are agents, game by game: the row of agent `i` of a game is `game * agents + i`.
 
 from __future__ import annotations
 
+from array import array
 from math import fabs, sqrt
 
 from gamms.core import draws
@@ -338,6 +339,16 @@ class Contacts:
         self.limit = 0.0
         self.is_exact = False
 
+    def make_room(self, contacts: int) -> int:
+        """Make room for so many contacts, in columns of its own; none of those that were found is kept."""
+        ints = [memoryview(array("q", bytes(8 * contacts))) for _ in range(7)]
+        self.games, self.a, self.b, self.a_nodes, self.b_nodes, self.on_edges, self.order = ints
+        self.times = memoryview(array("d", bytes(8 * contacts)))
+        self.distances = memoryview(array("d", bytes(8 * contacts)))
+        self.draws = memoryview(array("Q", bytes(8 * contacts)))
+        self.room = contacts
+        return 0
+
     # -- all games -----------------------------------------------------------------------------------------------------
 
     def find_on_nodes(self) -> int:
@@ -484,51 +495,6 @@ class Contacts:
                     first[nodes[place]] = -1
         return found
 
-    def _put_visits(self, game: int) -> int:
-        """Add from when until when agents are on which nodes; one that is left at once belongs to the turn before."""
-        for agent in range(self.tracks.agents):
-            row = game * self.tracks.agents + agent
-            if not self.tracks.sides[row]:
-                continue
-            first = row * self.tracks.most
-            last = first + self.tracks.lengths[row] - 1
-            leg = row * self.legs.most
-            beyond = leg + (self.legs.counts[row] if self.legs.most else 0)
-            if self.tracks.at_end:
-                if beyond == leg or self.legs.ends[beyond - 1] <= 0.0 or self.legs.ends[beyond - 1] >= 1.0:
-                    self.pieces.put(agent, self.tracks.nodes[last], ON_NODE, 1.0, 1.0)
-            elif beyond > leg:
-                if self._is_there(row):
-                    self.pieces.put(
-                        agent, self.tracks.nodes[first], ON_NODE, self.tracks.times[first], self.legs.since[leg]
-                    )
-                for one in range(leg, beyond):
-                    if self.legs.begins[one] != self.legs.ends[one] and (
-                        self.legs.ends[one] == 0.0 or self.legs.ends[one] == 1.0
-                    ):
-                        node = self.legs.targets[one] if self.legs.ends[one] == 1.0 else self.legs.sources[one]
-                        until = self.legs.since[one + 1] if one + 1 < beyond else 1.0
-                        self.pieces.put(agent, node, ON_NODE, self.legs.until[one], until)
-            else:
-                for place in range(first if self._is_there(row) else first + 1, last + 1):
-                    until = self.tracks.times[place]
-                    if place == last:
-                        until = 1.0
-                    elif self.tracks.nodes[place + 1] == self.tracks.nodes[place]:
-                        until = self.tracks.times[place + 1]
-                    self.pieces.put(agent, self.tracks.nodes[place], ON_NODE, self.tracks.times[place], until)
-        return 0
-
-    def _is_there(self, row: int) -> bool:
-        """Return whether an agent is on its first node for a time, rather than leaving it at once."""
-        first = row * self.tracks.most
-        if self.legs.most and self.legs.counts[row]:
-            leg = row * self.legs.most
-            return self.legs.since[leg] > self.tracks.times[first] and (
-                self.legs.begins[leg] == 0.0 or self.legs.begins[leg] == 1.0
-            )
-        return self.tracks.lengths[row] == 1 or self.tracks.nodes[first] == self.tracks.nodes[first + 1]
-
     def _put_steps(self, game: int) -> int:
         """Add which nodes agents have passed last, from when until when."""
         soonest = INFINITE  # when the first of them reaches a node
@@ -547,7 +513,9 @@ class Contacts:
                 continue
             for place in range(first, last + 1):
                 until = INFINITE if place == last else self.tracks.times[place + 1]
-                leg = LEAVES if place == first and place < last and not self._is_there(row) else ON_NODE
+                leg = (
+                    LEAVES if place == first and place < last and not is_there(self.tracks, self.legs, row) else ON_NODE
+                )
                 if leg == ON_NODE or until > soonest:  # else none comes while it counts as on the node that it leaves
                     piece = self.pieces.put(agent, self.tracks.nodes[place], leg, self.tracks.times[place], until)
                     self.pieces.keys[piece] = place - first
@@ -600,7 +568,7 @@ class Contacts:
     def _on_nodes(self, game: int) -> int:
         """Find the pairs that are on one node at one time."""
         self.pieces.count = 0
-        self._put_visits(game)
+        put_visits(self.tracks, self.legs, self.pieces, game)
         slack = SLACK if self.by_metres else 0.0
         for piece in range(self.pieces.count):
             self.pieces.keys[piece] = -1
@@ -860,7 +828,7 @@ class Contacts:
     def _within(self, game: int) -> int:
         """Find the pairs that are near each other along the edges, on nodes or between them."""
         self.pieces.count = 0
-        self._put_visits(game)
+        put_visits(self.tracks, self.legs, self.pieces, game)
         self._put_legs(game, True)
         for side in range(2):  # paths from ours to theirs, and then those back
             # An agent is come to by two nodes at most: the entries 2 * piece and 2 * piece + 1.
@@ -1025,6 +993,47 @@ class Contacts:
             child = 2 * root + 1
         order[first + root] = item
         return 0
+
+
+def put_visits(tracks: Tracks, legs: Legs, pieces: Pieces, game: int) -> int:
+    """Add from when until when agents are on which nodes; one that is left at once belongs to the turn before."""
+    for agent in range(tracks.agents):
+        row = game * tracks.agents + agent
+        if not tracks.sides[row]:
+            continue
+        first = row * tracks.most
+        last = first + tracks.lengths[row] - 1
+        leg = row * legs.most
+        beyond = leg + (legs.counts[row] if legs.most else 0)
+        if tracks.at_end:
+            if beyond == leg or legs.ends[beyond - 1] <= 0.0 or legs.ends[beyond - 1] >= 1.0:
+                pieces.put(agent, tracks.nodes[last], ON_NODE, 1.0, 1.0)
+        elif beyond > leg:
+            if is_there(tracks, legs, row):
+                pieces.put(agent, tracks.nodes[first], ON_NODE, tracks.times[first], legs.since[leg])
+            for one in range(leg, beyond):
+                if legs.begins[one] != legs.ends[one] and (legs.ends[one] == 0.0 or legs.ends[one] == 1.0):
+                    node = legs.targets[one] if legs.ends[one] == 1.0 else legs.sources[one]
+                    until = legs.since[one + 1] if one + 1 < beyond else 1.0
+                    pieces.put(agent, node, ON_NODE, legs.until[one], until)
+        else:
+            for place in range(first if is_there(tracks, legs, row) else first + 1, last + 1):
+                until = tracks.times[place]
+                if place == last:
+                    until = 1.0
+                elif tracks.nodes[place + 1] == tracks.nodes[place]:
+                    until = tracks.times[place + 1]
+                pieces.put(agent, tracks.nodes[place], ON_NODE, tracks.times[place], until)
+    return 0
+
+
+def is_there(tracks: Tracks, legs: Legs, row: int) -> bool:
+    """Return whether an agent is on its first node for a time, rather than leaving it at once."""
+    first = row * tracks.most
+    if legs.most and legs.counts[row]:
+        leg = row * legs.most
+        return legs.since[leg] > tracks.times[first] and (legs.begins[leg] == 0.0 or legs.begins[leg] == 1.0)
+    return tracks.lengths[row] == 1 or tracks.nodes[first] == tracks.nodes[first + 1]
 
 
 def compared(one: float, other: float) -> int:

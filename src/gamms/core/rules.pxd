@@ -1,0 +1,216 @@
+cimport cython
+
+from gamms.core cimport contacts, draws
+from gamms.core.contacts cimport Contacts, Legs, Pieces, Tracks
+
+ctypedef unsigned char u8
+ctypedef unsigned long long u64
+ctypedef long long i64
+
+cdef i64 TAG, RESPAWNED, ELIMINATED, TAKE, DROP, CAPTURE, REACH, ARRIVE, END
+cdef i64 NOTHING, RESPAWN, ELIMINATE, ON_NODES, BY_PATHS, NEAR_PLACES, NOBODY, LEADER, ITS_TEAM
+
+
+
+@cython.final
+cdef class Games:
+    cdef i64 agents, teams
+    cdef i64[::1] node, previous, stops
+    cdef const i64[::1] start, home, turn, team
+    cdef u8[::1] alive, placed, over
+    cdef double[::1] score
+
+
+@cython.final
+cdef class Events:
+    cdef readonly i64 room
+    cdef public i64 count
+    cdef readonly i64[::1] games, turns, rules, kinds, agents, others, nodes
+
+    cpdef int make_room(self, i64 room) except -1 with gil
+    @cython.locals(row=i64)
+    cdef int put(self, i64 game, i64 turn, i64 rule, i64 kind, i64 agent, i64 other, i64 node) except -1 nogil
+
+
+@cython.locals(row=i64, node=i64)
+cpdef int respawn(Games games, Events events, i64 game, i64 agent) except -1 nogil
+@cython.locals(row=i64)
+cpdef int eliminate(Games games, Events events, i64 game, i64 agent) except -1 nogil
+cpdef int end_game(Games games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
+@cython.locals(best=i64, is_alone=bint, team=Py_ssize_t)
+cpdef i64 leader(const double[::1] scores) except? -1 nogil
+
+
+@cython.final
+cdef class Steps:
+    cdef i64[::1] nodes, lengths
+    cdef double[::1] times
+
+    @cython.locals(agent=i64, row=i64, node=i64)
+    cpdef int fill(self, Games games, i64 game) except -1 nogil
+
+
+@cython.locals(agent=i64)
+cpdef int fill_sides(Games games, i64 game, const i64[::1] plays, i64[::1] sides) except -1 nogil
+
+
+@cython.final
+cdef class Tags:
+    cdef i64[::1] taken
+    cdef readonly i64 count, number, room
+    cdef i64 run
+    cdef i64[::1] on_edges, by, a, b, a_nodes, b_nodes, ways, order, spare
+    cdef double[::1] times, distances
+    cdef u64[::1] draws
+    cdef readonly i64[::1] taggings, taggers, others, nodes
+
+    cpdef int make_room(self, i64 room) except -1 with gil
+    cpdef int begin(self) except -1 nogil
+    @cython.locals(is_anywhere=bint, place=i64, contact=i64, a=i64, b=i64, ways=i64, row=i64)
+    cpdef int add(self, Contacts found, i64 tagging, bint mutual, const i64[::1] owners, const i64[::1] team) except -1 nogil
+    @cython.locals(one=i64, other=i64, place=i64)
+    cdef int _merge(self) except -1 nogil
+    cdef bint _is_before(self, i64 one, i64 other) except -1 nogil
+    @cython.locals(number=i64, place=i64, row=i64, a=i64, b=i64)
+    cpdef Py_ssize_t match(self) except -1 nogil
+    cdef int _make(self, i64 tag, i64 tagging, i64 tagger, i64 other, i64 node) except -1 nogil
+
+
+@cython.final
+cdef class Tagging:
+    cdef Contacts contacts
+    cdef Tagging behind
+    cdef i64 by, then
+    cdef double limit, points
+    cdef bint mutual, is_last
+    cdef const i64[::1] plays, owners
+    cdef i64[::1] sides
+
+    cdef int collect(self, Tags tags, Games games, i64 game, i64 number) except -1 nogil
+    cdef Py_ssize_t _find(self) except -1 nogil
+    cdef int score(self, i64 number, Games games, i64 game, i64 tagger) except -1 nogil
+    cdef int follow_up(self, i64 number, Games games, Events events, i64 game, i64 other) except -1 nogil
+
+
+@cython.final
+cdef class Flags:
+    cdef i64 flags, goal, involved
+    cdef double points
+    cdef const i64[::1] team, base, home, owners, takes, starts, members
+    cdef const u64[::1] names, purposes
+    cdef i64[::1] carriers, stops, captures
+    cdef double[::1] taken
+
+    @cython.locals(flag=i64, agent=i64, row=i64)
+    cpdef int drop(self, Games games, Events events, i64 game, i64 rule) except -1 nogil
+    @cython.locals(flag=i64)
+    cpdef int note_stops(self, Games games, i64 game) except -1 nogil
+    @cython.locals(flag=i64, row=i64)
+    cpdef bint concern(self, Games games, i64 game) except -1 nogil
+    @cython.locals(flag=i64, now=double)
+    cpdef int pass_turn(self, Games games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, Pieces pieces) except -1 nogil
+    @cython.locals(piece=i64, flag=i64, agent=i64)
+    cdef int _find_involved(self, i64 game, Pieces pieces) except -1 nogil
+    @cython.locals(soonest=double, place=i64, since=double)
+    cdef double _next_moment(self, Pieces pieces, double now) except? -1.0 nogil
+    @cython.locals(row=i64, agent=i64, place=i64, piece=i64, team=i64)
+    cdef int _capture(self, Games games, Events events, i64 game, i64 rule, Pieces pieces, i64 flag, double now) except -1 nogil
+    @cython.locals(begin=i64, member=Py_ssize_t, found=bint)
+    cdef bint _is_home(self, i64 game, i64 team, i64 node) except -1 nogil
+    @cython.locals(row=i64, taker=i64, least=u64, bits=u64, first=u64, place=i64, piece=i64, agent=i64)
+    cdef int _take(self, Games games, Events events, i64 game, i64 rule, Pieces pieces, i64 flag, double now) except -1 nogil
+    @cython.locals(flag=i64, found=bint)
+    cdef bint _carries(self, i64 game, i64 agent) except -1 nogil
+    @cython.locals(winner=i64, full=i64, team=i64)
+    cdef bint _end(self, Games games, Events events, i64 game, i64 rule) except -1 nogil
+
+
+cdef class Rule:
+    cdef Games games
+    cdef Events events
+    cdef i64 number
+    cdef public Rule behind
+    cdef public bint is_last
+
+    cdef int happen(self, i64 game) except -1 nogil
+    cdef int happen_all(self, i64 game) except -1 nogil
+
+
+cpdef int play(Rule rule, i64 game) except -1 nogil
+
+
+cdef class TagRule(Rule):
+    cdef Tagging first
+    cdef Tags tags
+    cdef Steps steps
+    cdef u64[::1] purpose
+    cdef i64[::1] turn
+    cdef const u64[::1] purposes
+
+    @cython.locals(number=i64, tag=i64, tagger=i64, other=i64, by=i64)
+    cdef int happen(self, i64 game) except -1 nogil
+
+
+cdef class FlagRule(Rule):
+    cdef Flags flags
+    cdef Steps steps
+    cdef Tracks tracks
+    cdef Legs legs
+    cdef Pieces pieces
+    cdef const i64[::1] ground
+    cdef i64[::1] sides
+
+    cdef int happen(self, i64 game) except -1 nogil
+
+
+cdef class Returns(Rule):
+    cdef const i64[::1] plays
+    cdef i64[::1] out, times
+    cdef i64 wait, most
+
+    @cython.locals(agent=i64, row=i64)
+    cdef int happen(self, i64 game) except -1 nogil
+
+
+cdef class TimeLimit(Rule):
+    cdef i64 last, winner
+
+    cdef int happen(self, i64 game) except -1 nogil
+
+
+cdef class NoneLeft(Rule):
+    cdef i64 team, winner
+
+    @cython.locals(agent=i64)
+    cdef int happen(self, i64 game) except -1 nogil
+
+
+cdef class LastTeam(Rule):
+    cdef i64 nobody
+
+    @cython.locals(left=i64, agent=i64, team=i64)
+    cdef int happen(self, i64 game) except -1 nogil
+
+
+cdef class Reach(Rule):
+    cdef const i64[::1] goals, ground, order
+    cdef bint at_end
+    cdef i64 winner
+    cdef double points
+
+    @cython.locals(begin=i64, earliest=i64, agent=i64, moment=i64, teams=i64, winner=i64, place=Py_ssize_t, team=i64, has_reached=bint, node=i64)
+    cdef int happen(self, i64 game) except -1 nogil
+    @cython.locals(goal=i64)
+    cdef Py_ssize_t _moment(self, i64 row, i64 agent) except -1 nogil
+    @cython.locals(found=bint, place=Py_ssize_t)
+    cdef bint _is_listed(self, i64 team) except -1 nogil
+
+
+cdef class Arrive(Rule):
+    cdef i64 team
+    cdef const i64[::1] goals, ground
+    cdef double points
+
+    @cython.locals(agent=i64, row=i64)
+    cdef int happen(self, i64 game) except -1 nogil
+    cdef bint _is_there(self, i64 row, i64 agent) except -1 nogil
