@@ -94,7 +94,7 @@ class Block:
                 by_metres=False,
             )
             said = {"mutual": False, "owners": ints([]), "then": core.THEN["respawn"], "points": 1.0, **given}
-            first = core.Tagging(found, core.FOUND["on nodes"], 0.0, ints(plays), sides, behind=first, **said)
+            first = core.Tagging(found, meeting.SEARCHES["on nodes"], 0.0, ints(plays), sides, behind=first, **said)
         tags = core.Tags(ints([0] * self.agents))
         purposes = keys([PURPOSE] * len(self.over))
         return core.TagRule(self.games, self.events, number, first, tags, steps, purpose, turn, purposes)

@@ -10,8 +10,9 @@ cdef extern from "math.h":
     cpdef double fabs(double x) noexcept nogil
 
 cdef double INFINITE, SLACK
-cdef int OURS, THEIRS, BY_RANK, BY_PAIR, BY_PLACE
-cdef i64 ON_NODE, LEAVES
+cdef int ON_NODES, BY_PATHS, ON_WAYS, NEAR_PLACES, ON_LINES, OURS, THEIRS, BY_RANK, BY_PAIR, BY_PLACE
+cdef i64 ON_NODE, LEAVES, FIRST_ROOM
+cdef u64 MASK, SPREAD
 
 
 @cython.final
@@ -55,6 +56,20 @@ cdef class Lines:
 
 
 @cython.final
+cdef class NodeNumbers:
+    cdef readonly i64 count
+    cdef i64 room
+    cdef readonly i64[::1] ids
+    cdef i64[::1] slots
+
+    cpdef int make_room(self, i64 room) except -1 with gil
+    @cython.locals(last=i64, slot=i64)
+    cpdef Py_ssize_t number(self, i64 id) except -1 nogil
+    @cython.locals(row=Py_ssize_t)
+    cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
+
+
+@cython.final
 cdef class Pieces:
     cdef i64[::1] agents, nodes, legs, keys, next, first, order
     cdef double[::1] since, until, begins, ends
@@ -77,14 +92,16 @@ cdef class Contacts:
     cdef Lines lines
     cdef const u64[::1] names, purposes
     cdef const i64[::1] turns
-    cdef i64[::1] games, a, b, a_nodes, b_nodes, on_edges, order
-    cdef double[::1] times, distances
-    cdef u64[::1] draws
+    cdef readonly i64[::1] games, a, b, a_nodes, b_nodes, on_edges, order
+    cdef readonly double[::1] times, distances
+    cdef readonly u64[::1] draws
     cdef bint crossing, by_metres, is_exact
     cdef readonly i64 room, count, kept
     cdef double limit
 
     cpdef int make_room(self, i64 contacts) except -1 with gil
+    cpdef Py_ssize_t find(self, int search, double limit) except -1 nogil
+    cdef Py_ssize_t _search(self, int search, double limit) except -1 nogil
     @cython.locals(game=i64, begin=i64)
     cpdef Py_ssize_t find_on_nodes(self) except -1 nogil
     @cython.locals(game=i64, begin=i64)

@@ -18,6 +18,21 @@ OURS = 1
 THEIRS = 2
 ON_NODE = -1  # instead of a leg: the agent is on a node
 LEAVES = -2  # the agent left this node when the turn began
+MASK = 0xFFFFFFFFFFFFFFFF
+SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
+FIRST_ROOM = 64  # a power of two
+ON_NODES = 0
+BY_PATHS = 1
+ON_WAYS = 2
+NEAR_PLACES = 3
+ON_LINES = 4
+SEARCHES = {  # the same for callers in Python, which do not see constants with a C type
+    "on nodes": ON_NODES,  # `find_on_nodes`
+    "by paths": BY_PATHS,  # `find_by_paths`
+    "on ways": ON_WAYS,  # the same, exact
+    "near places": NEAR_PLACES,  # `find_near_places`
+    "on lines": ON_LINES,  # `find_on_lines`
+}
 BY_RANK = 0
 BY_PAIR = 1
 BY_PLACE = 2
@@ -181,6 +196,53 @@ class Lines:
             return begin
         share = (time - self.since[part]) / (self.until[part] - self.since[part])
         return begin + share * (self.ends[3 * part + axis] - begin)
+
+
+class NodeNumbers:
+    """Numbers of nodes by their ids, in the order in which these first come.
+
+    Attributes:
+        ids: (count,) by number, and room for more.
+        count: how many there are.
+    """
+
+    def __init__(self) -> None:
+        self.ids = memoryview(array("q"))
+        self.count = 0
+        self.make_room(FIRST_ROOM)
+
+    def make_room(self, room: int) -> int:
+        """Make room for so many numbers, a power of two; those that there are stay."""
+        known = list(self.ids[: self.count])
+        self.room = room
+        self.ids = memoryview(array("q", bytes(8 * room)))
+        self.slots = memoryview(array("q", [-1] * (2 * room)))
+        self.count = 0
+        for id in known:
+            self.number(id)
+        return 0
+
+    def number(self, id: int) -> int:
+        """Return the number of a node, a new one if it is not known."""
+        last = 2 * self.room - 1
+        slot = (((id * SPREAD) & MASK) >> 32) & last
+        while self.slots[slot] >= 0 and self.ids[self.slots[slot]] != id:
+            slot = (slot + 1) & last
+        if self.slots[slot] >= 0:
+            return self.slots[slot]
+        if self.count == self.room:
+            self.make_room(2 * self.room)
+            return self.number(id)
+        self.slots[slot] = self.count
+        self.ids[self.count] = id
+        self.count += 1
+        return self.count - 1
+
+    def write(self, ids: memoryview[int], numbers: memoryview[int]) -> int:
+        """Write the number of each of several nodes."""
+        for row in range(len(ids)):
+            numbers[row] = self.number(ids[row])
+        return 0
 
 
 class Pieces:
@@ -348,6 +410,26 @@ class Contacts:
         self.draws = memoryview(array("Q", bytes(8 * contacts)))
         self.room = contacts
         return 0
+
+    def find(self, search: int, limit: float) -> int:
+        """Find the contacts of a kind of `SEARCHES`, with more room where it is needed; return how many are in `order`.
+
+        Args:
+            search: which.
+            limit: what is near.
+        """
+        while self._search(search, limit) > self.room:
+            self.make_room(2 * self.count)
+        return self.kept
+
+    def _search(self, search: int, limit: float) -> int:
+        if search == ON_NODES:
+            return self.find_on_nodes()
+        if search == NEAR_PLACES:
+            return self.find_near_places(limit)
+        if search == ON_LINES:
+            return self.find_on_lines(limit)
+        return self.find_by_paths(limit, search == ON_WAYS)
 
     # -- all games -----------------------------------------------------------------------------------------------------
 

@@ -1,14 +1,14 @@
 cimport cython
 
 from gamms.core cimport contacts, draws
-from gamms.core.contacts cimport Contacts, Legs, Pieces, Tracks
+from gamms.core.contacts cimport Contacts, Legs, NodeNumbers, Pieces, Tracks
 
 ctypedef unsigned char u8
 ctypedef unsigned long long u64
 ctypedef long long i64
 
 cdef i64 TAG, RESPAWNED, ELIMINATED, TAKE, DROP, CAPTURE, REACH, ARRIVE, END
-cdef i64 NOTHING, RESPAWN, ELIMINATE, ON_NODES, BY_PATHS, NEAR_PLACES, NOBODY, LEADER, ITS_TEAM
+cdef i64 NOTHING, RESPAWN, ELIMINATE, NOBODY, LEADER, ITS_TEAM
 
 
 
@@ -16,7 +16,8 @@ cdef i64 NOTHING, RESPAWN, ELIMINATE, ON_NODES, BY_PATHS, NEAR_PLACES, NOBODY, L
 cdef class Games:
     cdef i64 agents, teams
     cdef i64[::1] node, previous, stops
-    cdef const i64[::1] start, home, turn, team
+    cdef i64[::1] start
+    cdef const i64[::1] home, turn, team
     cdef u8[::1] alive, placed, over
     cdef double[::1] score
 
@@ -39,6 +40,10 @@ cpdef int eliminate(Games games, Events events, i64 game, i64 agent) except -1 n
 cpdef int end_game(Games games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
 @cython.locals(best=i64, is_alone=bint, team=Py_ssize_t)
 cpdef i64 leader(const double[::1] scores) except? -1 nogil
+
+
+@cython.locals(agent=i64)
+cpdef int take_moves(Games games, NodeNumbers numbers, const i64[::1] starts, const i64[::1] ends, const i64[::1] nodes) except -1 nogil
 
 
 @cython.final
@@ -80,14 +85,14 @@ cdef class Tags:
 cdef class Tagging:
     cdef Contacts contacts
     cdef Tagging behind
-    cdef i64 by, then
+    cdef int search
+    cdef i64 then
     cdef double limit, points
     cdef bint mutual, is_last
     cdef const i64[::1] plays, owners
     cdef i64[::1] sides
 
     cdef int collect(self, Tags tags, Games games, i64 game, i64 number) except -1 nogil
-    cdef Py_ssize_t _find(self) except -1 nogil
     cdef int score(self, i64 number, Games games, i64 game, i64 tagger) except -1 nogil
     cdef int follow_up(self, i64 number, Games games, Events events, i64 game, i64 other) except -1 nogil
 

@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from gamms.core import contacts, draws
-from gamms.core.contacts import Contacts, Legs, Pieces, Tracks
+from gamms.core.contacts import Contacts, Legs, NodeNumbers, Pieces, Tracks
 
 # kinds of events
 TAG = 0  # agent, other: whom it tagged, node
@@ -35,17 +35,12 @@ END = 8  # agent: the team that wins, -1: none
 NOTHING = 0
 RESPAWN = 1
 ELIMINATE = 2
-# how contacts are found
-ON_NODES = 0
-BY_PATHS = 1
-NEAR_PLACES = 2
 NOBODY = -1
 LEADER = -2  # instead of a team that wins: the one with the highest score
 ITS_TEAM = -3  # the one that reached its goal
 # the same for callers in Python, which do not see constants with a C type
 KINDS = ("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end")  # by number
 THEN = {"": NOTHING, "respawn": RESPAWN, "eliminate": ELIMINATE}
-FOUND = {"on nodes": ON_NODES, "by paths": BY_PATHS, "near places": NEAR_PLACES}
 WINNERS = {"nobody": NOBODY, "leader": LEADER, "its team": ITS_TEAM}
 
 
@@ -210,6 +205,29 @@ def leader(scores: memoryview[float]) -> int:
 
 
 # -- the course of a turn ----------------------------------------------------------------------------------------------
+
+
+def take_moves(
+    games: Games,
+    numbers: NodeNumbers,
+    starts: memoryview[int],
+    ends: memoryview[int],
+    nodes: memoryview[int],
+) -> int:
+    """Write where the agents of the only game of a block were and are, and who was put elsewhere than it went.
+
+    Args:
+        games: the block.
+        numbers: of the nodes.
+        starts: (agents,) ids of nodes where agents were when the turn began.
+        ends: (agents,) those where their moves have led.
+        nodes: (agents,) those where they are.
+    """
+    for agent in range(games.agents):
+        games.start[agent] = numbers.number(starts[agent])
+        games.node[agent] = numbers.number(nodes[agent])
+        games.placed[agent] = nodes[agent] != ends[agent]
+    return 0
 
 
 class Steps:
@@ -422,7 +440,7 @@ class Tagging:
     Args:
         contacts: finds the contacts; `Contacts.ask` was called with the tracks of one game, `purposes` and `turns` of
             one game.
-        by: how contacts are found: `ON_NODES`, `BY_PATHS` or `NEAR_PLACES`.
+        search: how they are found: one of `contacts.SEARCHES`.
         limit: what is near.
         plays: (agents,) 1: taggers; 2: those who are tagged; 3: both; 0: neither.
         mutual: see `Tags.add`.
@@ -435,7 +453,7 @@ class Tagging:
     def __init__(
         self,
         contacts: Contacts,
-        by: int,
+        search: int,
         limit: float,
         plays: memoryview[int],
         sides: memoryview[int],
@@ -447,7 +465,7 @@ class Tagging:
         behind: Tagging | None = None,
     ) -> None:
         self.contacts = contacts
-        self.by = by
+        self.search = search
         self.limit = limit
         self.plays = plays
         self.sides = sides
@@ -461,20 +479,11 @@ class Tagging:
     def collect(self, tags: Tags, games: Games, game: int, number: int) -> int:
         """Add the contacts of a turn that make tags, also those of the taggings behind; this one has a number."""
         fill_sides(games, game, self.plays, self.sides)
-        while self._find() > self.contacts.room:
-            self.contacts.make_room(self.contacts.count)
-        if self.contacts.kept > 0:
+        if self.contacts.find(self.search, self.limit) > 0:
             tags.add(self.contacts, number, self.mutual, self.owners, games.team)
         if not self.is_last:
             self.behind.collect(tags, games, game, number + 1)  # type: ignore[union-attr] # it is not the last
         return 0
-
-    def _find(self) -> int:
-        if self.by == BY_PATHS:
-            return self.contacts.find_by_paths(self.limit, False)
-        if self.by == NEAR_PLACES:
-            return self.contacts.find_near_places(self.limit)
-        return self.contacts.find_on_nodes()
 
     def score(self, number: int, games: Games, game: int, tagger: int) -> int:
         """Give the points for a tag by the tagging of a number in this chain."""
