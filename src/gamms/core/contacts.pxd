@@ -86,7 +86,7 @@ cdef class Pieces:
 cdef class Contacts:
     cdef Tracks tracks
     cdef Legs legs
-    cdef Pieces pieces
+    cdef readonly Pieces pieces
     cdef Reach reach
     cdef Places places
     cdef Lines lines

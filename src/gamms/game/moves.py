@@ -1,6 +1,6 @@
 """The moves of one turn: as lists for the turn engine, by name for rules and resolvers."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import compress, count, repeat
@@ -90,27 +90,12 @@ class TurnMoves:
                 slot.agent = twin_of(slot.agent)
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
-    def may_meet(self, a: Hashable, b: Hashable, *, crossing: bool) -> bool:
-        """Return whether two agents, one of each side, may be on one node, or have passed each other on an edge.
-
-        All moves lead along one edge, or none.
-        """
-        ours, there = self.order.of_side(a), self.order.of_side(b).of(self.ends)
-        nodes = {*ours.of(self.ends), *ours.of(self.starts)} if crossing else set(ours.of(self.ends))
-        return not nodes.isdisjoint(there)
-
-    def are_single_steps(self, block: AgentBlock, a: Hashable, b: Hashable) -> bool:
-        """Whether all living agents went along one edge or none, and are there; where some fly, those of two sides."""
+    def are_steps(self, block: AgentBlock) -> bool:
+        """Whether all living agents are those that moved, on the ground, along one edge at once or none."""
         order = self.order
-        if block.travellers or order.structure_version != block.structure.version:
+        if block.travellers or order.whole.on_ground is not None or order.structure_version != block.structure.version:
             return False
-        if self.actions and any(map(_is_long, self.actions.values())):
-            return False
-        nodes, ground = order.nodes(), order.whole.on_ground
-        if not block.flyers or ground is None:
-            return bool(nodes == self.ends)
-        sides = order.of_side(a), order.of_side(b)
-        return all(one.as_set.issubset(ground) and one.of(nodes) == one.of(self.ends) for one in sides)
+        return not self.actions or all(map(_is_step, self.actions.values()))
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, of all on the ground, in the order of the names."""
@@ -365,6 +350,6 @@ def _evenly(nodes: int) -> tuple[float, ...]:
     return tuple(k / max(1, nodes - 1) for k in range(nodes))
 
 
-def _is_long(action: ResolvedAction) -> bool:
-    """Return whether an action leads along several edges, or is measured in metres."""
-    return len(action.path) > 2 or bool(action.legs)
+def _is_step(action: ResolvedAction) -> bool:
+    """Return whether an action leads along one edge or none, from the beginning of the turn to its end."""
+    return len(action.path) <= 2 and not (action.times or action.legs or action.begun or action.progress)

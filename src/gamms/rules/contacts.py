@@ -3,18 +3,14 @@
 A turn is the time from 0 to 1; `gamms.core.contacts` says what contacts are.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from typing import Annotated, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.game.moves import TurnMoves
-from gamms.ir.agents import Position
-from gamms.rules.meetings import InTurn, Nearness, turn_of
+from gamms.rules.meetings import Nearness, Side, in_air, turn_of
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent
-from gamms.typing.game import TEAMS
 
 
 class Contact(NamedTuple):
@@ -28,16 +24,6 @@ class Contact(NamedTuple):
     b_node: int = -1  # where `b` was, likewise
     a_xy: tuple[float, float] | None = None  # in games by metres: where exactly `a` was
     b_xy: tuple[float, float] | None = None  # and `b`
-
-
-class Ranked(NamedTuple):
-    """A contact, and what contacts are ordered by."""
-
-    rank: tuple[float, float, int, int]  # time, distance, draw, whether on an edge
-    contact: Contact
-
-
-Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
 
 
 def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
@@ -132,55 +118,20 @@ def as_side(side: Side) -> Side:
 
 def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
     """Return all contacts of a turn in the order that `contacts` promises; two agents may have several."""
-    return [one.contact for one in ranked(ctx, a, b, nearness)]
-
-
-def ranked(ctx: Context, a: Side, b: Side, nearness: Nearness) -> Sequence[Ranked]:
-    """Return all contacts of a turn, each with what it is ordered by."""
-    if _are_apart(ctx, a, b, nearness):
+    turn = turn_of(ctx)
+    met = turn.find(ctx, a, b, nearness)
+    if met is None:
         return []
-    agents: list[IAgent] = ctx.game.agents
-    if ctx.agent.block.flyers and not nearness.air:
-        agents = [agent for agent in agents if agent.type is not AgentType.AERIAL]
-    of_a, of_b = _play_for(a, agents), _play_for(b, agents)
-    if not (any(of_a) and any(of_b)):
-        return []
-    sides = [one + 2 * other for one, other in zip(of_a, of_b, strict=True)]
-    turn, asked = turn_of(ctx, agents), (bytes(sides), nearness)
-    if asked not in turn.found:
-        in_space = agents if ctx.agent.block.flyers and nearness.unit == "euclid" else ()
-        aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
-        turn.found[asked] = _as_contacts(turn, sides, nearness, aerial)
-    found: Sequence[Ranked] = turn.found[asked]
-    return found
-
-
-def _as_contacts(
-    turn: InTurn, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]
-) -> Sequence[Ranked]:
-    met = turn.find(sides, nearness, in_air)
-    tracks, ids = turn.tracks_for(nearness) if met else (), turn.node_ids
+    names, ids = turn.roster.names, turn.game.numbers.ids
+    agents, nodes, distances, times = (met.a, met.b), (met.a_nodes, met.b_nodes), met.distances, met.times
+    flying = in_air(ctx, nearness)
     found = []
-    for _, a, b, a_node, b_node, time, distance, draw, on_edge in met:
-        names, nodes, places = (turn.agents[a].name, turn.agents[b].name), (ids[a_node], ids[b_node]), []
+    for row in met.order[: met.kept]:
+        pair = [column[row] for column in agents]
+        at: list[Any] = [ids[column[row]] for column in nodes]
+        places: list[Any] = []
         if turn.by_metres:
-            for number, name, node in zip((a, b), names, nodes, strict=True):
-                places.append(turn.edges.xy_at(tracks[number], time, node, in_air.get(name)))
-        contact = Contact(*names, distance, time, *nodes, *places)
-        found.append(Ranked((time, distance, draw, on_edge), contact))
+            for agent, node in zip(pair, at, strict=True):
+                places.append(turn.xy_of(agent, times[row], node, nearness, flying.get(names[agent])))
+        found.append(Contact(names[pair[0]], names[pair[1]], distances[row], times[row], *at, *places))
     return found
-
-
-def _play_for(side: Side, agents: list[IAgent]) -> list[bool]:
-    """Return of each agent whether it is of a side."""
-    # NOTE: without a call for each agent (benchmarks: contacts).
-    return [bool(side(agent)) for agent in agents] if callable(side) else [agent.team == side for agent in agents]
-
-
-def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
-    """Return whether all agents went along one edge at most, to nodes that no others came to, and no two passed."""
-    # NOTE: most turns are like that; tracks of all agents take a quarter of a small game (benchmarks).
-    moves: TurnMoves | None = ctx.game.internals.state.moves
-    if nearness.unit is not None or moves is None or not moves.are_single_steps(ctx.agent.block, a, b):
-        return False
-    return not moves.may_meet(a, b, crossing=nearness.crossing)

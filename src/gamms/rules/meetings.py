@@ -8,32 +8,38 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache, partial
 from itertools import accumulate, chain, compress
 from operator import gt
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
+from gamms.core import rules
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.movement import Legs as LegsOfTurn
 from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
+from gamms.game.moves import TurnMoves
 from gamms.graph import Graph
-from gamms.ir.agents import Position
+from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.near_nodes import NearNodes, Reached, reached
 from gamms.rules.visits import EdgesGoneAlong, at_end
-from gamms.typing import IAgent
-from gamms.typing.game import Track
+from gamms.typing import AgentType, IAgent
+from gamms.typing.game import TEAMS, Track
 
 _FIRST_ROOM = 64  # contacts
 _MOST_DISTANCES = 8  # for which a game keeps what is near nodes
+_MOST_TERRITORIES = 8  # of which a game keeps who owns nodes
 _MOST_NEAR_IN_GAME, _MOST_NEAR_IN_BATCH = 1 << 20, 1 << 25  # pairs of nodes, for each distance
 _NOWHERE = 0.0, 0.0, 0.0
 _BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
+
+
+Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
 
 
 class Nearness(NamedTuple):
@@ -80,9 +86,7 @@ class Finder:
     def _make_room(self, pieces: int, keys: int, contacts: int) -> None:
         self._sizes = pieces, keys, contacts
         self._met, self._order = _columns(contacts), np.empty(contacts, np.int64)
-        ints, floats, first = np.empty((6, pieces), np.int64), np.empty((4, pieces)), np.full(keys, -1)
-        scratch = core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], first, ints[5])))
-        self._core = core.Contacts(scratch, *_flat((*self._met, self._order)))
+        self._core = core.Contacts(_pieces(pieces, keys), *_flat((*self._met, self._order)))
 
     def find(
         self, nearness: Nearness, near: Near, *columns: Any, pieces: int, keys: int, by_metres: bool
@@ -150,110 +154,300 @@ def _most_pieces(agents: int, most: int, most_legs: int) -> int:
 _NO_REACH = core.Reach(_column("q"), _column("q"), _column("q"), _column("d"))
 _NO_PLACES = core.Places(_column("q"), _column("d"))
 _NO_LINES = core.Lines(_column("q"), *[_column("d")] * 4)
+_ON_NODES = core.SEARCHES["on nodes"]
 _NO_LEGS = core.Legs(0, *[_column("q")] * 5, *[_column("d")] * 5)  # in games that count edges
 
 
 # -- in the game of a context ------------------------------------------------------------------------------------------
 
 
+class Owners:
+    """The teams that own nodes, by the numbers of both.
+
+    Args:
+        territory: node -> team.
+        teams: team -> number.
+    """
+
+    def __init__(self, territory: Mapping[int, Hashable], teams: Mapping[Hashable, int]) -> None:
+        self._territory = territory
+        self._teams = teams
+        self._count = 0
+        self._owners = np.zeros(0, np.int64)
+
+    def of(self, numbers: core.NodeNumbers) -> Any:
+        """Return the number of the team that owns each node, (nodes,); -1 where it is none of these teams."""
+        count = numbers.count
+        if self._count < count:
+            ids, territory = numbers.ids[self._count : count], self._territory
+            new = [self._teams.get(territory[id], -1) if id in territory else -1 for id in ids]
+            if count > len(self._owners):
+                self._owners = np.concatenate(
+                    (self._owners[: self._count], np.empty(2 * count - self._count, np.int64))
+                )
+            self._owners[self._count : count] = new
+            self._count = count
+        return self._owners.data
+
+
+class Roster:
+    """The living agents of a game in the order of their names, and their columns.
+
+    Args:
+        names: of these.
+        teams: of each.
+        fly: whether each flies; None: none does.
+
+    Attributes:
+        names: as given.
+        number: name -> number of the agent.
+        teams: team -> number of the team, in the order of their first agents.
+        fly: as given.
+        keys: (agents,) of the names, for draws.
+        team: (agents,) numbers of teams.
+        games: the columns of agents, of one game.
+        tracks: of those that go along one edge in a turn, or none, which `steps` fills.
+    """
+
+    def __init__(self, names: Sequence[str], teams: Sequence[Hashable], fly: Sequence[bool] | None) -> None:
+        agents = len(names)
+        self.names = names
+        self.number = {name: i for i, name in enumerate(names)}
+        self.teams = {team: i for i, team in enumerate(dict.fromkeys(teams))}
+        self.fly = fly
+        self._team_of = teams
+        self.keys: Any = kernels.name_keys(names).data
+        self.team = _column("q", [self.teams[team] for team in teams])
+        ints, floats = np.zeros((8, agents), np.int64), np.zeros((2, agents))
+        self.placed: Any = bytearray(agents)
+        self.games = rules.Games(
+            agents,
+            len(self.teams),
+            node=ints[0].data,
+            start=ints[1].data,
+            previous=ints[2].data,
+            alive=memoryview(bytearray(b"\1" * agents)),
+            placed=memoryview(self.placed),
+            stops=ints[3].data,
+            home=ints[4].data,
+            turn=_column("q", [0]),
+            over=memoryview(bytearray(1)),
+            score=_column("d", [0.0] * len(self.teams)),
+            team=self.team,
+        )
+        columns: Any = ints[5:7].reshape(-1).data, floats.reshape(-1).data, ints[7].data
+        self.columns: list[Any] = [*columns]
+        self.steps = rules.Steps(*columns)
+        self.tags = rules.Tags(_column("q", [0] * agents))
+        self._sides: dict[Hashable, Any] = {}
+        self._owners: dict[int, Owners] = {}  # by the id of the territory
+
+    def sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
+        """Return the side of each agent, as `core.Tracks` has it; None where one side has no agents.
+
+        Args:
+            ctx: the context.
+            a: the first side.
+            b: the second side.
+            air: whether those that fly take part.
+        """
+        if callable(a) or callable(b):
+            return self._of_sides(ctx, a, b, air=air)
+        key = a, b, air
+        if key not in self._sides:
+            self._sides[key] = self._of_sides(ctx, a, b, air=air)
+        return self._sides[key]
+
+    def _of_sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
+        ours, theirs = self._members(ctx, a, air=air), self._members(ctx, b, air=air)
+        if not (any(ours) and any(theirs)):
+            return None
+        return _column("q", [one + 2 * other for one, other in zip(ours, theirs, strict=True)])
+
+    def _members(self, ctx: Context, side: Side, *, air: bool) -> list[bool]:
+        """Return of each agent whether it is of a side and takes part."""
+        fly = self.fly
+        if callable(side):
+            agents: list[IAgent] = ctx.game.agents
+            if air or fly is None:
+                return [bool(side(agent)) for agent in agents]
+            return [not flies and bool(side(agent)) for agent, flies in zip(agents, fly, strict=True)]
+        members = [team == side for team in self._team_of]
+        if air or fly is None:
+            return members
+        return [one and not flies for one, flies in zip(members, fly, strict=True)]
+
+    def owners(self, territory: Mapping[int, Hashable], numbers: core.NodeNumbers) -> Any:
+        """Return the number of the team that owns each node, (nodes,); -1 for a node of no team of these agents."""
+        if id(territory) not in self._owners:
+            if len(self._owners) == _MOST_TERRITORIES:
+                self._owners.clear()
+            self._owners[id(territory)] = Owners(territory, self.teams)
+        return self._owners[id(territory)].of(numbers)
+
+    def ground(self) -> Any:
+        """Return 1 for each agent that does not fly, else 0."""
+        if "ground" not in self._sides:
+            fly = self.fly or [False] * len(self.names)
+            self._sides["ground"] = _column("q", [not flies for flies in fly])
+        return self._sides["ground"]
+
+
 class InTurn:
     """Where the agents of one game are in a turn.
 
     Args:
-        ctx: the context.
-        agents: whose contacts are found.
         game: what is known of the game and its map.
-        before: the same for an earlier turn.
+        roster: the agents.
+        turn: how many turns were played.
+        seed: of the context.
 
     Attributes:
-        agents: as given.
-        tracks: of these.
-        edges: those that they go along.
+        game, roster: as given.
+        numbers: of the nodes of its map.
+        are_steps: whether all went along one edge or none.
         by_metres: whether the game is by metres.
-        node_ids: of the nodes that contacts number.
-        names: (agents,) keys of their names.
-        found: the contacts of those that were asked for, by what was asked.
+        most, columns: of tracks, as `core.Tracks` has them: nodes, times and lengths.
+        most_legs, legs: likewise.
+        tracks: of the agents; none where all are steps.
+        edges: those that they go along.
+        purpose, turn: for draws.
     """
 
-    def __init__(self, ctx: Context, agents: Sequence[IAgent], game: "InGame", before: "InTurn | None") -> None:
-        self.agents = agents
-        self.tracks = ctx.game.tracks(agents)
-        self.edges = EdgesGoneAlong(ctx)
+    def __init__(self, game: "InGame", roster: Roster, turn: int, seed: int) -> None:
+        self.game = game
+        self.numbers = game.numbers
+        self.roster = roster
+        self.are_steps = True
+        self.by_metres = False
+        self.most = 2
+        self.columns = roster.columns
+        self.most_legs = 0
+        self.legs = _NO_LEGS
+        self.tracks: Sequence[Track] = ()
+        self.edges: EdgesGoneAlong | None = None
+        self.purpose = _column("Q", [kernels.purpose_key(seed, "contacts")])
+        self.turn = _column("q", [turn])
+        self._ready: dict[Hashable, core.Contacts] = {}  # which were asked for contacts on nodes
+        self._visits: dict[bool, core.Tracks] = {}
+
+    def follow(self, ctx: Context, tracks: Sequence[Track]) -> None:
+        """Take how agents moved that may have gone along several edges, or parts of some."""
+        number = self.numbers.number
+        self.are_steps = False
+        self.tracks = tracks
         self.by_metres = ctx.game.speed_unit != "edges"
-        self.found: dict[Hashable, Any] = {}
-        self._game = game
-        self.node_ids = game.ids
-        self._most = most = max([len(track.path) for track in self.tracks])
-        self._paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in self.tracks]
-        self._columns = (
-            _column("q", map(game.number, chain.from_iterable(self._paths))),
-            _column("d", chain.from_iterable([at + (1.0,) * (most - len(at)) for _, at, _ in self.tracks])),
-            _column("q", [len(track.path) for track in self.tracks]),
-        )
-        self._most_legs = max([len(track.legs) for track in self.tracks]) if self.by_metres else 0
-        self._legs = _legs(self.edges, self.tracks, self._most_legs, game.number) if self.by_metres else _NO_LEGS
-        self.names: memoryview = (
-            before.names
-            if before is not None and before.agents == agents
-            else _column("Q", [kernels.name_key(agent.name) for agent in agents])
-        )
-        self._purpose = _column("Q", [kernels.purpose_key(ctx.seed, "contacts")])
-        self._turn = _column("q", [ctx.game.turn])
+        self.edges = EdgesGoneAlong(ctx)
+        self.most = most = max([2, *[len(track.path) for track in tracks]])
+        paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in tracks]
+        self.columns = [
+            _column("q", map(number, chain.from_iterable(paths))),
+            _column("d", chain.from_iterable([at + (1.0,) * (most - len(at)) for _, at, _ in tracks])),
+            _column("q", [len(track.path) for track in tracks]),
+        ]
+        if self.by_metres:
+            self.most_legs = max([0, *[len(track.legs) for track in tracks]])
+            self.legs = _legs(self.edges, tracks, self.most_legs, number)
 
-    def tracks_for(self, nearness: Nearness) -> Sequence[Track]:
-        """Return how agents came to where they are, as far as that counts."""
-        # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
-        return self.tracks if nearness.passing or not self.by_metres else [at_end(track) for track in self.tracks]
+    def find(self, ctx: Context, a: Side, b: Side, nearness: Nearness) -> core.Contacts | None:
+        """Find the contacts between two sides; None: there are none."""
+        # NOTE: what finds those on nodes is the same in each turn (benchmarks: turns).
+        key = a, b, nearness
+        found = self._ready.get(key)
+        if found is not None and found.pieces is self.scratch():
+            return found if found.find(_ON_NODES, 0.0) else None
+        sides = self.roster.sides(ctx, a, b, air=nearness.air)
+        if sides is None:
+            return None
+        near: Near = None
+        if nearness.unit is not None:
+            near = self._near(sides, nearness, in_air(ctx, nearness))
+        elif self.are_steps and not (callable(a) or callable(b)):
+            self._ready[key] = found = new_contacts(self.scratch())
+            self._ask(found, sides, nearness, near)
+            return found if found.find(_ON_NODES, 0.0) else None
+        found = self.game.contacts(self.scratch(near.parts if isinstance(near, core.Lines) else 0))
+        self._ask(found, sides, nearness, near)
+        return found if found.find(_search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
 
-    def find(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> list[list[Any]]:
-        """Find contacts: what `Met` has of each.
+    def scratch(self, parts: int = 0) -> core.Pieces:
+        """Return scratch with room for what these agents do, and so many parts of lines."""
+        agents = len(self.roster.names)
+        pieces = max(parts, _most_pieces(agents, self.most, self.most_legs))
+        return self.game.scratch(pieces, self.numbers.count + self.most_legs * agents)
 
-        Args:
-            sides: of each agent, as `core.Tracks` has it.
-            nearness: what counts as a contact.
-            in_air: agent -> where it is, of those that fly where straight lines count.
-        """
-        near = self._near(sides, nearness, in_air)
-        met, rows = self._game.finder.find(
-            nearness,
-            near,
-            core.Tracks(len(sides), self._most, *self._columns, _column("q", sides), at_end=not nearness.passing),
-            self._legs,
-            self.names,
-            self._purpose,
-            self._turn,
-            pieces=_most_pieces(len(sides), self._most, self._most_legs),
-            keys=len(self._game.ids) + self._most_legs * len(sides),
+    def _tracks(self, sides: Any, *, at_end: bool) -> core.Tracks:
+        nodes, times, lengths = self.columns
+        return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
+
+    def _ask(self, found: core.Contacts, sides: Any, nearness: Nearness, near: Near) -> None:
+        found.ask(
+            self._tracks(sides, at_end=not nearness.passing),
+            self.legs,
+            self.roster.keys,
+            self.purpose,
+            self.turn,
+            reach=near if isinstance(near, core.Reach) else _NO_REACH,
+            places=near if isinstance(near, core.Places) else _NO_PLACES,
+            lines=near if isinstance(near, core.Lines) else _NO_LINES,
+            crossing=nearness.crossing,
             by_metres=self.by_metres,
         )
-        columns = [column.data for column in met] if len(rows) else []
-        return [[column[row] for column in columns] for row in rows.tolist()]
 
-    def _near(self, sides: Sequence[int], nearness: Nearness, in_air: Mapping[str, Position]) -> Near:
-        if nearness.unit is None:
-            return None
-        if nearness.unit != "euclid":
-            return self._game.near(nearness.unit, nearness.limit).around(self._asked(sides), len(self._game.ids))
+    def visits(self, *, passing: bool) -> core.Tracks:
+        """Return the tracks of the agents on the ground, for visits of nodes."""
+        if passing not in self._visits:
+            sides = self.roster.ground()
+            self._visits[passing] = self._tracks(sides, at_end=not passing)
+        return self._visits[passing]
+
+    def xy_of(self, agent: int, time: float, node: int, nearness: Nearness, at: Position | None) -> Any:
+        """Return where on the map an agent is in a contact of a game by metres."""
+        track = self.tracks[agent]
+        # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
+        return cast("EdgesGoneAlong", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
+
+    def _near(self, sides: Any, nearness: Nearness, flying: Mapping[str, Position]) -> Near:
+        game, unit = self.game, nearness.unit
+        if unit != "euclid":
+            return game.near(unit, nearness.limit).around(self._asked(sides), self.numbers.count)
+        places = [flying.get(name) for name in self.roster.names]
         if self.by_metres:
-            places = [in_air.get(agent.name) for agent in self.agents]
-            return _lines(self.edges, self.tracks_for(nearness), places, sides)
-        place, most = self._game.place, self._most
-        rows = [
-            [in_air[agent.name]] * most if agent.name in in_air else map(place, path) if side else [_NOWHERE] * most
-            for agent, path, side in zip(self.agents, self._paths, sides, strict=True)
-        ]
-        xyz = chain.from_iterable(chain.from_iterable(rows))
-        return core.Places(_column("q", range(most * len(rows))), _column("d", xyz))
+            tracks = self.tracks if nearness.passing else [at_end(track) for track in self.tracks]
+            return _lines(cast("EdgesGoneAlong", self.edges), tracks, places, sides)
+        ids, nodes, xyz = self.numbers.ids, self.columns[0], []
+        for agent, (side, at) in enumerate(zip(sides, places, strict=True)):
+            path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
+            xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
+        return core.Places(_column("q", range(len(xyz))), _column("d", chain.from_iterable(xyz)))
 
-    def _asked(self, sides: Sequence[int]) -> IntArray:
+    def _asked(self, sides: Any) -> IntArray:
         """Return the nodes, by number, around which agents of a side may be near others."""
         # Where none passes a node, those that agents have left do not count.
-        first = 0 if self.by_metres or self._most > 2 else self._most - 1
-        nodes = [node for path in compress(self._paths, sides) for node in path[first:]]
-        if self.by_metres:
-            legs = chain.from_iterable([track.legs for track in compress(self.tracks, sides)])
-            nodes += [node for leg in legs for node in (leg.source, leg.target)]
-        return np.array([*map(self._game.number, nodes)])
+        first = 0 if self.by_metres or self.most > 2 else self.most - 1
+        takes_part = np.asarray(sides) > 0
+        nodes = np.asarray(self.columns[0]).reshape(len(sides), self.most)[takes_part, first:].ravel()
+        if not self.by_metres:
+            return nodes
+        legs = chain.from_iterable([track.legs for track in compress(self.tracks, takes_part.tolist())])
+        ends = [self.numbers.number(node) for leg in legs for node in (leg.source, leg.target)]
+        return np.concatenate((nodes, np.array(ends, np.int64)))
+
+
+def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
+    """Return agent -> where it is, of those that fly where straight lines count."""
+    if nearness.unit != "euclid" or not (nearness.air and ctx.agent.block.flyers):
+        return {}
+    return {agent.name: agent.position for agent in ctx.game.agents if agent.type is AgentType.AERIAL}
+
+
+def _search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
+    """Return how the core finds contacts."""
+    if near is None:
+        return _ON_NODES
+    if isinstance(near, core.Reach):
+        return core.SEARCHES["on ways" if by_metres and nearness.unit == "metres" else "by paths"]
+    return core.SEARCHES["near places" if isinstance(near, core.Places) else "on lines"]
 
 
 class InGame:
@@ -261,29 +455,27 @@ class InGame:
 
     Args:
         graph: the map, as it is now.
+        numbers: of its nodes.
 
     Attributes:
         map: the graph, and its revision.
-        finder: finds contacts.
-        number: node id -> a number of the node.
-        ids: of nodes, by number.
+        numbers: as given.
         place: node id -> where the node is, on the ground.
         near: unit and limit of a `Nearness` -> what is so near nodes.
     """
 
-    def __init__(self, graph: Graph) -> None:
-        self.finder = Finder()
-        self.ids: list[int] = []
-        self.number = cache(self._number)
+    def __init__(self, graph: Graph, numbers: core.NodeNumbers) -> None:
+        self.numbers = numbers
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._graph, self.map = graph, (graph, graph.revision)
+        self._sizes = 0, 0
+        self._pieces = _pieces(0, 0)
+        self._contacts: core.Contacts | None = None
+        self._steps: InTurn | None = None
+        self._steps_of: tuple[Any, ...] = ()
         self._turn: InTurn | None = None
         self._key: tuple[Any, ...] = ()
-
-    def _number(self, node: int) -> int:
-        self.ids.append(node)
-        return len(self.ids) - 1
 
     def _place(self, node: int) -> Position:
         _, x, y = self._graph.get_node(node)
@@ -293,31 +485,90 @@ class InGame:
         search = nodes_within if unit == "hops" else _by_length
 
         def found(rows: IntArray) -> Reached:
-            near = [search(self._graph, self.ids[row], limit) for row in rows.tolist()]
-            pairs = [sorted([(self.number(node), far) for node, far in one.items()]) for one in near]
+            near = [search(self._graph, self.numbers.ids[row], limit) for row in rows.tolist()]
+            pairs = [sorted([(self.numbers.number(node), far) for node, far in one.items()]) for one in near]
             ends, far = np.array([*chain.from_iterable(pairs)]).T
             return np.array([len(one) for one in near]), ends, far
 
         return NearNodes(found, _MOST_NEAR_IN_GAME)
 
-    def turn(self, ctx: Context, agents: Sequence[IAgent]) -> InTurn:
-        """Return where agents are in this turn; they are looked at again if anything may have changed."""
-        block, internals = ctx.agent.block, ctx.game.internals
-        versions = internals.state.moves, block, block.version, block.structure.version
-        key = *versions, ctx.game.speed_unit, ctx.game.turn, ctx.seed, agents
+    def scratch(self, pieces: int, keys: int) -> core.Pieces:
+        """Return scratch with room for so many pieces and keys."""
+        if pieces > self._sizes[0] or keys > self._sizes[1]:
+            self._sizes = 2 * pieces, 2 * keys
+            self._pieces = _pieces(*self._sizes)
+        return self._pieces
+
+    def contacts(self, pieces: core.Pieces) -> core.Contacts:
+        """Return what finds contacts once."""
+        if self._contacts is None or self._contacts.pieces is not pieces:
+            self._contacts = new_contacts(pieces)
+        return self._contacts
+
+    def turn(self, ctx: Context) -> InTurn:
+        """Return where agents are in this turn."""
+        internals, block = ctx.game.internals, ctx.agent.block
+        moves: TurnMoves | None = internals.state.moves
+        key = moves, block, block.version, block.structure.version, internals.state.turn, ctx.seed
         # NOTE: before agents are moved, rules may take their moves back, which no version says.
         if self._turn is None or key != self._key or internals.parts.turns.is_moving:
-            self._key, self._turn = key, InTurn(ctx, agents, self, self._turn)
+            self._key = key
+            if moves is not None and moves.are_steps(block):
+                self._turn = self._of_steps(moves, block, internals.state.turn, ctx.seed)
+            else:
+                self._turn = self._of_tracks(ctx, internals.state.turn)
         return self._turn
 
+    def _of_steps(self, moves: TurnMoves, block: AgentBlock, turn: int, seed: int) -> InTurn:
+        order = moves.order
+        if self._steps is None or self._steps_of != (order, seed):
+            self._steps_of = order, seed
+            self._steps = InTurn(self, Roster(order.names, order.all_teams(), None), turn, seed)
+        roster = self._steps.roster
+        self._steps.turn[0] = turn
+        rules.take_moves(roster.games, self.numbers, _ids(moves.starts), _ids(moves.ends), _ids(order.nodes()))
+        for row in block.placed:
+            agent = roster.number.get(block.names[row])
+            if agent is not None:
+                roster.placed[agent] = 1
+        roster.steps.fill(roster.games, 0)
+        return self._steps
 
-def turn_of(ctx: Context, agents: Sequence[IAgent]) -> InTurn:
-    """Return where agents of a game are in this turn, for all rules that ask."""
+    def _of_tracks(self, ctx: Context, turn: int) -> InTurn:
+        agents = ctx.game.agents
+        fly = [agent.type is AgentType.AERIAL for agent in agents] if ctx.agent.block.flyers else None
+        roster = Roster([agent.name for agent in agents], [agent.team for agent in agents], fly)
+        found = InTurn(self, roster, turn, ctx.seed)
+        found.follow(ctx, ctx.game.tracks(agents))
+        return found
+
+
+def turn_of(ctx: Context) -> InTurn:
+    """Return where agents of a game are in this turn, until they are moved or this is called again."""
     kept, graph = ctx.game.internals.kept, ctx.graph.graph
     known: InGame | None = kept.get("contacts")
     if known is None or known.map != (graph, graph.revision):
-        known = kept["contacts"] = InGame(graph)
-    return known.turn(ctx, agents)
+        known = kept["contacts"] = InGame(graph, core.NodeNumbers() if known is None else known.numbers)
+    return known.turn(ctx)
+
+
+def _ids(nodes: Any) -> Any:
+    """Return ids of nodes as the core takes them."""
+    if isinstance(nodes, list):
+        return _column("q", nodes)
+    return np.asarray(nodes, np.int64).data
+
+
+def new_contacts(pieces: core.Pieces) -> core.Contacts:
+    """Return what finds contacts, which makes room for them itself."""
+    columns = [_column(kind) for kind in "qqqqqddQqq"]
+    return core.Contacts(pieces, *columns)
+
+
+def _pieces(pieces: int, keys: int) -> core.Pieces:
+    """Return scratch with room for so many pieces and keys."""
+    ints, floats = np.empty((6, pieces), np.int64), np.empty((4, pieces))
+    return core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], np.full(keys, -1), ints[5])))
 
 
 def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:

@@ -1,7 +1,6 @@
 """Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from operator import itemgetter
 from typing import Annotated, NamedTuple, cast
 
 import numpy as np
@@ -15,16 +14,15 @@ from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.contacts import Contact, Side, as_nearness, as_side, ranked
+from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
-from gamms.rules.meetings import Met, Nearness, met_in_turn, one_to_one_of_games
-from gamms.rules.territory import Ground, Territory, as_territory
+from gamms.rules.meetings import InTurn, Met, Nearness, Side, met_in_turn, one_to_one_of_games, turn_of
+from gamms.rules.territory import NO_TERRITORY, Ground, Territory, as_territory
 from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
 
 Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the context, the tagger and the tagged agent
-_Tag = tuple[BaseAgent, BaseAgent, int]  # tagger, tagged, the node where the latter was
 
 
 _THEN: dict[str, Then] = {
@@ -106,15 +104,12 @@ class _Tagging(NamedTuple):
         """Whether it is played in arrays."""
         return isinstance(self.then, str) and not any(map(callable, self.sides))
 
-    def tags_in(self, ctx: Context) -> Iterator[tuple[tuple[float, float, int, int], Contact, list[_Tag]]]:
-        """Yield the contacts of a turn that make tags, in their order, and these."""
-        owners = None if self.ground is None else self.ground.of(ctx.game.facts)
-        for rank, contact in ranked(ctx, *self.sides, self.nearness):
-            a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
-            tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * self.mutual
-            tags = [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
-            if tags:
-                yield rank, contact, tags
+    def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
+        """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
+        owners = NO_TERRITORY if self.ground is None else self.ground.in_turn(ctx, turn)
+        found = turn.find(ctx, *self.sides, self.nearness)
+        if found is not None:
+            turn.roster.tags.add(found, number, self.mutual, owners, turn.roster.team)
 
     def tags_in_arrays(self, turn: ArrayTurn) -> tuple[Met, BoolArray]:
         """Return the contacts of a turn that make tags, and whether agents of the first and second side tag: (n, 2)."""
@@ -160,20 +155,24 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
 
 def _tag(ctx: Context, taggings: Sequence[_Tagging]) -> None:
     """Let agents tag in a turn of one game."""
-    found = [(rank, i, contact, tags) for i, one in enumerate(taggings) for rank, contact, tags in one.tags_in(ctx)]
-    found.sort(key=itemgetter(0, 1))
-    taken = set[str]()
-    made = list[tuple[_Tagging, _Tag]]()
-    for _, i, contact, tags in found:
-        if taken.isdisjoint(contact[:2]):
-            taken.update(contact[:2])
-            made += [(taggings[i], one) for one in tags]
-    for tagging, (tagger, other, node) in made:
-        ctx.game.emit("tag", agent=tagger.name, other=other.name, node=node)
+    turn = turn_of(ctx)
+    tags = turn.roster.tags
+    tags.begin()
+    for number, tagging in enumerate(taggings):
+        tagging.collect(ctx, turn, number)
+    if tags.count == 0:
+        return
+    made = range(tags.match())
+    columns, names, ids = (tags.taggings, tags.taggers, tags.others, tags.nodes), turn.roster.names, turn.numbers.ids
+    done = list[tuple[_Tagging, BaseAgent, BaseAgent]]()
+    for number, tagger, other, node in [[column[tag] for column in columns] for tag in made]:
+        tagging, one = taggings[number], ctx.agent.get_agent(names[tagger])
+        done.append((tagging, one, ctx.agent.get_agent(names[other])))
+        ctx.game.emit("tag", agent=names[tagger], other=names[other], node=ids[node])
         if tagging.score:
-            ctx.game.scores[tagger.team] += tagging.score
-    for tagging, (tagger, other, _) in made:
-        (_THEN[tagging.then] if isinstance(tagging.then, str) else tagging.then)(ctx, tagger, other)
+            ctx.game.scores[one.team] += tagging.score
+    for tagging, one, another in done:
+        (_THEN[tagging.then] if isinstance(tagging.then, str) else tagging.then)(ctx, one, another)
 
 
 def _tag_in_arrays(turn: ArrayTurn, taggings: Sequence[_Tagging]) -> None:

@@ -1,5 +1,6 @@
 """Territories: which team owns a node. They are data, a mapping from nodes to teams that a game publishes as a fact."""
 
+from array import array
 from collections.abc import Hashable, Iterable, Mapping
 from math import inf
 from typing import Annotated, Any, NamedTuple, cast
@@ -12,6 +13,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know, with_hooks
+from gamms.rules.meetings import InTurn
 from gamms.text import shown, shown_as_called
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -22,6 +24,7 @@ __all__ = ["by_distance", "halves", "published"]
 _AXES = ("x", "y")
 
 Territory = Mapping[int, Hashable]  # node id -> team
+NO_TERRITORY = memoryview(array("q"))  # to the core
 Colors = Mapping[Any, ColorType]  # team -> colour
 
 
@@ -133,6 +136,10 @@ class Ground(NamedTuple):
             return self.given
         as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
+
+    def in_turn(self, ctx: Context, turn: InTurn) -> Any:
+        """Return the numbers of the teams of a turn that own nodes, (nodes,); -1 for a node of no team that plays."""
+        return turn.roster.owners(self.of(ctx.game.facts), turn.numbers)
 
     def in_arrays(self, turn: ArrayTurn) -> IntArray:
         """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
