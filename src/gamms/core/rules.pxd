@@ -101,7 +101,8 @@ cdef class Tagging:
 cdef class Flags:
     cdef i64 flags, goal, involved
     cdef double points
-    cdef const i64[::1] team, base, home, owners, takes, starts, members
+    cdef const i64[::1] team, base, home, takes
+    cdef public const i64[::1] owners, starts, members
     cdef const u64[::1] names, purposes
     cdef i64[::1] carriers, stops, captures
     cdef double[::1] taken
@@ -110,8 +111,9 @@ cdef class Flags:
     cpdef int drop(self, Games games, Events events, i64 game, i64 rule) except -1 nogil
     @cython.locals(flag=i64)
     cpdef int note_stops(self, Games games, i64 game) except -1 nogil
-    @cython.locals(flag=i64, row=i64)
+    @cython.locals(flag=i64, agent=i64)
     cpdef bint concern(self, Games games, i64 game) except -1 nogil
+    cdef bint _may_take(self, i64 agent, i64 flag) except -1 nogil
     @cython.locals(flag=i64, now=double)
     cpdef int pass_turn(self, Games games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, Pieces pieces) except -1 nogil
     @cython.locals(piece=i64, flag=i64, agent=i64)

@@ -586,14 +586,21 @@ class Flags:
         return 0
 
     def concern(self, games: Games, game: int) -> bool:
-        """Return whether a flag is carried, or an agent is on a base; else nothing happens in steps along one edge."""
+        """Return whether a flag is carried, or one that may take it is on its base.
+
+        Else nothing happens where agents go along one edge.
+        """
         for flag in range(self.flags):
             if self.carriers[game * self.flags + flag] >= 0:
                 return True
-            for row in range(game * games.agents, (game + 1) * games.agents):
-                if games.node[row] == self.base[flag]:
+            for agent in range(games.agents):
+                if games.node[game * games.agents + agent] == self.base[flag] and self._may_take(agent, flag):
                     return True
         return False
+
+    def _may_take(self, agent: int, flag: int) -> bool:
+        """Return whether a flag is one of another team."""
+        return self.takes[agent] >= 0 and self.takes[agent] != self.team[flag]
 
     def pass_turn(
         self, games: Games, events: Events, game: int, rule: int, tracks: Tracks, legs: Legs, pieces: Pieces
@@ -697,8 +704,7 @@ class Flags:
                 pieces.nodes[piece] != self.base[flag]
                 or pieces.since[piece] > now
                 or now > pieces.until[piece]
-                or self.takes[agent] < 0
-                or self.takes[agent] == self.team[flag]
+                or not self._may_take(agent, flag)
                 or self._carries(game, agent)
             ):
                 continue

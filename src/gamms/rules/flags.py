@@ -1,13 +1,14 @@
 """Capture the flag: an agent takes the flag of another team and brings it home."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Callable, Hashable, Mapping
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
+from gamms.core import rules as core
 from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import Arrays, GameArrays
@@ -16,10 +17,10 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown, with_hooks
-from gamms.rules.territory import Colors, Ground, Territory, as_territory
-from gamms.rules.visits import Visit, tracks_of, visits_of
+from gamms.rules.meetings import InTurn, column, turn_of
+from gamms.rules.territory import NO_TERRITORY, Colors, Ground, Territory, as_territory
 from gamms.text import shown, shown_as_called
-from gamms.typing import AgentType, IAgent, NodeId, Rule
+from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import OWNERS
 from gamms.visual.drawers.rules import FlagsDrawer
 
@@ -160,19 +161,17 @@ class _Flags(NamedTuple):
         return state
 
     def play(self, ctx: Context) -> None:
-        data = self._state(ctx)
+        data, events = self._state(ctx), ctx.game.events
         carriers: dict[Hashable, str | None] = data["carriers"]
-        self._drop(ctx, carriers, _stopped(ctx.game.events[data["seen"] :]))
-        turn = _Turn(ctx, carriers, self.bases.values(), passing=self.passing)
-        for now in turn.moments:
-            turn.now = now
-            self._capture(turn, data["captures"])
-            self._take(turn)
-            won = [team for team, number in data["captures"].items() if self.goal is not None and number >= self.goal]
-            if won:
-                ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
-                break
-        data["seen"] = len(ctx.game.events)
+        if any(carriers.values()):
+            self._drop(ctx, carriers, _stopped(events[data["seen"] :]))
+        turn = turn_of(ctx)
+        known = turn.roster.kept.get(("flags", self.key))
+        if known is None or known.flags is not self or known.seed != turn.seed:
+            known = turn.roster.kept["flags", self.key] = _FlagsOfAgents(self, turn)
+        if known.concern(turn, carriers):
+            known.play(ctx, turn, data)
+        data["seen"] = len(events)
         self._publish(ctx, carriers)
 
     def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
@@ -183,43 +182,6 @@ class _Flags(NamedTuple):
                 ctx.game.emit("drop", agent=name, flag=flag, node=node)
                 carriers[flag] = None
 
-    def _capture(self, turn: "_Turn", captures: dict[Hashable, int]) -> None:
-        ctx = turn.ctx
-        for flag, name in turn.carriers.items():
-            if name is None:
-                continue
-            carrier = ctx.agent.get_agent(name)
-            nodes = turn.reached(name, after=turn.taken_at.get(flag, -1.0))
-            home = [node for node in nodes if self._is_home(ctx, carrier, node)]
-            if home:
-                ctx.game.emit("capture", agent=name, flag=flag, node=home[0])
-                ctx.game.scores[carrier.team] += self.score
-                captures[carrier.team] = captures.get(carrier.team, 0) + 1
-                turn.carriers[flag] = None
-
-    def _is_home(self, ctx: Context, carrier: IAgent, node: int) -> bool:
-        team = carrier.team
-        if self.ground is not None:
-            owners = self.ground.of(ctx.game.facts)
-            return node in owners and owners[node] == team
-        if team in self.bases:
-            return bool(node == self.bases[team])
-        own = (agent for agent in ctx.agent.teams[team] if agent.type is not AgentType.AERIAL)
-        return any(ctx.game.start_node(agent) == node for agent in own)
-
-    def _take(self, turn: "_Turn") -> None:
-        ctx = turn.ctx
-        for flag, base in self.bases.items():
-            busy = set(turn.carriers.values())
-            enemies = (agent for agent in turn.agents_at(base) if agent.team is not None and agent.team != flag)
-            there = [agent.name for agent in enemies if agent.name not in busy]
-            if turn.carriers[flag] is None and there:
-                purpose = kernels.purpose_key(ctx.seed, "capture_flag", self.key, str(flag))
-                draws = kernels.draw_bits_each(purpose, there, ctx.game.turn)
-                turn.carriers[flag] = taker = min(zip(draws, there, strict=True))[1]
-                turn.taken_at[flag] = turn.now
-                ctx.game.emit("take", agent=taker, flag=flag, node=base)
-
     def _publish(self, ctx: Context, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:
             flags = {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
@@ -227,40 +189,98 @@ class _Flags(NamedTuple):
                 ctx.game.publish(**{self.key: flags})
 
 
-class _Turn:
-    """The moments of a turn at which flags may be taken and brought home.
+class _FlagsOfAgents:
+    """The flags of a game, as the core has them, for some agents.
+
+    Args:
+        flags: the arguments of the rule.
+        turn: in which these agents play.
 
     Attributes:
-        ctx: the context.
-        carriers: flag -> the name of its carrier, or None.
-        now: the moment.
-        moments: those at which carriers, and agents that come to a base, reach nodes.
-        taken_at: flag -> the moment at which it was taken in this turn.
+        flags, seed: as given.
     """
 
-    def __init__(
-        self, ctx: Context, carriers: dict[Hashable, str | None], bases: Iterable[int], *, passing: bool
-    ) -> None:
-        self.ctx, self.carriers, self.now = ctx, carriers, 1.0
-        self.taken_at: dict[Hashable, float] = {}
-        agents = [agent for agent in ctx.game.agents if agent.type is not AgentType.AERIAL]
-        self._visits: dict[str, Sequence[Visit]] = {}
-        self._at: dict[int, list[tuple[IAgent, float, float]]] = {base: [] for base in bases}
-        for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
-            self._visits[agent.name] = visits = visits_of(track)
-            for node, begin, end in visits:
-                if node in self._at:
-                    self._at[node].append((agent, begin, end))
-        involved = {agent.name for those in self._at.values() for agent, _, _ in those} | set(carriers.values())
-        self.moments = sorted({begin for name in involved for _, begin, _ in self._visits.get(name or "", ())})
+    def __init__(self, flags: _Flags, turn: InTurn) -> None:
+        roster, count, teams = turn.roster, len(flags.bases), list(turn.roster.teams)
+        self.flags, self.seed = flags, turn.seed
+        self._teams = [] if flags.ground is not None else [team for team in teams if team not in flags.bases]
+        number, purpose = turn.numbers.number, (turn.seed, "capture_flag", flags.key)
+        takes = [-1 if team is None else roster.teams[team] for team in roster.team_of]
+        if roster.fly is not None:
+            takes = [-1 if flies else team for team, flies in zip(takes, roster.fly, strict=True)]
+        self._carriers, self._captures = column("q", [-1] * count), column("q", [0] * len(teams))
+        self._events = core.Events(0)
+        self._core = core.Flags(
+            count,
+            team=column("q", [roster.teams.get(team, -1) for team in flags.bases]),
+            base=column("q", map(number, flags.bases.values())),
+            home=column("q", [number(flags.bases[team]) if team in flags.bases else -1 for team in teams]),
+            owners=NO_TERRITORY,
+            takes=column("q", takes),
+            names=roster.keys,
+            purposes=column("Q", [kernels.purpose_key(*purpose, str(team)) for team in flags.bases]),
+            carriers=self._carriers,
+            stops=column("q", [0] * count),
+            captures=self._captures,
+            starts=NO_TERRITORY,
+            members=NO_TERRITORY,
+            taken=column("d", [0.0] * count),
+            goal=flags.goal or 0,
+            points=0.0,
+        )
 
-    def reached(self, name: str, after: float) -> list[int]:
-        """Return the nodes that an agent reaches now, if that is later than some moment."""
-        return [node for node, begin, _ in self._visits[name] if begin == self.now > after]
+    def concern(self, turn: InTurn, carriers: Mapping[Hashable, str | None]) -> bool:
+        """Take who carries flags; return whether something may happen to some in this turn."""
+        number = turn.roster.number
+        for flag, team in enumerate(self.flags.bases):
+            name = carriers[team]
+            self._carriers[flag] = -1 if name is None else number[name]
+        return not turn.are_steps or self._core.concern(turn.roster.games, 0)
 
-    def agents_at(self, base: int) -> list[IAgent]:
-        """Return the agents that are on a base now."""
-        return [agent for agent, begin, end in self._at[base] if begin <= self.now <= end]
+    def play(self, ctx: Context, turn: InTurn, data: dict[str, Any]) -> None:
+        """Let agents bring flags home and take them, and note that in the data of the rule."""
+        flags, roster, captures = self.flags, turn.roster, data["captures"]
+        for number, team in enumerate(roster.teams):
+            self._captures[number] = captures.get(team, 0)
+        if flags.ground is not None:
+            self._core.owners = flags.ground.in_turn(ctx, turn)
+        elif self._teams:
+            self._take_starts(ctx, turn)
+        tracks = turn.visits(passing=flags.passing)
+        self._core.pass_turn(roster.games, self._events, 0, 0, tracks, turn.legs, turn.scratch())
+        for kind, agent, flag, node in self._happened():
+            if kind == "end":
+                won = [team for team, number in captures.items() if number >= cast("int", flags.goal)]
+                ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
+                return
+            name, owner = roster.names[agent], [*flags.bases][flag]
+            ctx.game.emit(kind, agent=name, flag=owner, node=turn.numbers.ids[node])
+            data["carriers"][owner] = name if kind == "take" else None
+            if kind == "capture":
+                team = roster.team_of[agent]
+                ctx.game.scores[team] += flags.score
+                captures[team] = captures.get(team, 0) + 1
+
+    def _happened(self) -> list[tuple[str, int, int, int]]:
+        """Return the kind, agent, flag and node of what has happened."""
+        events = self._events
+        columns = (events.kinds, events.agents, events.others, events.nodes) if events.count else ()
+        rows = zip(*[column[: events.count] for column in columns], strict=True)
+        happened = [(core.KINDS[kind], agent, flag, node) for kind, agent, flag, node in rows]
+        events.count = 0
+        return happened
+
+    def _take_starts(self, ctx: Context, turn: InTurn) -> None:
+        """Take where the agents of teams without a base began."""
+        agents = [
+            (turn.roster.teams[team], agent)
+            for team in self._teams
+            for agent in ctx.agent.teams[team]
+            if agent.type is not AgentType.AERIAL
+        ]
+        self._core.members = column("q", [team for team, _ in agents])
+        nodes = [cast("int", ctx.game.start_node(agent)) for _, agent in agents]
+        self._core.starts = column("q", map(turn.numbers.number, nodes))
 
 
 class _FlagsInArrays:

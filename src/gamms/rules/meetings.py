@@ -141,7 +141,7 @@ def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # of memoryvie
     return [np.ascontiguousarray(column).reshape(-1).data for column in columns]
 
 
-def _column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, which is not subscriptable
+def column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, which is not subscriptable
     """Return numbers as the core takes them: "q" and "Q" for integers with and without sign, "d" for floats."""
     return memoryview(array(kind, values))
 
@@ -151,11 +151,11 @@ def _most_pieces(agents: int, most: int, most_legs: int) -> int:
     return 2 * agents * (most + 2 * most_legs + 1)
 
 
-_NO_REACH = core.Reach(_column("q"), _column("q"), _column("q"), _column("d"))
-_NO_PLACES = core.Places(_column("q"), _column("d"))
-_NO_LINES = core.Lines(_column("q"), *[_column("d")] * 4)
+_NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
+_NO_PLACES = core.Places(column("q"), column("d"))
+_NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
-_NO_LEGS = core.Legs(0, *[_column("q")] * 5, *[_column("d")] * 5)  # in games that count edges
+_NO_LEGS = core.Legs(0, *[column("q")] * 5, *[column("d")] * 5)  # in games that count edges
 
 
 # -- in the game of a context ------------------------------------------------------------------------------------------
@@ -200,13 +200,18 @@ class Roster:
 
     Attributes:
         names: as given.
+        team_of: as given, the teams.
         number: name -> number of the agent.
         teams: team -> number of the team, in the order of their first agents.
         fly: as given.
         keys: (agents,) of the names, for draws.
         team: (agents,) numbers of teams.
         games: the columns of agents, of one game.
-        tracks: of those that go along one edge in a turn, or none, which `steps` fills.
+        turn: (1,) how many turns were played.
+        placed: (agents,) who was put elsewhere than it went, in `games`.
+        columns: of the tracks of agents that go along one edge in a turn, or none, which `steps` fills.
+        tags: scratch.
+        kept: what rules know of these agents, by rule.
     """
 
     def __init__(self, names: Sequence[str], teams: Sequence[Hashable], fly: Sequence[bool] | None) -> None:
@@ -215,10 +220,11 @@ class Roster:
         self.number = {name: i for i, name in enumerate(names)}
         self.teams = {team: i for i, team in enumerate(dict.fromkeys(teams))}
         self.fly = fly
-        self._team_of = teams
+        self.team_of = teams
         self.keys: Any = kernels.name_keys(names).data
-        self.team = _column("q", [self.teams[team] for team in teams])
+        self.team = column("q", [self.teams[team] for team in teams])
         ints, floats = np.zeros((8, agents), np.int64), np.zeros((2, agents))
+        self.turn = column("q", [0])
         self.placed: Any = bytearray(agents)
         self.games = rules.Games(
             agents,
@@ -230,15 +236,16 @@ class Roster:
             placed=memoryview(self.placed),
             stops=ints[3].data,
             home=ints[4].data,
-            turn=_column("q", [0]),
+            turn=self.turn,
             over=memoryview(bytearray(1)),
-            score=_column("d", [0.0] * len(self.teams)),
+            score=column("d", [0.0] * len(self.teams)),
             team=self.team,
         )
         columns: Any = ints[5:7].reshape(-1).data, floats.reshape(-1).data, ints[7].data
         self.columns: list[Any] = [*columns]
         self.steps = rules.Steps(*columns)
-        self.tags = rules.Tags(_column("q", [0] * agents))
+        self.tags = rules.Tags(column("q", [0] * agents))
+        self.kept: dict[Hashable, Any] = {}
         self._sides: dict[Hashable, Any] = {}
         self._owners: dict[int, Owners] = {}  # by the id of the territory
 
@@ -262,7 +269,7 @@ class Roster:
         ours, theirs = self._members(ctx, a, air=air), self._members(ctx, b, air=air)
         if not (any(ours) and any(theirs)):
             return None
-        return _column("q", [one + 2 * other for one, other in zip(ours, theirs, strict=True)])
+        return column("q", [one + 2 * other for one, other in zip(ours, theirs, strict=True)])
 
     def _members(self, ctx: Context, side: Side, *, air: bool) -> list[bool]:
         """Return of each agent whether it is of a side and takes part."""
@@ -272,7 +279,7 @@ class Roster:
             if air or fly is None:
                 return [bool(side(agent)) for agent in agents]
             return [not flies and bool(side(agent)) for agent, flies in zip(agents, fly, strict=True)]
-        members = [team == side for team in self._team_of]
+        members = [team == side for team in self.team_of]
         if air or fly is None:
             return members
         return [one and not flies for one, flies in zip(members, fly, strict=True)]
@@ -289,7 +296,7 @@ class Roster:
         """Return 1 for each agent that does not fly, else 0."""
         if "ground" not in self._sides:
             fly = self.fly or [False] * len(self.names)
-            self._sides["ground"] = _column("q", [not flies for flies in fly])
+            self._sides["ground"] = column("q", [not flies for flies in fly])
         return self._sides["ground"]
 
 
@@ -299,7 +306,6 @@ class InTurn:
     Args:
         game: what is known of the game and its map.
         roster: the agents.
-        turn: how many turns were played.
         seed: of the context.
 
     Attributes:
@@ -311,10 +317,11 @@ class InTurn:
         most_legs, legs: likewise.
         tracks: of the agents; none where all are steps.
         edges: those that they go along.
-        purpose, turn: for draws.
+        seed: as given.
+        purpose: for draws.
     """
 
-    def __init__(self, game: "InGame", roster: Roster, turn: int, seed: int) -> None:
+    def __init__(self, game: "InGame", roster: Roster, seed: int) -> None:
         self.game = game
         self.numbers = game.numbers
         self.roster = roster
@@ -326,8 +333,8 @@ class InTurn:
         self.legs = _NO_LEGS
         self.tracks: Sequence[Track] = ()
         self.edges: EdgesGoneAlong | None = None
-        self.purpose = _column("Q", [kernels.purpose_key(seed, "contacts")])
-        self.turn = _column("q", [turn])
+        self.purpose = column("Q", [kernels.purpose_key(seed, "contacts")])
+        self.seed = seed
         self._ready: dict[Hashable, core.Contacts] = {}  # which were asked for contacts on nodes
         self._visits: dict[bool, core.Tracks] = {}
 
@@ -341,9 +348,9 @@ class InTurn:
         self.most = most = max([2, *[len(track.path) for track in tracks]])
         paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in tracks]
         self.columns = [
-            _column("q", map(number, chain.from_iterable(paths))),
-            _column("d", chain.from_iterable([at + (1.0,) * (most - len(at)) for _, at, _ in tracks])),
-            _column("q", [len(track.path) for track in tracks]),
+            column("q", map(number, chain.from_iterable(paths))),
+            column("d", chain.from_iterable([at + (1.0,) * (most - len(at)) for _, at, _ in tracks])),
+            column("q", [len(track.path) for track in tracks]),
         ]
         if self.by_metres:
             self.most_legs = max([0, *[len(track.legs) for track in tracks]])
@@ -386,7 +393,7 @@ class InTurn:
             self.legs,
             self.roster.keys,
             self.purpose,
-            self.turn,
+            self.roster.turn,
             reach=near if isinstance(near, core.Reach) else _NO_REACH,
             places=near if isinstance(near, core.Places) else _NO_PLACES,
             lines=near if isinstance(near, core.Lines) else _NO_LINES,
@@ -419,7 +426,7 @@ class InTurn:
         for agent, (side, at) in enumerate(zip(sides, places, strict=True)):
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
             xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
-        return core.Places(_column("q", range(len(xyz))), _column("d", chain.from_iterable(xyz)))
+        return core.Places(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
 
     def _asked(self, sides: Any) -> IntArray:
         """Return the nodes, by number, around which agents of a side may be near others."""
@@ -523,9 +530,9 @@ class InGame:
         order = moves.order
         if self._steps is None or self._steps_of != (order, seed):
             self._steps_of = order, seed
-            self._steps = InTurn(self, Roster(order.names, order.all_teams(), None), turn, seed)
+            self._steps = InTurn(self, Roster(order.names, order.all_teams(), None), seed)
         roster = self._steps.roster
-        self._steps.turn[0] = turn
+        roster.turn[0] = turn
         rules.take_moves(roster.games, self.numbers, _ids(moves.starts), _ids(moves.ends), _ids(order.nodes()))
         for row in block.placed:
             agent = roster.number.get(block.names[row])
@@ -536,9 +543,13 @@ class InGame:
 
     def _of_tracks(self, ctx: Context, turn: int) -> InTurn:
         agents = ctx.game.agents
+        names, teams = [agent.name for agent in agents], [agent.team for agent in agents]
         fly = [agent.type is AgentType.AERIAL for agent in agents] if ctx.agent.block.flyers else None
-        roster = Roster([agent.name for agent in agents], [agent.team for agent in agents], fly)
-        found = InTurn(self, roster, turn, ctx.seed)
+        roster = None if self._turn is None else self._turn.roster
+        if roster is None or (roster.names, roster.team_of, roster.fly) != (names, teams, fly):
+            roster = Roster(names, teams, fly)
+        roster.turn[0] = turn
+        found = InTurn(self, roster, ctx.seed)
         found.follow(ctx, ctx.game.tracks(agents))
         return found
 
@@ -555,13 +566,13 @@ def turn_of(ctx: Context) -> InTurn:
 def _ids(nodes: Any) -> Any:
     """Return ids of nodes as the core takes them."""
     if isinstance(nodes, list):
-        return _column("q", nodes)
+        return column("q", nodes)
     return np.asarray(nodes, np.int64).data
 
 
 def new_contacts(pieces: core.Pieces) -> core.Contacts:
     """Return what finds contacts, which makes room for them itself."""
-    columns = [_column(kind) for kind in "qqqqqddQqq"]
+    columns = [column(kind) for kind in "qqqqqddQqq"]
     return core.Contacts(pieces, *columns)
 
 
@@ -609,11 +620,11 @@ def _lines(
     each = zip(tracks, in_air, sides, strict=True)
     rows = [list(edges.lines_of(track, at)) if side else [] for track, at, side in each]
     lines = [line for row in rows for line in row]
-    offsets = _column("q", [0, *accumulate(map(len, rows))])
-    since = _column("d", [since for since, _, _, _ in lines])
-    until = _column("d", [until for _, until, _, _ in lines])
-    begins = _column("d", chain.from_iterable([begin for _, _, begin, _ in lines]))
-    ends = _column("d", chain.from_iterable([end for _, _, _, end in lines]))
+    offsets = column("q", [0, *accumulate(map(len, rows))])
+    since = column("d", [since for since, _, _, _ in lines])
+    until = column("d", [until for _, until, _, _ in lines])
+    begins = column("d", chain.from_iterable([begin for _, _, begin, _ in lines]))
+    ends = column("d", chain.from_iterable([end for _, _, _, end in lines]))
     return core.Lines(offsets, since, until, begins, ends)
 
 
