@@ -62,7 +62,7 @@ def test_rows_are_closed_up_in_their_order(columns, positions):
     version = positions.version
     remove_all_but(columns, "a5", "a2")
     nodes, later = positions.node_ids, positions.version
-    assert (columns.names, columns.teams, columns.node, columns.previous) == (
+    assert (columns.names, columns.teams, [*columns.node], [*columns.previous]) == (
         ["a2", "a5"],
         [0, 1],
         [102, 105],
@@ -84,7 +84,7 @@ def test_a_row_can_be_copied_into_another_block(columns):
     columns.previous[3], columns.heading[3] = 1, (1.0, 0.0)
     other = AgentBlock()
     assert other.take_over(columns, 3) == 0
-    assert (other.names, other.node, other.previous, other.heading, other.teams) == (
+    assert (other.names, [*other.node], [*other.previous], other.heading, other.teams) == (
         ["a3"],
         [103],
         [1],
@@ -169,18 +169,23 @@ def test_an_agent_that_is_not_alive_stands_on_no_node(columns, positions):
 
 def test_a_closed_block_is_not_written_to(columns):
     columns.journal = CLOSED
-    before = columns.values()
+    before = read(columns)
     columns.move(0, 7)
     columns.set(0, "teams", "red")
     columns.fly(0, (0.0, 0.0, 0.0))
     columns.turn(0, (1.0, 0.0, 0.0, 0.0))
     columns.move_all(Selection([0, 1]), [5, 5])
-    assert columns.values() == before
+    assert read(columns) == before
+
+
+def read(columns):
+    """Name -> the values of a column as a list."""
+    return {name: [*getattr(columns, name)] for name in BY_ROW}
 
 
 def test_many_agents_move_like_one_after_the_other(columns):
     columns.move_all(Selection([3, 1]), [7, 101])
-    assert (columns.node[:4], columns.previous[:4]) == ([100, 101, 102, 7], [100, 101, 102, 103])
+    assert ([*columns.node[:4]], [*columns.previous[:4]]) == ([100, 101, 102, 7], [100, 101, 102, 103])
 
 
 @given(data=st.data(), size=st.integers(1, 9))
@@ -245,7 +250,7 @@ def test_the_rows_of_flyers_follow_them(columns, positions):
     other = AgentBlock()
     columns.quat[3], columns.previous_position[3] = (0.0, 1.0, 0.0, 0.0), (9.0, 9.0, 9.0)
     other.take_over(columns, 3)
-    assert (other.position, other.quat, other.previous_position, other.speed, other.kind) == (
+    assert (other.position, other.quat, other.previous_position, other.speed, [*other.kind]) == (
         [(2.0, 0.0, 0.0)],
         [(0.0, 1.0, 0.0, 0.0)],
         [(9.0, 9.0, 9.0)],
@@ -268,26 +273,22 @@ VERBS = st.one_of(
 )
 
 
-@given(verbs=st.lists(VERBS, max_size=12), kept=st.sets(st.sampled_from([f"a{row}" for row in range(6)])))
-def test_columns_that_are_arrays_come_out_as_lists_do(verbs, kept):
-    lists, arrays = AgentBlock(), AgentBlock()
-    for block in (lists, arrays):
-        for row in range(6):
-            block.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
-            if block is arrays and row == 3:
-                block.use_arrays()
-    logs = lists.subscribe(), arrays.subscribe()
-    positions = Positions(lists), Positions(arrays)
+@given(verbs=st.lists(VERBS, max_size=12), later=st.lists(VERBS, max_size=12))
+def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, later):
+    block, copy = AgentBlock(), AgentBlock()
+    for row in range(6):
+        block.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
+    positions = Positions(block)
     for verb, *given_to_it in verbs:
-        for block in (lists, arrays):
-            getattr(block, verb)(*given_to_it)
-    assert logs[0].take() == logs[1].take()
-    assert positions[0].by_node == positions[1].by_node
-    assert positions[0].flyer_xyz.tolist() == positions[1].flyer_xyz.tolist()
-    for block in (lists, arrays):
-        remove_all_but(block, *kept)
-    for name, column in lists.arrays(BY_ROW).items():
-        np.testing.assert_array_equal(column, arrays.arrays(BY_ROW)[name])
+        getattr(block, verb)(*given_to_it)
+    before, values, rows_at, placed = read(block), block.values(), positions.by_node, block.placed.copy()
+    copy.take_all(block)
+    for verb, *given_to_it in later:
+        getattr(block, verb)(*given_to_it)
+    assert read(copy) == before
+    block.restore(values, has_structure=False)
+    assert (read(block), positions.by_node, block.placed) == (before, rows_at, placed)
+    assert block.inactive == {row for row, lives in enumerate(before["alive"]) if not lives}
 
 
 @given(verbs=st.lists(VERBS | st.just(("look",)), max_size=12))
@@ -341,7 +342,7 @@ def test_many_small_ids_are_copied_in_half_the_memory(size, first, bits):
 def test_recordings_and_pictures_have_one_copy_of_where_all_members_went_until_an_agent_moves_again():
     block = AgentBlock(journal=Journal([f"a{i}" for i in range(MANY)]))
     block.add_all([f"a{i}" for i in range(MANY)], [0] * MANY, "red")
-    block.use_arrays()
+    block.has_teams = True
     positions = Positions(block)
     before = positions.noted()[1]
     ends = np.arange(1, MANY + 1)

@@ -26,7 +26,7 @@ class Anna(Agent):
 
     def shown(self):
         block = self._block
-        return (block.node, block.previous, block.heading, bool(self._log.take()))
+        return ([*block.node], [*block.previous], block.heading, bool(self._log.take()))
 
 
 @pytest.fixture(scope="module")

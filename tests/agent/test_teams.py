@@ -346,7 +346,7 @@ def test_a_team_that_comes_while_a_recording_runs_is_in_arrays_and_recorded_as_a
                 pass
             there = [(name, one.team, one.current_node_id, vars(one)) for name, one in again.agent.agents.items()]
         with gamms.recorder.open(file) as recording:
-            return ctx.agent.block.has_arrays, there, [str(state.agents) for state in recording]
+            return ctx.agent.block.has_teams, there, [str(state.agents) for state in recording]
 
     def each(agents):
         for name, start, fuel in (("red_0", 3, 1.5), ("red_1", 4, 2.5), ("red_2", 3, 4.5)):

@@ -46,7 +46,22 @@ def rows(*columns):
     return st.lists(st.tuples(*columns), min_size=1, max_size=6).map(filled)
 
 
+ROW = st.integers(0, 5)
+
+
+def columns(drawn):
+    """Columns of six agents, and rows of some of them, each once, with a number for each."""
+    first, second, chosen = drawn
+    rows, values = zip(*chosen, strict=True) if chosen else ((), ())
+    return array("q", first), array("q", second), array("q", rows), array("q", values)
+
+
+SIX = st.lists(I64, min_size=6, max_size=6)
+BLOCK = st.tuples(SIX, SIX, st.lists(st.tuples(ROW, I64), unique_by=lambda one: one[0])).map(columns)
 CASES = {
+    ("block", "gather"): BLOCK.map(lambda one: (one[0], one[2], one[3])),
+    ("block", "move_rows"): BLOCK,
+    ("block", "count_moves"): BLOCK.map(lambda one: (one[0], one[1], array("i", range(6)))),
     ("draws", "mix"): st.tuples(U64),
     ("draws", "rotated"): st.tuples(U64, numbers(1, 63)),
     ("draws", "siphash"): st.tuples(U64, U64, U64),

@@ -264,7 +264,7 @@ class AgentEngine(ContextPart, IAgentEngine):
             self._phase.strategy_changes += 1
         for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is kept as an attribute.")
-        block.use_arrays()
+        block.has_teams = True
         block.add_all(names, nodes, team)
         columns = {name: column_of(column) for name, column in values.items()}
         members = Members(names, strategy, columns)
@@ -536,10 +536,9 @@ class AgentStorage(Guarded):
         block, now = engine.block, engine._stored()
         if list(before.stored) != list(now):
             engine._new_block()
-            if block.has_arrays:
-                engine._block.use_arrays()
+            engine._block.has_teams = block.has_teams
             engine._block.succeed(block)
-            engine._agents = AgentsByName({}, engine._made) if block.has_arrays else {}
+            engine._agents = AgentsByName({}, engine._made) if block.has_teams else {}
             for name, known in before.stored.items():
                 agent = known.made.get(name, known) if type(known) is Members else known
                 if type(agent) is Members:

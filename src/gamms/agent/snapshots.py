@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
@@ -31,9 +29,8 @@ class AgentsSnapshot:
     @cached_property
     def places(self) -> dict[str, Any]:
         """Name -> the node an agent was on, or (x, y, z) of a flyer."""
-        nodes, positions = self.columns["node"], self.columns["position"]
-        listed = nodes.tolist() if isinstance(nodes, np.ndarray) else nodes
-        places = zip(self.stored, listed, positions, strict=True)
+        nodes, positions = self.columns["games"].row("node"), self.columns["position"]
+        places = zip(self.stored, nodes, positions, strict=True)
         return {name: node if position is None else position for name, node, position in places}
 
     def has(self, name: str, agent: Any) -> bool:

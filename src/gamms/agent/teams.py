@@ -380,7 +380,7 @@ class Team:
         if not is_there.all():
             rows = Selection(rows.array[np.delete(is_there, [*deleted])].tolist())
         nodes = wanted[is_there]
-        block.move_all(rows, nodes.data if block.has_arrays else nodes.tolist())
+        block.move_all(rows, nodes.data)
         for i, agent in deleted.items():
             if alive[i]:
                 agent._block.move(agent._row, int(wanted[i]))

@@ -10,11 +10,12 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
+from gamms.core.block import count_moves
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
 from gamms.kernels.draws import BitArray
@@ -333,7 +334,8 @@ class TurnOrder:
             version, ends = self._ended
             if version == self.block.version:
                 return ends
-        return self.selection.of(self.block.node)
+            return self.selection.of(self.block.node)
+        return self.selection.listed(self.block.node)
 
     def count_moves(self, starts: Sequence[int], ends: Sequence[int], staying: list[int] | None) -> None:
         """Count the agents that have moved, which have come to the nodes where these moves end.
@@ -350,7 +352,7 @@ class TurnOrder:
             if len(self._stayed) > self._most_stayed:
                 self.update_counts()
         else:
-            self._moved += np.asarray(starts) != np.asarray(ends)
+            count_moves(as_ids(starts), as_ids(ends), self._moved.data)
             if not self.block.flyers:
                 self._ended = self.block.version, ends
 

@@ -361,7 +361,7 @@ class SlotMaker:
         are_lazy, made, since = isinstance(before, LazySlots), made_slots(before), None
         if table is None or version is None or len(table) > 2 * len(made) + _FEW_GONE:
             table, made = DrawTable(seed, self._state), ()
-        elif are_lazy == block.has_arrays:
+        elif are_lazy == block.has_teams:
             since = block.structure.since(version)
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
         all_agents, access_of = agents.agents, agents.storage.turn_access
@@ -387,7 +387,7 @@ class SlotMaker:
             return found and found - {agent.name for agent in agents.storage.made() if agent.sensors}
 
         now = [block.names[row] for row in change.rows]
-        if block.has_arrays:
+        if block.has_teams:
             past = before if since is not None and isinstance(before, LazySlots) else None
             departure = agents.storage.last_departure
             slots = LazySlots(block, self._settings, make, self._state.counts, departure, past, change)

@@ -100,13 +100,6 @@ class Streets:
             raise UnknownName("node", int(missing.flat[0]))
         return found
 
-    def rows_of(self, ids: IntArray) -> IntArray:
-        """Return what `rows` does, in integers of 32 bits where these ids are such and are rows."""
-        is_row = (
-            self._order is None and ids.dtype == np.int32 and int(ids.view(np.uint32).max(initial=0)) < self.num_nodes
-        )
-        return ids if is_row else self.rows(ids)
-
     def checked(self, rows: object, name: str) -> IntArray:
         """Return rows of nodes that a caller passed; `streets.rows(ids)` gives them.
 
@@ -220,7 +213,7 @@ class LegalNodes:
     def along_streets(cls, streets: Streets, nodes: IntArray) -> "LegalNodes":
         """Return those of agents that go along one edge, by the ids of their nodes, (agents,)."""
         legal = cls.__new__(cls)
-        legal._streets, legal._rows = streets, streets.rows_of(nodes)
+        legal._streets, legal._rows = streets, streets.rows(nodes)
         return legal
 
     @cached_property
@@ -237,7 +230,7 @@ class LegalNodes:
         return locked(found.astype(np.int32))
 
     def step(self, actions: IntArray) -> IntArray:
-        """Return the ids of nodes that actions lead to, each the number of a legal node; int32 where they are rows."""
+        """Return the ids of nodes that actions lead to, each the number of a legal node."""
         if self._streets is None:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]

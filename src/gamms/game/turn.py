@@ -110,7 +110,7 @@ class TurnEngine:
         """Return the living agents in the order of their names."""
         agents, order = self._ctx.agent, self._order
         is_deciding = order is not None and self._phase.agent is not None
-        if is_deciding or agents.block.has_arrays or (order and order.structure_version == agents.structure_version):
+        if is_deciding or agents.block.has_teams or (order and order.structure_version == agents.structure_version):
             return [slot.agent for slot in self.order().slots]
         # NOTE: one that has gone or come makes no order of the next turn yet, which costs more (decision 0057).
         return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]

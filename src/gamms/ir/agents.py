@@ -1,20 +1,24 @@
 """Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
+from __future__ import annotations
+
+from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import compress, count
-from operator import eq, ne, not_
+from operator import ne, not_
 from typing import Any
 
 import numpy as np
 
+from gamms.core.block import INT64, Block, move_rows
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop, fit_in_32_bits
-from gamms.ir.graph import IntArray, NodeFinder
+from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop
+from gamms.ir.graph import NodeFinder
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 from gamms.ir.progress import Progress
-from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, PLACES
+from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLACES
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
@@ -23,18 +27,17 @@ UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
 
 _COLUMNS = {column.name: column for column in AGENT_COLUMNS}
-_PLACES = [column.name for column in PLACES]
-_IN_ARRAYS = ("node", "previous")  # the columns that `use_arrays` turns into arrays
-_INITIAL = {name: _COLUMNS[name].initial for name in BY_ROW if name not in _IN_ARRAYS}  # of a new agent
+_NUMBERS = [column.name for column in IN_GAMES]
+_LISTS = [name for name in BY_ROW if name not in _NUMBERS]
+_PLACES = [column.name for column in PLACES if column.name in _LISTS]
 
 
 class AgentBlock:
     """Agents, one row each in the order of their creation, and the verbs that change them.
 
     What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
-    the verbs alone. Those of the agents of a context are lists, because the paper's loop reads and writes them one by
-    one (benchmarks: the loop), but `node` and `previous` of a context with a team, which are views of arrays from
-    then on (`use_arrays`).
+    the verbs alone. Columns of numbers are views of the arrays of a `core.block.Block`, which are others once agents
+    come or go; columns whose values may be None or anything are lists.
 
     Args:
         graph: finds the nodes below flyers; None: their nodes are those that were written.
@@ -49,6 +52,8 @@ class AgentBlock:
         quat: `(w, x, y, z)` of flyers, of length 1; None on the ground.
         speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
         alive: whether it takes part.
+        games: the block of one game, which holds the columns of numbers.
+        has_teams: whether a team was created, so that its members are made only when a program asks for them.
         progress: on the edge that an agent on the ground is moving along; None where it has covered nothing of one.
         graph: finds the nodes below flyers.
         flyers: the rows of flyers, ascending.
@@ -58,34 +63,37 @@ class AgentBlock:
         removed: the rows of agents that were removed; `close_up` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         rows: of the agents, by their names.
-        copied: copies of `node` where that is a view of an array.
+        copied: copies of `node`.
         structure: which rows came, went, died, returned, or got another team, speed, sensor or strategy.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
     """
 
     __slots__ = (
-        *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_located_revision", "_unlocated"),
-        *("_version", "copied", "flyers", "graph", "inactive", "journal", "placed", "removed", "rows", "structure"),
+        *(*BY_ROW, "_changed", "_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "copied"),
+        *("flyers", "games", "graph", "has_teams", "inactive", "journal", "placed", "removed", "rows", "structure"),
         *("travellers", "trusts_nodes", "under_way"),
     )
 
     names: list[str]
     teams: list[Any]
-    kind: list[int]
-    node: list[int]
-    previous: list[int]
+    kind: memoryview[int]
+    node: memoryview[int]
+    previous: memoryview[int]
     heading: list[tuple[float, float] | None]
     position: list[Position | None]
     previous_position: list[Position | None]
     quat: list[Quat | None]
     speed: list[float | None]
-    alive: list[bool]
+    alive: memoryview[bool]
     progress: list[Progress | None]
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
-        for name in BY_ROW:
+        for name in _LISTS:
             setattr(self, name, [])
+        self.games = Block(IN_GAMES)
+        self._show()
+        self.has_teams = False
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
         self.placed: set[int] = set()
@@ -97,7 +105,6 @@ class AgentBlock:
         self.trusts_nodes = False
         self.graph = graph
         self.rows = RowsByName()
-        self._buffers: dict[str, IntArray] = {}  # of columns that are views of arrays, which may be longer
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
         self.copied = CopiedIds()
@@ -116,54 +123,23 @@ class AgentBlock:
             columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
         return columns
 
-    def use_arrays(self) -> None:
-        """Have `node` and `previous` as views of arrays, for the agents of teams, which are moved all at once.
-
-        They have 32 bits until an id comes that needs 64.
-        """
-        if not self._buffers:
-            columns = {name: np.array(getattr(self, name), np.int64) for name in _IN_ARRAYS}
-            are_narrow = all(map(fit_in_32_bits, columns.values()))
-            for name, column in columns.items():
-                self._show(name, column.astype(np.int32) if are_narrow else column, len(column))
-
-    @property
-    def has_arrays(self) -> bool:
-        """Whether `node` and `previous` are views of arrays."""
-        return bool(self._buffers)
-
-    def _show(self, name: str, buffer: IntArray, size: int) -> None:
-        self._buffers[name] = buffer
-        setattr(self, name, buffer.data[:size])
-
-    def _admit(self, nodes: IntArray) -> None:
-        """Let arrays have 64 bits from now on if these ids need them."""
-        if self._buffers["node"].dtype.itemsize < 8 and not fit_in_32_bits(nodes):
-            for name in _IN_ARRAYS:
-                self._show(name, self._buffers[name].astype(np.int64), len(getattr(self, name)))
-
-    def _put(self, name: str, row: int, value: Any) -> None:
-        """Set the value of an agent in a column."""
-        if name in self._buffers:
-            self._admit(np.array([value], np.int64))
-        getattr(self, name)[row] = value
-
-    def _append(self, nodes: list[int]) -> None:
-        """Add agents to `node` and `previous`."""
-        if not self._buffers:
-            self.node += nodes
-            self.previous += nodes
-            return
-        self._admit(np.array(nodes, np.int64))
-        for name in _IN_ARRAYS:
-            buffer, size = self._buffers[name], len(getattr(self, name))
-            if size + len(nodes) > len(buffer):
-                buffer = np.concatenate((buffer[:size], np.zeros(max(size // 2, len(nodes)), buffer.dtype)))
-            buffer[size : size + len(nodes)] = nodes
-            self._show(name, buffer, size + len(nodes))
+    def _show(self) -> None:
+        """Let the columns of numbers be views of the agents that there are now."""
+        for name in _NUMBERS:
+            setattr(self, name, self.games.row(name))
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the views of numbers, which cannot be copied."""
+        return {name: getattr(self, name) for name in self.__slots__ if name not in _NUMBERS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become a copy."""
+        for name, value in state.items():
+            setattr(self, name, value)
+        self._show()
 
     # -- coming and going ---------------------------------------------------------------------------------------
 
@@ -171,13 +147,15 @@ class AgentBlock:
         self, name: str, node: int, team: Hashable = None, position: Position | None = None, speed: float | None = None
     ) -> int:
         """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
-        row, flies = len(self.names), position is not None
-        self._append([node])
-        given = {"names": name, "teams": team, "kind": int(flies), "speed": speed, "alive": True}
+        row, flies = self.games.add(1), position is not None
+        self._show()
+        self.node[row] = self.previous[row] = node
+        self.kind[row], self.alive[row] = flies, True
+        given = {"names": name, "teams": team, "speed": speed}
         if flies:
             given |= {"position": position, "previous_position": position, "quat": UNTURNED}
-        for column, value in {**_INITIAL, **given}.items():
-            getattr(self, column).append(value)
+        for column in _LISTS:
+            getattr(self, column).append(given.get(column))
         self.rows.enter(name)
         self.structure.note((row,))
         self._changed.add(row)
@@ -188,33 +166,36 @@ class AgentBlock:
 
     def add_all(self, names: Sequence[str], nodes: list[int], team: Hashable) -> int:
         """Add agents of one team that stand on these nodes; returns the row of the first."""
-        first, count = len(self.names), len(names)
-        self._append(nodes)
-        for column, value in {**_INITIAL, "teams": team, "kind": 0, "alive": True}.items():
-            getattr(self, column).extend(names if column == "names" else [value] * count)
+        count = len(names)
+        first = self.games.add(count)
+        self._show()
+        self.node[first:] = self.previous[first:] = as_ids(nodes)
+        np.asarray(self.alive)[first:] = True
+        for column in _LISTS:
+            getattr(self, column).extend(names if column == "names" else [team if column == "teams" else None] * count)
         rows = range(first, first + count)
         self.rows.enter_all(names)
         self.structure.note(rows)
         self._changed.update(rows)
         return first
 
-    def take_over(self, source: "AgentBlock", row: int) -> int:
+    def take_over(self, source: AgentBlock, row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
         new = self.add(source.names[row], source.node[row], position=source.position[row])
         for name in BY_ROW:
-            self._put(name, new, getattr(source, name)[row])
+            getattr(self, name)[new] = getattr(source, name)[row]
         self._follow_progress(new)
         if not self.alive[new]:
             self.inactive.add(new)
         return new
 
-    def take_all(self, source: "AgentBlock") -> None:
+    def take_all(self, source: AgentBlock) -> None:
         """Take copies of all agents of another block into this one, which has none yet."""
-        for name, column in source.values().items():
-            if name in source._buffers:
-                self._show(name, column, len(column))
-            else:
-                setattr(self, name, column)
+        for name in (*_LISTS, "placed"):
+            setattr(self, name, getattr(source, name).copy())
+        self.has_teams = source.has_teams
+        self.games = source.games.copied()
+        self._show()
         self._derive()
         self._unlocated = set(self.flyers)
 
@@ -229,10 +210,10 @@ class AgentBlock:
         gone, self.removed = sorted(self.removed), []
         self.structure.close_up(gone, self.names)
         self.progress = self.progress.copy()  # orders of earlier turns have that of theirs
-        for column in (getattr(self, name) for name in BY_ROW if name not in self._buffers):
-            drop(column, gone)
-        for name, buffer in self._buffers.items():
-            self._show(name, np.delete(buffer, gone), len(self.names))
+        for name in _LISTS:
+            drop(getattr(self, name), gone)
+        self.games.close_up(gone)
+        self._show()
         self.rows.close_up(gone)
         self.journal.close_up(gone)
         for which in ("_unlocated", "inactive", "placed", "travellers"):
@@ -240,7 +221,7 @@ class AgentBlock:
         self.flyers = [*compress(count(), self.kind)] if self.flyers else []
         self._have_all_changed = True
 
-    def succeed(self, block: "AgentBlock") -> None:
+    def succeed(self, block: AgentBlock) -> None:
         """Take the place of another block: write as it does, with other versions than it had."""
         self.graph, self.journal = block.graph, block.journal
         self._version, self.rows.version = block.version + 1, block.rows.version + 1
@@ -265,68 +246,44 @@ class AgentBlock:
                 return
         column = self.node
         self.previous[row] = column[row]
-        try:
-            column[row] = node
-        except ValueError:  # NOTE: where each move asked if ids fit, the loop would pay for arrays (benchmarks: loop)
-            self._put("node", row, node)
+        column[row] = node
         self._changed.add(row)
 
     def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
-        """Move many agents on the ground, as a list or a view of an array; one that stays keeps its previous node."""
-        journal, node = self.journal, self.node
+        """Move many agents on the ground; one that stays keeps its previous node."""
+        journal = self.journal
         if journal is CLOSED:
             return
-        are_many = 2 * len(rows.rows) > len(node)
-        if are_many:
+        if 2 * len(rows.rows) > len(self.node):
             self._have_all_changed = True
         else:
             self._changed |= rows.as_set
-        if self._buffers:
-            self._move_arrays(rows, nodes)
-            return
-        before = rows.of(node)
-        kept = [(row, self.previous[row]) for row in compress(rows.rows, map(eq, before, nodes))]
-        if are_many:
-            self.node, self.previous = rows.moved(node, self.previous, nodes)
-        else:
-            rows.write(self.previous, before)
-            rows.write(node, nodes)
-        for row, previous in kept:
-            self.previous[row] = previous
-        if not journal.is_silent:
-            goes = compress(zip(rows.rows, nodes, strict=True), map(ne, before, nodes))
-            journal.log += [number for row, end in goes for number in (journal.ids[row], end)]
+        ends = as_ids(nodes)
+        before = () if journal.is_silent else rows.of(self.node)
+        moved = move_rows(self.node, self.previous, rows.buffer, ends)
+        if not journal.is_silent and moved:
+            self._note_moves(rows, before, ends, moved)
 
-    def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
-        self._admit(np.asarray(nodes))
-        node, previous = np.asarray(self.node), np.asarray(self.previous)
-        goes = node[rows.array] != nodes
-        stays = rows.array[~goes]
-        kept = previous[stays]
-        if len(rows.rows) == len(node):  # NOTE: nothing is copied (benchmarks: teams).
-            rows.write_all(previous, nodes)
-            self._buffers.update(node=self._buffers["previous"], previous=self._buffers["node"])
-            self.node, self.previous = self.previous, self.node
+    def _note_moves(self, rows: Selection, before: Sequence[int], ends: memoryview[int], moved: int) -> None:
+        """Note the moves of those that did not stay, so many."""
+        journal = self.journal
+        if not self.has_teams:
+            goes = compress(zip(rows.rows, ends, strict=True), map(ne, before, ends))
+            journal.log += [number for row, end in goes for number in (journal.ids[row], end)]
+        elif moved < len(rows.rows):
+            which = rows.in_order((np.asarray(before) != ends).data)
+            journal.moved(rows.ascending[which], copied_ids(rows.in_order(ends)[which]))
         else:
-            previous[rows.array] = node[rows.array]
-            node[rows.array] = nodes
-        np.asarray(self.previous)[stays] = kept
-        if self.journal.is_silent or not goes.any():
-            return
-        if len(stays):
-            which = rows.in_order(goes)
-            self.journal.moved(rows.ascending[which], copied_ids(rows.in_order(nodes)[which]))
-        else:
-            do_all = len(rows.rows) == len(node)
-            copy = self.copied.of(self.node, self.version) if do_all else copied_ids(rows.in_order(nodes))
-            self.journal.moved(rows.ascending, copy)
+            do_all = len(rows.rows) == len(self.node)
+            copy = self.copied.of(self.node, self.version) if do_all else copied_ids(rows.in_order(ends))
+            journal.moved(rows.ascending, copy)
 
     def set(self, row: int, column: str, value: object) -> None:
         """Set the value of an agent in one of the columns of `schema.CHANGE_EVENTS`, and note it."""
         journal = self.journal
         if journal is CLOSED:
             return
-        self._put(column, row, value)
+        getattr(self, column)[row] = value
         if _COLUMNS[column].is_watched:
             self._changed.add(row)
         if _COLUMNS[column].is_structure:
@@ -378,7 +335,7 @@ class AgentBlock:
         self.previous[row] = self.nearest(row)
         before = self.previous_position[row] = self.position[row]
         if node is not None:
-            self._put("node", row, node)
+            self.node[row] = node
         elif before is None or position[0] != before[0] or position[1] != before[1]:
             self._unlocated.add(row)
         self.position[row] = position
@@ -398,7 +355,7 @@ class AgentBlock:
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing (used by replay and by batches)."""
         for name, value in values.items():
-            self._put(name, row, value)
+            getattr(self, name)[row] = value
         self._follow_progress(row)
         self._changed.add(row)
         if self.kind[row]:
@@ -444,7 +401,7 @@ class AgentBlock:
                     raise
         self._unlocated.discard(row)
         if node != self.node[row]:
-            self._put("node", row, node)
+            self.node[row] = node
             self._changed.add(row)
 
     @contextmanager
@@ -484,8 +441,8 @@ class AgentBlock:
 
     def values(self) -> dict[str, Any]:
         """Return copies of all columns and of `placed`, for `restore`."""
-        columns: dict[str, Any] = {name: getattr(self, name) for name in (*BY_ROW, "placed")}
-        return {name: np.array(one) if name in self._buffers else one.copy() for name, one in columns.items()}
+        copied = {name: getattr(self, name).copy() for name in (*_LISTS, "placed")}
+        return {**copied, "games": self.games.copied()}
 
     def restore(self, values: dict[str, Any], *, has_structure: bool) -> None:
         """Set the columns to what `values` gave.
@@ -494,15 +451,9 @@ class AgentBlock:
             values: of as many agents as there are now.
             has_structure: whether agents, teams, speeds, lives and sensors are those of then; only places differ.
         """
-        for name in _PLACES if has_structure else BY_ROW:
-            before = values[name]
-            if name in self._buffers:
-                self._admit(np.asarray(before))
-            column = getattr(self, name)
-            if name in self._buffers:
-                np.asarray(column)[:] = before
-            else:
-                column[:] = before.tolist() if isinstance(column, list) and isinstance(before, np.ndarray) else before
+        for name in _PLACES if has_structure else _LISTS:
+            getattr(self, name)[:] = values[name]
+        self.games.copy_row(0, 0, values["games"])
         self.placed = set(values["placed"])
         self._have_all_changed = True
         self._unlocated.update(self.flyers)
@@ -522,6 +473,13 @@ class AgentBlock:
         self.inactive = {*compress(count(), map(not_, self.alive))}
         self._find_travellers()
         self._have_all_changed = True
+
+
+def as_ids(nodes: Sequence[int]) -> memoryview[int]:
+    """Return ids of nodes as the core reads them: 64-bit integers, the same memory where they are such."""
+    if type(nodes) is list:
+        return memoryview(array(INT64, nodes))
+    return np.ascontiguousarray(nodes, np.int64).data
 
 
 class UnderWay:

@@ -1,7 +1,9 @@
 """Columns of agents, each a list, or a view of an array where there are many: some rows of them, and which changed."""
 
+from __future__ import annotations
+
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, MutableSequence, Sequence
 from functools import cached_property
 from itertools import count
 from operator import add, itemgetter
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gamms.core.block import INT64, gather
 from gamms.ir.graph import IntArray, read_only
 
 Column = np.ndarray[Any, Any]
@@ -240,21 +243,14 @@ def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...
 
 
 def copied_column(column: Any) -> Any:
-    """Return a copy of a list or of a view of an array, into which any id may be written."""
+    """Return a copy of a list or of a view of an array."""
     return column.copy() if type(column) is list else np.array(column, np.int64).data
-
-
-def fit_in_32_bits(ids: IntArray) -> bool:
-    """Whether signed integers of 32 bits can hold ids."""
-    if ids.dtype.itemsize <= 4:
-        return True
-    return not len(ids) or int(ids.view(np.uint64).max()) < 1 << 31  # negative ones are taken for large ones
 
 
 def copied_ids(nodes: IntArray) -> IntArray:
     """Return a copy of ids, read-only: in 32 bits where there are many of them, and these hold all differences."""
     # NOTE: half of the memory is a third of the time of writing them, and a tenth of a turn (benchmarks: teams).
-    unsigned = nodes.view(np.uint32 if nodes.dtype.itemsize == 4 else np.uint64)
+    unsigned = nodes.view(np.uint64)
     is_small = len(unsigned) >= _MANY and int(unsigned.max()) < _SMALL_IDS  # none is negative, too
     return read_only(nodes.astype(np.int32 if is_small else np.int64))
 
@@ -285,16 +281,13 @@ class Selection:
     # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks: turns). What has slots
     # is read at once, also where there is a dict for what is cached.
 
-    __slots__ = ("__dict__", "_gather", "_others", "_pick", "_places", "rows")
+    __slots__ = ("__dict__", "_pick", "rows")
 
     def __init__(self, rows: list[int]) -> None:
         self.rows = rows
         self._pick: Callable[[Sequence[Any]], Iterable[Any]] | None = None
-        self._places: list[int] = []  # of columns of this size: where `moved` has their values
-        self._others: list[int] = []  # the other rows of such columns
-        self._gather: Callable[[Sequence[Any]], Iterable[Any]] = tuple
 
-    def after(self, change: Succession) -> "Selection":
+    def after(self, change: Succession) -> Selection:
         """Return the rows of the living agents once some have changed."""
         # NOTE: `array` is there when agents move in arrays (benchmarks: death, deletion).
         array = change.of_array(change.moved(self.array), change.rows)
@@ -312,39 +305,30 @@ class Selection:
         """The rows as an array."""
         return np.array(self.rows, np.int64)
 
+    @cached_property
+    def buffer(self) -> memoryview[int]:
+        """The rows as the core reads them."""
+        return self.array.data
+
     def of(self, column: Sequence[Any]) -> Any:
         """Return what the column holds in these rows: a list, or a view of an array."""
-        if type(column) is not list:
-            return np.asarray(column).take(self.array).data
+        if type(column) is list:
+            return self.listed(column)
+        view: Any = column if type(column) is memoryview else np.asarray(column).data
+        if view.format != INT64:
+            return np.asarray(view).take(self.array).data
+        values = np.empty(len(self.rows), np.int64).data
+        gather(view, self.buffer, values)
+        return values
+
+    def listed(self, column: Sequence[Any]) -> list[Any]:
+        """Return what the column holds in these rows as a list."""
         pick = self._pick
         if pick is None:
             pick = self._pick = _picker(self.rows)
         return [*pick(column)]
 
-    def moved(self, node: list[Any], previous: list[Any], values: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-        """Return the columns of nodes and previous nodes once those in these rows are others; the given ones go."""
-        # NOTE: gathered in C, a fifth of the time of loops over many rows (benchmarks: turns).
-        if len(self._places) != len(node):
-            self._fit(len(node))
-        if self._others:
-            values = [*values, *[node[row] for row in self._others]]
-            for row in self._others:
-                node[row] = previous[row]
-        gather = self._gather
-        return [*gather(values)], node
-
-    def _fit(self, size: int) -> None:
-        """Find the other rows of columns of a size, and how such a column is gathered from the values of both."""
-        self._places, self._others, after = [-1] * size, [], -1
-        for i, row in enumerate(self.rows):
-            self._places[row] = i
-        for i in range(len(self.rows), size):
-            after = self._places.index(-1, after + 1)
-            self._places[after] = i
-            self._others.append(after)
-        self._gather = _picker(self._places)
-
-    def write(self, column: list[Any], values: Sequence[Any]) -> None:
+    def write(self, column: MutableSequence[Any], values: Sequence[Any]) -> None:
         """Set the column in these rows."""
         for row, value in zip(self.rows, values, strict=True):
             column[row] = value
@@ -372,14 +356,6 @@ class Selection:
         """Return values of these rows in ascending order of the rows, maybe no copies."""
         numbers = np.asarray(values)
         return numbers if self._is_ascending else numbers.take(self._order)
-
-    def write_all(self, column: IntArray, values: Sequence[int]) -> None:
-        """Set an array in these rows, which are all there are."""
-        # NOTE: `take` costs a third of an assignment by rows, and three times a copy (benchmarks: teams).
-        if self._is_ascending:
-            column[:] = values
-            return
-        np.take(np.asarray(values), self._order, out=column, mode="clip")
 
 
 def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:

@@ -90,7 +90,7 @@ class Positions:
             return self._noted, self.places
         # NOTE: in line, for every turn (benchmarks: turns; teams).
         node = block.node
-        return self._noted, node.copy() if type(node) is list else block.copied.of(node, block.version).data
+        return self._noted, block.copied.of(node, block.version).data if block.has_teams else node.tolist()
 
     @property
     def places(self) -> MutableSequence[Any]:
@@ -111,9 +111,9 @@ class Positions:
 
     def _with_flyers(self, nodes: Any, points: Sequence[Any]) -> MutableSequence[Any]:
         if not (self._block.flyers or self._block.travellers):
-            places: MutableSequence[Any] = copied_column(nodes)
+            places: MutableSequence[Any] = copied_column(nodes) if self._block.has_teams else nodes.tolist()
             return places
-        places = list(nodes)
+        places = nodes.tolist()
         for row in self._block.flyers:
             places[row] = points[row]
         return places

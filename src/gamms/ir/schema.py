@@ -18,6 +18,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_bool, as_float, as_int
+from gamms.core.block import INT64, BlockColumn
 
 Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; see `copy.deepcopy`
 
@@ -88,6 +89,7 @@ class Column(NamedTuple):
 
 
 _CHECKS: dict[type | None, Any] = {np.bool_: as_bool, np.int64: as_int, np.float64: as_float}
+_CODES: dict[type, str] = {np.bool_: "?", np.int64: INT64, np.float64: "d"}
 
 AGENT_COLUMNS = (  # in the order of keyframes
     Column("names", is_structure=True),
@@ -152,6 +154,13 @@ BY_ROW = tuple(column.name for column in AGENT_COLUMNS if column.is_in_block)
 
 PLACES = tuple(column for column in AGENT_COLUMNS if column.is_in_block and not column.is_structure)
 """The columns of a block that say where agents are and how: whatever may change in each turn."""
+
+IN_GAMES = tuple(
+    BlockColumn(column.name, _CODES[column.kind], column.initial or 0)
+    for column in AGENT_COLUMNS
+    if column.is_in_block and column.kind is not None and not column.shape
+)
+"""The columns of numbers that cannot be None, as a `core.block.Block` has them."""
 
 NUMBERS = tuple(column for column in AGENT_COLUMNS if column.initial is not None)
 """The columns of a further number per agent, which agents have as a property."""

@@ -39,14 +39,15 @@ def as_node(value: object) -> int:
 
 
 def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
-    """Return the id of a node of the graph; while the block trusts nodes, any integer.
+    """Return the id of a node of the graph; while the block trusts nodes, any integer of 64 bits.
 
     Raises:
         UnknownName (KeyError): there is no such node.
         BadType: it is no integer.
     """
     node = as_int(value, "A node id")
-    if not block.trusts_nodes and not graph.has_node(node):
+    is_known = -(1 << 63) <= node < 1 << 63 if block.trusts_nodes else graph.has_node(node)
+    if not is_known:
         raise UnknownName("node", node)
     return node
 

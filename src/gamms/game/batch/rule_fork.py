@@ -309,7 +309,7 @@ class RuleFork:
         self._structure, self._counted = block.structure.version, self._what_is_counted()
 
     def _set_alive(self, alive: list[bool]) -> None:
-        for row, (is_now, was) in enumerate(zip(alive, self._block.alive.copy(), strict=True)):
+        for row, (is_now, was) in enumerate(zip(alive, self._block.alive.tolist(), strict=True)):
             if is_now != was:
                 self._block.set(row, "alive", is_now)
 
@@ -402,7 +402,7 @@ class RuleFork:
         moves, conflicts = self._values.moves, self.game.settings()["conflicts"]
         losers = self._conflicts.losers(conflicts, moves.order, moves.places(), moves.named, self.ctx)
         block = self._block
-        if (block.node, block.previous, block.alive) != self._loaded[:3]:
+        if tuple(one.tolist() for one in (block.node, block.previous, block.alive)) != self._loaded[:3]:
             raise LeavesArrays("it moves agents")
         return [moves.slots[i].name for i in losers]
 
@@ -438,13 +438,13 @@ class RuleFork:
             rows = np.append(rows, np.array(new, np.int64))
             state.is_there[game, new] = True
         for before, now, column, row in (
-            (node, block.node, turn.node, at),
-            (previous, block.previous, headings.previous, game),
+            (node, block.node.tolist(), turn.node, at),
+            (previous, block.previous.tolist(), headings.previous, game),
         ):
             if now != before:
                 put_locked(column, (row, rows), turn.streets.rows(now))
-        if block.alive != alive:
-            put_locked(turn.alive, (at, rows), block.alive)
+        if block.alive.tolist() != alive:
+            put_locked(turn.alive, (at, rows), block.alive.tolist())
         state.placed[game, rows] = [row in block.placed for row in range(len(rows))]
         for name, numbers in state.numbers.items():
             numbers[game, rows] = getattr(block, name)
@@ -578,7 +578,7 @@ class RuleFork:
         if self.ctx.graph.obstacle_revision != self._obstacles:
             raise LeavesArrays("it changes the obstacles")
         block = self.ctx.agent.block
-        is_same = block is self._block and block.structure.version == self._structure and not block.has_arrays
+        is_same = block is self._block and block.structure.version == self._structure and not block.has_teams
         if not is_same and self._equipment()[: len(self._equipped)] != self._equipped:
             raise LeavesArrays("agents go, or get other teams, speeds or sensors")
 

@@ -50,7 +50,7 @@ def why_not_called(game: PlayedGame) -> str | None:
     block = game.ctx.agent.block
     sensors = [sensor for agent in game.agents for sensor in agent.sensors.values()]
     reasons = [
-        (block.has_arrays, "agents of a team in arrays"),
+        (block.has_teams, "agents of a team in arrays"),
         (not all(getattr(one, "sees_world_only", False) for one in sensors), "sensors that may see more than the map"),
     ]
     return next((why for is_so, why in reasons if is_so), None)

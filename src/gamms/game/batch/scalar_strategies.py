@@ -543,6 +543,6 @@ def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
             any(_counts_looks(one) and look_of(one, by) is None for by, one in sensors),
             "a sensor of a class of its own that draws",
         ),
-        (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
+        (game.ctx.agent.block.has_teams, "agents of a team in arrays"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
