@@ -15,7 +15,11 @@ def scenario_of(number):
     rng = Random(number)
     is_metric = rng.random() < 0.3
     speeds = [7.0, 12.5] if is_metric else [1, 3]
+    walks = rng.random() < 0.5
     team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:random_waypoints", "speed": rng.choice(speeds)}
+    if walks:  # compiled, the core plays a batch of these, and arrays do not
+        is_metric = False
+        team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:random_walk"}
     tag = {"taggers": "red", "tagged": "blue", "then": rng.choice(["respawn", "eliminate"])} | rng.choice(NEARNESS)
     return Scenario(
         max_turns=8,
@@ -23,7 +27,9 @@ def scenario_of(number):
         teams={"red": team, "blue": team},
         rules=[
             {"rule": "tag", "with": tag},
-            {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 5}, "goal": None}},
+            {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 5}, "goal": rng.choice([None, 1])}},
+            {"rule": "respawn", "with": {"after": 2}},
+            {"rule": "time_limit", "with": {"turns": rng.randint(5, 9)}},
         ],
         conflicts={"capacity": rng.randint(1, 3), "allow_swaps": rng.random() < 0.5},
         settings={"speed_unit": "metres"} if is_metric else {},

@@ -47,7 +47,7 @@ cdef int put_best_first(Contests c, i64 begin, i64 end, i64 number) except -1 no
 cdef int sift(Contests c, i64 begin, i64 number, i64 k) except -1 nogil
 @cython.locals(last=i64, found=i32, i=Py_ssize_t, k=i64, n=i64)
 cpdef int number_ids(const i64[::1] ids, i64[::1] keys, i32[::1] slots, i32[::1] used, i64[::1] numbers) except -1 nogil
-@cython.locals(at=i64, at_ranks=i64, found=i64, stopped=i64, i=i64)
-cpdef i64 resolve(Contests c, const i64[::1] starts, const i64[::1] ends, const u8[::1] counts, const i64[::1] offsets, const i64[::1] limits, const u64[::1] ranks, i64 game, i64 turn) except -1 nogil
-@cython.locals(stopped=i64, here=i64, game=Py_ssize_t, i=i64)
+@cython.locals(found=i64, stopped=i64, i=i64)
+cpdef i64 resolve(Contests c, const i64[::1] starts, const i64[::1] ends, const u8[::1] counts, const i64[::1] offsets, const i64[::1] limits, const u64[::1] ranks, i64 at, i64 at_ranks, i64 turn) except -1 nogil
+@cython.locals(stopped=i64, here=i64, game=Py_ssize_t, at=i64, at_ranks=i64, i=i64)
 cpdef i64 resolve_games(Contests c, const i64[::1] starts, const i64[::1] ends, const u8[::1] counts, const i64[::1] offsets, const i64[::1] limits, const u64[::1] ranks, const i64[::1] turns, u8[::1] stays) except -1 nogil

@@ -419,24 +419,24 @@ def resolve(
     offsets: memoryview[int],
     limits: memoryview[int],
     ranks: memoryview[int],
-    game: int,
+    at: int,
+    at_ranks: int,
     turn: int,
 ) -> int:
     """Find the agents of a game that stay, in `stays`, and return how many do.
 
     Args:
         c: gets them.
-        starts: of all games, one after the other; see `begin`.
-        ends: of all games; see `begin`.
-        counts: of all games; see `begin`.
+        starts: see `begin`.
+        ends: see `begin`.
+        counts: see `begin`.
         offsets: see `begin`.
         limits: see `find_contests`.
-        ranks: see `decide`; those of all games if they are drawn, otherwise the same for all.
-        game: the number of the game.
+        ranks: see `decide`.
+        at: where the game begins in `starts`, `ends` and `counts`.
+        at_ranks: and in `ranks`.
         turn: how many turns of it were played.
     """
-    at = game * c.agents
-    at_ranks = at if c.is_drawn else 0
     begin(c, starts, ends, counts, offsets, at)
     if not c.allow_swaps:
         found = find_exchanges(c)
@@ -475,13 +475,15 @@ def resolve_games(
         counts: see `resolve`.
         offsets: see `resolve`.
         limits: see `resolve`.
-        ranks: see `resolve`.
+        ranks: see `decide`; those of all games if they are drawn, otherwise the same for all.
         turns: (games,) how many turns were played.
         stays: (games * agents,) bytes, all 0, which get `STAYS` or `NEEDS_RANK`.
     """
     stopped = 0
     for game in range(len(turns)):
-        here = resolve(c, starts, ends, counts, offsets, limits, ranks, game, turns[game])
+        at = game * c.agents
+        at_ranks = at if c.is_drawn else 0
+        here = resolve(c, starts, ends, counts, offsets, limits, ranks, at, at_ranks, turns[game])
         if here > 0:
             stopped += here
             for i in range(c.agents):

@@ -108,3 +108,12 @@ def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[in
     for i in range(len(out)):
         out[i] = bits_at(keys[i], counts[i])
     return 0
+
+
+def fill_choices(
+    first: memoryview[int], counts: memoryview[int], out: memoryview[int], begin: int, number: int, turn: int
+) -> int:
+    """Write a number below each count, by draw number 0 of each `first_key` in one turn: so many rows from `begin`."""
+    for i in range(begin, begin + number):
+        out[i] = below(bits_at(turn_key(first[i], turn), 0), counts[i])
+    return 0

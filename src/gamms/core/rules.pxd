@@ -15,9 +15,8 @@ cdef i64 NOTHING, RESPAWN, ELIMINATE, NOBODY, LEADER, ITS_TEAM
 @cython.final
 cdef class Games:
     cdef i64 agents, teams
-    cdef i64[::1] node, previous, stops
-    cdef i64[::1] start
-    cdef const i64[::1] home, turn, team
+    cdef i64[::1] node, previous, stops, start, turn
+    cdef const i64[::1] home, team
     cdef u8[::1] alive, placed, over
     cdef double[::1] score
 

@@ -344,7 +344,7 @@ class _Agents:
             self._ask_each(movers_of, ctx)
         else:
             given = self._counts, self._offsets, self._limits.data, self._ranks
-            if not core.resolve(memory.contests, *self._moves, *given, 0, ctx.game.turn):
+            if not core.resolve(memory.contests, *self._moves, *given, 0, 0, ctx.game.turn):
                 return []
         losers = np.flatnonzero(memory.stays).tolist()
         for i in losers:
@@ -461,50 +461,60 @@ class ArrayMoves(NamedTuple):
 
 def stopped_in_arrays(conflicts: Conflicts, moves: ArrayMoves) -> BoolArray:
     """Return which agents stay, (games, agents), by conflicts that are `ranked`."""
-    known: list[_Table] = moves.shared(("conflicts", conflicts, conflicts.allow_swaps), list)
+    known: list[Table] = moves.shared(("conflicts", conflicts, conflicts.allow_swaps), list)
     if not known or known[0].roster is not moves.roster:
-        known[:] = [_Table(conflicts, moves)]
+        known[:] = [Table(conflicts, moves.roster, moves.columns, has_edges=moves.has_edges)]
     return known[0].stopped(moves)
 
 
-class _Table:
-    """What the conflicts of some agents on a map need in every turn.
+class Table:
+    """What the conflicts of some agents on a map need in every turn; see `gamms.core.conflicts`.
 
     Attributes:
         roster: the agents.
+        contests: the memory of one game at a time.
+        places: where the places of the team of each agent begin.
+        limits: capacities.
+        ranks: (agents,) of the agents; None: they are drawn for `purpose`.
     """
 
-    def __init__(self, conflicts: Conflicts, moves: ArrayMoves) -> None:
-        self.roster = roster = moves.roster
+    purpose = _PURPOSE
+
+    def __init__(self, conflicts: Conflicts, roster: Movers, columns: GraphColumns, *, has_edges: bool) -> None:
+        self.roster = roster
         ranking = _ranking_of(conflicts._resolver)
         assert ranking is not None  # noqa: S101 - they are `ranked`
         self._ranking = ranking
-        nodes = len(moves.columns.node_ids)
-        limits = conflicts._limits.rows(moves.columns, has_edges=moves.has_edges)
+        limits = conflicts._limits.rows(columns, has_edges=has_edges)
         teams = len(roster.teams) if conflicts._per_team else 1
-        self._memory = _Memory(conflicts, len(roster.names), nodes, len(limits), teams)
-        self._offsets = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
-        self._limits = limits.data
-        self._ranks: BitArray | None = None
+        self.contests = _Memory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams).contests
+        self.places = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
+        self.limits = limits.data
+        self.ranks: BitArray | None = None
         if ranking.rank is not None:
-            self._ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
+            self.ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
+
+    @property
+    def has_missing_ranks(self) -> bool:
+        """Whether an agent has no rank, so that a contest that it is in cannot be decided."""
+        return self.ranks is not None and bool((self.ranks == core.RANK_MISSING).any())
 
     def stopped(self, moves: ArrayMoves) -> BoolArray:
         """Return which agents stay."""
         stays = np.zeros(moves.ends.shape, np.uint8)
-        ranks = moves.first_keys(_PURPOSE) if self._ranks is None else self._ranks
+        ranks = moves.first_keys(_PURPOSE) if self.ranks is None else self.ranks
         core.resolve_games(
-            self._memory.contests,
+            self.contests,
             _flat(moves.starts, np.int64),
             _flat(moves.ends, np.int64),
             _flat(moves.counts, np.uint8),
-            self._offsets,
-            self._limits,
+            self.places,
+            self.limits,
             _flat(ranks, np.uint64),
             _flat(moves.turns, np.int64),
             stays.reshape(-1).data,
         )
-        if self._ranks is not None and stays.max(initial=0) == core.LOSES_UNRANKED:
+        if self.ranks is not None and stays.max(initial=0) == core.LOSES_UNRANKED:
             agent = int(np.nonzero(stays == core.LOSES_UNRANKED)[1][0])
             roster = self.roster
             self._ranking.check(core.RANK_MISSING, roster.names[agent], roster.teams[roster.team_of[agent]])

@@ -1,0 +1,163 @@
+"""Moves of one game along edges: agents decide, give way to each other, and go."""
+
+from __future__ import annotations
+
+from gamms.core import draws
+from gamms.core.conflicts import Contests, resolve
+from gamms.core.rules import Games
+
+STAYS = 0  # how an agent decides: it stays where it is,
+WALKS = 1  # goes to one of its legal nodes, each as likely,
+IS_GIVEN = 2  # or has an action from outside: the number of a legal node
+# names for callers in Python, which do not see constants with a C type
+STAY = STAYS
+RANDOM_WALK = WALKS
+GIVEN = IS_GIVEN
+
+
+class Streets:
+    """Where agents may go along one edge.
+
+    Attributes:
+        offsets: (nodes + 1,) the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        targets: of each node its own row first, then those of its neighbors in the order of `state["legal"]`.
+    """
+
+    def __init__(self, offsets: memoryview[int], targets: memoryview[int]) -> None:
+        self.offsets = offsets
+        self.targets = targets
+
+
+class Priority:
+    """Who has to give way in conflicts.
+
+    Attributes:
+        contests: finds and decides them.
+        places: see `offsets` of `conflicts.begin`.
+        limits: see `conflicts.find_contests`.
+        ranks: see `conflicts.decide`; (games * agents,) if they are drawn, else (agents,).
+        are_drawn: whether they are.
+    """
+
+    def __init__(
+        self,
+        contests: Contests,
+        places: memoryview[int],
+        limits: memoryview[int],
+        ranks: memoryview[int],
+        *,
+        are_drawn: bool,
+    ) -> None:
+        self.contests = contests
+        self.places = places
+        self.limits = limits
+        self.ranks = ranks
+        self.are_drawn = are_drawn
+
+
+class Movers:
+    """The agents of games as they decide and move; rows are those of `rules.Games`.
+
+    Attributes:
+        streets: where they may go.
+        decides_by: (agents,) `STAYS`, `WALKS` or `IS_GIVEN`.
+        keys: (rows,) the keys of what their strategies draw.
+        given: (rows,) the actions of those that are given one; (0,) where none is.
+        priority: who gives way, if `has_conflicts`.
+        ends: (rows,) where agents go in the turn that is played.
+        takes_part: (rows,) 1: the agent was alive when this turn began.
+        counts: (rows,) how many nodes were legal then.
+        moves, blocks: (rows,) how often agents have gone to another node, and how often conflicts have stopped them.
+        blocked: (rows,) 1: conflicts stopped the agent when it decided last.
+    """
+
+    def __init__(
+        self,
+        streets: Streets,
+        decides_by: memoryview[int],
+        keys: memoryview[int],
+        given: memoryview[int],
+        priority: Priority | None,
+        *,
+        ends: memoryview[int],
+        takes_part: memoryview[int],
+        counts: memoryview[int],
+        moves: memoryview[int],
+        blocks: memoryview[int],
+        blocked: memoryview[int],
+    ) -> None:
+        self.streets = streets
+        self.decides_by = decides_by
+        self.keys = keys
+        self.given = given
+        self.priority = priority
+        self.has_conflicts = priority is not None
+        self.ends = ends
+        self.takes_part = takes_part
+        self.counts = counts
+        self.moves = moves
+        self.blocks = blocks
+        self.blocked = blocked
+
+
+def decide(games: Games, m: Movers, game: int) -> int:
+    """Let the living agents of a game choose the legal nodes that they go to; the others stay."""
+    at = game * games.agents
+    walkers = 0
+    for i in range(games.agents):
+        row = at + i
+        node = games.node[row]
+        games.start[row] = node
+        m.takes_part[row] = games.alive[row]
+        m.counts[row] = m.streets.offsets[node + 1] - m.streets.offsets[node]
+        if m.decides_by[i] == WALKS:
+            walkers += 1
+    if walkers > 0:  # `ends` are numbers of legal nodes for a while
+        draws.fill_choices(m.keys, m.counts, m.ends, at, games.agents, games.turn[game])
+    for i in range(games.agents):
+        row = at + i
+        action = 0
+        if m.takes_part[row] and m.decides_by[i] == WALKS:
+            action = m.ends[row]
+        elif m.takes_part[row] and m.decides_by[i] == IS_GIVEN:
+            action = m.given[row]
+        m.ends[row] = m.streets.targets[m.streets.offsets[games.start[row]] + action]
+    return 0
+
+
+def give_way(games: Games, m: Movers, game: int) -> int:
+    """Let agents stay that lose conflicts, and count them."""
+    at = game * games.agents
+    lost = 0
+    if m.has_conflicts:
+        lost = losers(m.priority, games, m, game)  # type: ignore[arg-type] # there is one
+    for i in range(games.agents):
+        row = at + i
+        if not m.takes_part[row]:
+            continue
+        m.blocked[row] = 0
+        if lost > 0 and m.priority.contests.stays[i] and m.ends[row] != games.start[row]:  # type: ignore[union-attr]
+            m.ends[row] = games.start[row]
+            m.blocked[row] = 1
+            m.blocks[row] += 1
+    return 0
+
+
+def losers(p: Priority, games: Games, m: Movers, game: int) -> int:
+    """Find the agents of a game that lose conflicts, in `stays` of its contests; return how many there are."""
+    at = game * games.agents
+    at_ranks = at if p.are_drawn else 0
+    turn = games.turn[game]
+    return resolve(p.contests, games.start, m.ends, m.takes_part, p.places, p.limits, p.ranks, at, at_ranks, turn)
+
+
+def move(games: Games, m: Movers, game: int) -> int:
+    """Let agents go, and count their moves; one turn more was played then."""
+    at = game * games.agents
+    for row in range(at, at + games.agents):
+        games.placed[row] = 0
+        if m.ends[row] != games.start[row]:
+            games.node[row] = m.ends[row]
+            m.moves[row] += 1
+    games.turn[game] += 1
+    return 0

@@ -1,0 +1,20 @@
+cimport cython
+
+from gamms.core cimport moves, rules
+
+ctypedef long long i64
+
+
+@cython.final
+cdef class Player:
+    cdef rules.Games games
+    cdef moves.Movers movers
+    cdef rules.Rule first
+    cdef bint has_rules
+    cdef const i64[::1] until
+
+
+cpdef int play_turn(Player p, i64 game) except -1 nogil
+@cython.locals(game=i64)
+cpdef int play(Player p, i64 begin, i64 end) except -1 nogil
+cpdef int play_aside(Player p, i64 begin, i64 end) except -1
