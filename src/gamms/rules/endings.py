@@ -8,11 +8,14 @@ import numpy as np
 
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
+from gamms.core.rules import Rule as CoreRule
 from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.rules.in_core import in_core
 from gamms.rules.visits import tracks_of, visits_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
@@ -54,6 +57,8 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[..., object] | None
     """The same for many games at once, of a check too, see `gamms.array_rule`; None: they are played one by one."""
+    core_form: Callable[[Making], CoreRule] | None
+    """Makes the rule as the core plays it in batches, see `gamms.rules.in_core`; None: the core does not."""
     why_not_in_arrays: Callable[[Sequence[IAgent]], str | None]
     """Returns what of these agents the array form cannot deal with, in words; None: nothing."""
     prepare_arrays: Callable[[GameArrays], object]
@@ -245,7 +250,14 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
             winners = _leaders(turn, at) if winner is LEADER else [winner] * len(at)
             turn.end(at, "time limit", winners, truncated=True)
 
-    return with_hooks(time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays)
+    return with_hooks(
+        time_limit,
+        teams=named,
+        last_turn=last,
+        rank=Rank.END,
+        array_form=in_arrays,
+        core_form=in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner),
+    )
 
 
 @shown_as_called
@@ -272,7 +284,13 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         if len(at):
             turn.end(at, _none_in_play(team), _leaders(turn, at) if winner is LEADER else [winner] * len(at))
 
-    return with_hooks(none_left, teams=named, rank=Rank.END, array_form=in_arrays)
+    return with_hooks(
+        none_left,
+        teams=named,
+        rank=Rank.END,
+        array_form=in_arrays,
+        core_form=in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner),
+    )
 
 
 def _none_in_play(team: Team) -> str:
@@ -302,7 +320,7 @@ def last_team() -> Rule:
         left = [names[row.argmax()] if row.any() else None for row in alive[at]]
         turn.end(at, "last team", left)
 
-    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays)
+    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays, core_form=in_core("last_team"))
 
 
 def _named_winner(winner: Team) -> list[Hashable]:

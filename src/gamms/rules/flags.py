@@ -17,6 +17,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown, with_hooks
+from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, column, turn_of
 from gamms.rules.territory import NO_TERRITORY, Colors, Ground, Territory, as_territory
 from gamms.text import shown, shown_as_called
@@ -92,6 +93,7 @@ def capture_flag(
         disclose=all_know(game.key),
         key=game.key,
         array_form=in_arrays,
+        core_form=in_core("capture_flag", game) if fits_core(score) else None,
         prepare_arrays=game.prepare_arrays,
         begin_arrays=game.begin_arrays,
         facts_in_game=game.facts_in_game,

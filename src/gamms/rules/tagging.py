@@ -16,6 +16,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
+from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, Met, Nearness, Side, met_in_turn, one_to_one_of_games, turn_of
 from gamms.rules.territory import NO_TERRITORY, Ground, Territory, as_territory
 from gamms.text import as_code, shown, shown_as_called
@@ -104,6 +105,11 @@ class _Tagging(NamedTuple):
         """Whether it is played in arrays."""
         return isinstance(self.then, str) and not any(map(callable, self.sides))
 
+    @property
+    def has_core_form(self) -> bool:
+        """Whether the core plays it in batches."""
+        return self.has_form and self.nearness.unit is None and fits_core(self.score)
+
     def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
         """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
         owners = NO_TERRITORY if self.ground is None else self.ground.in_turn(ctx, turn)
@@ -150,6 +156,7 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
         act_as_one=_joined,
         taggings=taggings,
         array_form=in_arrays if all(tagging.has_form for tagging in taggings) else None,
+        core_form=in_core("tag", taggings) if all(tagging.has_core_form for tagging in taggings) else None,
     )
 
 
@@ -289,5 +296,6 @@ def respawn(
         brings_back=True,
         disclose=all_know("respawns", key),
         array_form=in_arrays,
+        core_form=in_core("respawn", key, those, wait, most),
         begin_arrays=begin_arrays,
     )

@@ -1,7 +1,7 @@
 """Territories: which team owns a node. They are data, a mapping from nodes to teams that a game publishes as a fact."""
 
 from array import array
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from math import inf
 from typing import Annotated, Any, NamedTuple, cast
 
@@ -11,8 +11,10 @@ from gamms.arguments import as_choice, as_int, as_known, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know, with_hooks
+from gamms.rules.in_core import in_core
 from gamms.rules.meetings import InTurn
 from gamms.text import shown, shown_as_called
 from gamms.typing import ColorType, NodeId, Rule
@@ -118,6 +120,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         drawer=TerritoryDrawer(fact, colors),
         disclose=all_know(TERRITORIES, fact),
         array_form=in_arrays,
+        core_form=in_core("published", fact, territory),
     )
 
 
@@ -143,16 +146,21 @@ class Ground(NamedTuple):
 
     def in_arrays(self, turn: ArrayTurn) -> IntArray:
         """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
-        owners, teams = self.of(turn.facts), turn.roster.teams
+        owners = self.of(turn.facts)
 
         def make() -> tuple[Territory, IntArray]:
-            numbers = np.full(turn.streets.num_nodes, -1)
-            for row, node in enumerate(turn.streets.columns.node_ids.tolist()):
-                if node in owners and owners[node] in teams:
-                    numbers[row] = teams.index(owners[node])
-            return owners, numbers
+            return owners, self.rows(turn.facts, turn.streets, turn.roster.teams)
 
         return turn.shared(("territory", id(owners)), make)[1]
+
+    def rows(self, facts: Mapping[str, Any], streets: Streets, teams: Sequence[Hashable]) -> IntArray:
+        """Return what `in_arrays` does, given what was published, the map and the teams that play."""
+        owners = self.of(facts)
+        numbers = np.full(streets.num_nodes, -1)
+        for row, node in enumerate(streets.columns.node_ids.tolist()):
+            if node in owners and owners[node] in teams:
+                numbers[row] = teams.index(owners[node])
+        return numbers
 
 
 def as_territory(territory: object) -> Ground | None:

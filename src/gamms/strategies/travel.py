@@ -9,8 +9,10 @@ import numpy as np
 
 from gamms.arguments import as_array, as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
+from gamms.core import moves
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.forms import FLIES, flies
+from gamms.game.batch.in_core import CORE_FORM
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray
@@ -128,6 +130,8 @@ offer_form(stay, _stay_in_arrays)
 offer_form(random_walk, _walk_in_arrays)
 for _one in (stay, random_walk):
     setattr(_one, FLIES, True)
+setattr(stay, CORE_FORM, moves.STAY)
+setattr(random_walk, CORE_FORM, moves.RANDOM_WALK)
 
 
 @shown_as_called

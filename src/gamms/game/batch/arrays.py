@@ -20,6 +20,7 @@ from gamms.game.batch.forms import form_of, key_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.given import Given
 from gamms.game.batch.headings import Headings
+from gamms.game.batch.in_core import CoreGames, why_not_in_core
 from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Moves
 from gamms.game.batch.moves_of_turn import (
@@ -100,6 +101,7 @@ class ArrayEngine:
         if self._here.asked is not None:
             self.state.note_blocked = self._here.asked.note_blocked
         self.state.change_roads = self._change_roads
+        self._core = None if why_not_in_core(game, self.state, self._here) else CoreGames(game, self.state)
         self._beginning = Beginning(game, self.state)
         self._publish_facts(game.facts)
 
@@ -205,6 +207,8 @@ class ArrayEngine:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
         self._beginning.put(self.state, games)
+        if self._core is not None:
+            self._core.forget()
         for game in games.tolist():
             self._own[game] = self._askable[1][game] = None
 
@@ -234,6 +238,40 @@ class ArrayEngine:
         finally:
             self.num_played = games
 
+    @property
+    def is_in_core(self) -> bool:
+        """Whether the core plays the games."""
+        if self._core is not None and not self._core.can_play():
+            self._core = None
+        return self._core is not None
+
+    def play_in_core(self, turns: int, threads: int) -> int:
+        """Let the core play so many turns of the games that are not over; return how many were played at most."""
+        assert self._core is not None  # noqa: S101 - `is_in_core` says so
+        before = self.state.turn.copy()
+        last = before + turns
+        self._core.play(last if self._last is None else np.minimum(last, self._last), threads=threads)
+        return int((self.state.turn - before).max())
+
+    def _step_in_core(self, given: Mapping[Hashable, Given]) -> bool:
+        """Let the core play a turn; return whether it does."""
+        if (
+            not self.is_in_core
+            or self._core is None
+            or any(one.deeds or one.messages or one.flights is not None for one in given.values())
+        ):
+            return False
+        playing, until = self._playing(), np.zeros_like(self.state.turn)
+        until[playing] = self.state.turn[playing] + 1
+        if not given or not len(playing):
+            self._core.play(until)
+            return True
+        actions = np.zeros(self.state.node.shape, np.int64)
+        asking = Asking(self.state, self._here, given, at_arrivals=False)
+        actions[playing], is_given = asking.given(ArrayTurn(self.state, playing))
+        self._core.play(until, (actions, is_given))
+        return True
+
     def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns.
 
@@ -248,6 +286,8 @@ class ArrayEngine:
             self.state.now.clear()
 
     def _step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
+        if self._step_in_core(given):
+            return
         state, before = self.state, self._here.rules["before"]
         if given and (before or state.roads.are_closed):
             self._check(given)

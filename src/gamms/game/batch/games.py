@@ -32,6 +32,7 @@ from gamms.text import shown
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
 ONE_BY_ONE = "one_by_one=True"
+_AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays before Ctrl-C is heard
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
 _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
 
@@ -91,7 +92,8 @@ class Batch(Fixed):
         if self.slow is not None:
             self._engine = OneByOneEngine(source.game, self._roster, seeds)
         else:
-            self._engine = ArrayEngine(source.game, seeds, self._starts(seeds), self._roster)
+            self._begin = self._starts(seeds)  # the ids of the nodes where agents begin, (games, agents)
+            self._engine = ArrayEngine(source.game, seeds, self._begin.copy(), self._roster)
         scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
         self._has_calls = bool(scalar)
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
@@ -258,17 +260,21 @@ class Batch(Fixed):
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
-    def run(self, progress: bool = False, *, warn: bool = True) -> None:
+    def run(self, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
         """Play all games to their ends: one after the other where that is faster, unless some turns were played.
 
         Args:
             progress: show how far it is on a line of stderr, where that is a terminal.
             warn: warn once of a rule without an array form, or of what has all games played one after the other.
+            threads: how many threads play games of which all parts are in the core; the games are the same with any
+                number. Other games are played by one.
 
         Raises:
-            BadType, BadValue: `progress` or `warn` is no flag, or nothing could ever end these games.
+            BadType, BadValue: `progress` or `warn` is no flag, `threads` is not a number from 1, or nothing could ever
+                end these games.
         """
         self._refuse_closed()
+        num_threads = min(as_count(threads, "threads"), len(self))
         is_shown, game = as_bool(progress, "progress"), self._source.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
@@ -282,16 +288,34 @@ class Batch(Fixed):
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if is_shown else None)
                 return
+            if self._engine.is_in_core:
+                self._run_in_core(self._engine, num_threads, show if is_shown else None)
+                return
             has_log = self._log is not None  # which is of the turns of all games
             self._engine.play_parts(partial(self._step_and_show, show if is_shown else None), at_once=has_log)
+
+    def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
+        """Play all games in the core, so many turns at a time that Ctrl-C is heard soon."""
+        turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
+        while not engine.is_over.all():
+            with uninterrupted(at_most_once=True):
+                played = engine.play_in_core(turns, threads)
+                if self._log is not None:
+                    self._log += [{}] * played
+                self._steps += played
+            if show is not None:
+                self._show_progress(show)
+
+    def _show_progress(self, show: Callable[[str], object]) -> None:
+        over = int(self._engine.is_over.sum())
+        show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
     def _step_and_show(self, show: Callable[[str], object] | None) -> None:
         self.step()
         self._play_apart(to_the_end=True)
         self._show_apart()
         if show is not None:
-            over = int(self._engine.is_over.sum())
-            show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
+            self._show_progress(show)
 
     def _say_what_is_slow(self) -> None:
         if self._is_said or self.slow in (None, ONE_BY_ONE):
@@ -335,7 +359,9 @@ class Batch(Fixed):
         changed = dict(zip(numbers, given, strict=True))
         self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
         if isinstance(self._engine, ArrayEngine):
-            self._engine.start(np.array(numbers), given, self._starts(given))
+            if seeds is not None:
+                self._begin[numbers] = self._starts(given)
+            self._engine.start(np.array(numbers), given, self._begin[numbers])
         alone = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
         if alone is not None:
             for game, seed in changed.items():

@@ -61,6 +61,28 @@ class Scores(dict[Hashable, FloatArray]):
             self.add(keys[number], games[those], each, those)
         self._last_rank += len(of)
 
+    def take(self, keys: Sequence[Hashable], sums: FloatArray, first: IntArray, are_floats: BoolArray) -> None:
+        """Set the scores of all games to what the core has made of them, (games, keys) each.
+
+        Args:
+            keys: of the scores.
+            sums: the scores.
+            first: numbers in whose order points were first added in a game; -1 where none were.
+            are_floats: whether anything but integers was added.
+        """
+        last = self._last_rank
+        for number, key in enumerate(keys):
+            is_set = first[:, number] >= 0
+            if not is_set.any():
+                continue
+            self.add(key, np.zeros(0, np.int64), 0)  # which knows the key then
+            self[key][:] = sums[:, number]
+            self.are_floats[key] |= are_floats[:, number]
+            ranks = self.ranks[key]
+            is_new = is_set & (ranks == 0)
+            ranks[is_new] = last + 1 + first[is_new, number]
+        self._last_rank = last + 2 + int(first.max(initial=0))
+
     def put(self, game: int, scores: Mapping[Hashable, float]) -> None:
         """Set all scores of a game."""
         for key in self:

@@ -31,6 +31,16 @@ from gamms.readonly import locked
 from gamms.text import shown
 
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
+CORE_KINDS: tuple[tuple[str, str | None], ...] = (
+    ("tag", "other"),
+    ("respawned", None),
+    ("eliminated", None),
+    ("take", "flag"),
+    ("drop", "flag"),
+    ("capture", "flag"),
+    ("reach", None),
+    ("arrive", None),
+)  # by the numbers of `gamms.core.rules`: kind of event, and what it names beside agent and node
 PUT_BACK = "put back"  # the key under which it is kept when and where agents were put back, if that is asked for
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Columns = dict[Hashable, np.ndarray[Any, Any]]
@@ -67,11 +77,41 @@ class Emitted(NamedTuple):
         return some_rows(self, which)
 
 
-class EventLog(GameLog[Emitted]):
-    """The events of all games, as they were emitted."""
+class CoreEvents(NamedTuple):
+    """Events that the core has noted, (events,) each; see `gamms.core.rules`.
 
-    def __init__(self, num_games: int) -> None:
+    Attributes:
+        games, turns, rules, kinds, agents, others, nodes: as the core has them.
+        flags: of each number of a rule, the teams whose flags it has.
+    """
+
+    games: IntArray
+    turns: IntArray
+    rules: IntArray
+    kinds: IntArray
+    agents: IntArray
+    others: IntArray
+    nodes: IntArray
+    flags: tuple[tuple[Hashable, ...], ...]
+
+    def those(self, which: BoolArray) -> "CoreEvents":
+        """Return some of the events."""
+        games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
+        return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
+
+
+class EventLog(GameLog[Emitted | CoreEvents]):
+    """The events of all games, as they were emitted.
+
+    Args:
+        num_games: of the batch.
+        names: of the agents.
+        streets: has the ids of nodes.
+    """
+
+    def __init__(self, num_games: int, names: Sequence[str], streets: Streets) -> None:
         super().__init__(num_games)
+        self._names, self._streets = names, streets
         self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
         self._read_before: dict[Hashable, int] = {}  # reader -> how many events of each game it had read at the start
 
@@ -95,9 +135,14 @@ class EventLog(GameLog[Emitted]):
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> Emitted:
         """Note events and return them, one for each of these games; of one game they are in their order."""
         emitted = Emitted(kind, games, turns, fields)
-        for unread in (self._pending, *self._unread.values()):
+        self._pending.append(emitted)
+        for unread in self._unread.values():
             unread.append(emitted)
         return emitted
+
+    def take(self, events: CoreEvents) -> None:
+        """Note events of games in the core, which have no readers in a turn."""
+        self._pending.append(events)
 
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
         """Let readers find events that are in the log of a game already."""
@@ -144,10 +189,25 @@ class EventLog(GameLog[Emitted]):
         for unread in self._unread.values():
             unread.clear()
 
-    def _entries(self, noted: Emitted) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _entries(self, noted: Emitted | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
+        if isinstance(noted, CoreEvents):
+            yield from self._entries_of_core(noted)
+            return
         kind, games, turns, fields = noted
         for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
             yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
+
+    def _entries_of_core(self, noted: CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
+        names = self._names
+        nodes = self._streets.ids_of(noted.nodes).tolist()
+        columns = [column.tolist() for column in noted[:6]]
+        for game, turn, rule, number, agent, other, node in zip(*columns, nodes, strict=True):
+            kind, has = CORE_KINDS[number]
+            entry = {"turn": turn, "kind": kind, "agent": names[agent]}
+            if has is not None:
+                entry[has] = names[other] if has == "other" else noted.flags[rule][other]
+            entry["node"] = node
+            yield game, entry
 
 
 def _refuse_other_arrays(made: object, games: int) -> None:
@@ -299,7 +359,7 @@ class GameArrays:
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(roster.names), np.bool_)
-        self.facts, self.events = dict[str, Any](), EventLog(games)
+        self.facts, self.events = dict[str, Any](), EventLog(games, roster.names, movement.streets)
         self.collected = dict[int, dict[str, dict[str, list[Any]]]]()
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None

@@ -1,0 +1,314 @@
+"""Plays the games of a batch in the core: those of which every part is a function of it.
+
+`CORE_FORM` is the attribute by which a strategy or a rule says so: a strategy has the number by which
+`gamms.core.moves` knows it, a rule a function that makes what `gamms.core.rules` plays.
+"""
+
+from collections.abc import Collection, Hashable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms import core
+from gamms.core import contacts, moves, rules, turn
+from gamms.errors import BadValue, GammsError
+from gamms.game.batch.columns import PlayedGame, decider_of
+from gamms.game.batch.game_forms import GameForms
+from gamms.game.batch.movement import Movement
+from gamms.game.batch.sight import reports_late
+from gamms.game.batch.state import CoreEvents, GameArrays
+from gamms.game.conflicts import Table
+from gamms.game.settings import as_called
+from gamms.ir.game_state import joined_end
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+
+CORE_FORM = "core_form"  # an attribute of strategies and rules
+ONE_THAT_SHOWS = "a winner that the core finds"
+_END = 8  # the kind of event by which a game ends; those before are `state.CORE_KINDS`
+_TAG, _CAPTURE = 0, 5
+_FIRST_ROOM = 1024  # events
+
+
+class PlayedRule(NamedTuple):
+    """A rule in the core, as its events have it.
+
+    Attributes:
+        is_scored: whether each of its events scores for the team of the agent.
+        has_floats: whether the points are no integers.
+        flags: the teams whose flags it has, by number.
+        reason, winner, truncated: of the end of a game; the winner may be `ONE_THAT_SHOWS`.
+    """
+
+    is_scored: bool = False
+    has_floats: bool = False
+    flags: tuple[Hashable, ...] = ()
+    reason: str = ""
+    winner: object = ONE_THAT_SHOWS
+    truncated: bool = False
+
+
+class Making:
+    """What the rules of one thread are made with.
+
+    Attributes:
+        state: of all games.
+        games, events, steps, pieces: see `gamms.core.rules`.
+        nodes, times, lengths: the columns of the steps.
+        rules: of the numbers that events have, what they are of.
+    """
+
+    def __init__(self, state: GameArrays, games: rules.Games) -> None:
+        agents = len(state.roster.names)
+        self.state = state
+        self.games = games
+        self.events = rules.Events(_FIRST_ROOM)
+        self.nodes, self.times, self.lengths = ints(2 * agents), floats(2 * agents), ints(agents)
+        self.steps = rules.Steps(self.nodes, self.times, self.lengths)
+        pieces, places = [ints(6 * agents) for _ in range(6)], [floats(6 * agents) for _ in range(4)]
+        first = np.full(state.streets.num_nodes, -1).data
+        self.pieces = contacts.Pieces(
+            pieces[0],
+            pieces[1],
+            pieces[2],
+            places[0],
+            places[1],
+            places[2],
+            places[3],
+            pieces[3],
+            pieces[4],
+            first,
+            pieces[5],
+        )
+        self.rules: list[PlayedRule] = []
+
+    def number(self, *played: PlayedRule) -> int:
+        """Return the first of the numbers of a rule, one for each of its parts."""
+        self.rules += played
+        return len(self.rules) - len(played)
+
+    def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
+        """Return the tracks of agents that go along one edge, of these sides."""
+        agents = len(self.state.roster.names)
+        return contacts.Tracks(agents, 2, self.nodes, self.times, self.lengths, sides, at_end=at_end)
+
+    def plays(self, teams: Collection[Hashable] | None) -> Any:
+        """Return which agents are of these teams, 1 or 0; None: of any."""
+        return flat(self.state.roster.plays_for(teams), np.int64)
+
+    def team(self, team: Hashable) -> int:
+        """Return the number of a team; -1: no agent plays for it."""
+        teams = self.state.roster.teams
+        return teams.index(team) if team in teams else -1
+
+
+def ints(number: int) -> Any:  # memoryviews are not subscriptable
+    """Return memory for integers, as the core takes it."""
+    return np.zeros(number, np.int64).data
+
+
+def floats(number: int) -> Any:
+    """Return memory for floats, as the core takes it."""
+    return np.zeros(number).data
+
+
+def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:
+    """Return a column as the core takes it, to be read."""
+    return np.ascontiguousarray(column, kind).reshape(-1).data
+
+
+def memory_of(column: np.ndarray[Any, Any]) -> Any:
+    """Return the memory of a column of the batch, which the core writes to."""
+    assert column.flags.c_contiguous  # noqa: S101 - the state of a batch is in one piece
+    return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
+
+
+def why_not_in_core(game: PlayedGame, state: GameArrays, here: GameForms) -> str | None:
+    """Return what of games in arrays the core cannot play, in words; None: nothing."""
+    return next(_why_not(game, state, here), None)
+
+
+def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[str]:
+    settings, roster = game.settings(), state.roster
+    if not core.is_compiled:
+        yield "the core, which is not compiled"
+    if type(state.movement) is not Movement or state.movement.closed:
+        yield "ways that are not those along one edge"
+    if state.flyers is not None or None in roster.teams or not roster.is_first.all():
+        yield "agents that fly, have no team or may come"
+    if any(settings[name] for name in ("order", "deeds", "channels")):
+        yield "an order of play, deeds or channels"
+    if here.checks or here.context.functions() or state.headings is not None or any(map(reports_late, roster.agents)):
+        yield "what is called, or looks at the games, in a turn"
+    for agent in roster.agents:
+        decider = decider_of(agent, settings["plans"])
+        if decider is not None and not hasattr(decider, CORE_FORM):
+            yield "a strategy"
+    for one in as_called(game.rules):
+        if one.phase != "after" or getattr(one.rule, CORE_FORM, None) is None:
+            yield f"the rule {one.name!r}"
+
+
+class CoreGames:
+    """The games of a batch in the core.
+
+    Args:
+        game: at its start.
+        state: of all games, which turns change.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+        self._state, settings, shape = state, game.settings(), state.node.shape
+        self._rules = [getattr(one.rule, CORE_FORM) for one in as_called(game.rules)]
+        self._conflicts = settings["conflicts"]
+        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
+        self._decides_by = np.array([getattr(one, CORE_FORM, moves.STAY) for one in deciders], np.uint8)
+        self._deciding = self._decides_by.copy()
+        streets = state.streets
+        self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))
+        self._given = np.zeros(shape, np.int64)
+        self._over = np.zeros(shape[0], np.uint8)
+        self._until = np.zeros(shape[0], np.int64)
+        self._score = np.zeros((shape[0], len(state.roster.teams)))
+        self._made: list[tuple[turn.Player, Making]] = []  # of each thread
+        self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
+
+    def forget(self) -> None:
+        """Make all that turns are played with anew, because games begin again."""
+        self._made.clear()
+
+    def can_play(self) -> bool:
+        """Whether all is there that rules and conflicts need; if not, arrays say so when they play."""
+        try:
+            self._made = self._made or [self._player()]
+        except GammsError:
+            return False
+        return True
+
+    def play(self, until: IntArray, given: tuple[IntArray, BoolArray] | None = None, threads: int = 1) -> None:
+        """Play games until so many turns of each are played, or it is over.
+
+        Args:
+            until: (games,)
+            given: actions, (games, agents), and which agents take them, (agents,); the others decide themselves.
+            threads: how many play.
+        """
+        state, games = self._state, len(self._until)
+        is_given = np.zeros(len(self._decides_by), np.bool_) if given is None else given[1]
+        self._deciding[:] = np.where(is_given, moves.GIVEN, self._decides_by)
+        if given is not None:
+            self._given[:] = given[0]
+        self._until[:] = until
+        self._over[:] = ~state.is_going
+        for number, team in enumerate(state.roster.teams):
+            self._score[:, number] = state.scores.get(team, 0.0)
+        while len(self._made) < threads:
+            self._made.append(self._player())
+        bounds = [games * part // threads for part in range(threads + 1)]
+        parts = zip(self._made, bounds, bounds[1:], strict=False)
+        if threads == 1:
+            turn.play_aside(self._made[0][0], 0, games)
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                for one in [pool.submit(turn.play_aside, player, *ends) for (player, _), *ends in parts]:
+                    one.result()
+        state.is_going[:] = self._over == 0
+        for _, making in self._made:
+            self._read(making)
+        state.now.clear()
+
+    def _player(self) -> tuple[turn.Player, Making]:
+        """Make what one more thread plays with."""
+        state, roster, shape = self._state, self._state.roster, self._state.node.shape
+        if self._made:  # they share columns
+            games, shared = self._shared
+        else:
+            games = rules.Games(
+                shape[1],
+                len(roster.teams),
+                node=memory_of(state.node),
+                start=ints(state.node.size),
+                previous=ints(state.node.size),
+                alive=memory_of(state.alive),
+                placed=memory_of(state.placed),
+                stops=memory_of(state.stops),
+                home=memory_of(state.start),
+                turn=memory_of(state.turn),
+                over=self._over.data,
+                score=memory_of(self._score),
+                team=flat(roster.team_of, np.int64),
+            )
+            shared = {
+                "ends": ints(state.node.size),
+                "takes_part": np.zeros(state.node.size, np.uint8).data,
+                "counts": ints(state.node.size),
+                "moves": memory_of(state.counts["moves"]),
+                "blocks": memory_of(state.counts["blocked"]),
+                "blocked": memory_of(state.blocked),
+            }
+            self._shared = games, shared
+        keys = flat(state.draw_keys(), np.uint64)
+        given = self._given.reshape(-1).data
+        movers = moves.Movers(self._streets, self._deciding.data, keys, given, self._priority(), **shared)
+        making = Making(state, games)
+        made = [make(making) for make in self._rules]
+        first = rules.chained(made) if made else None
+        return turn.Player(games, movers, first, self._until.data), making
+
+    def _priority(self) -> moves.Priority | None:
+        if self._conflicts is None:
+            return None
+        table = Table(self._conflicts, self._state.roster, self._state.streets.columns, has_edges=False)
+        if table.has_missing_ranks:
+            raise BadValue("An agent has no rank in conflicts.")
+        ranks = self._state.draw_keys(table.purpose) if table.ranks is None else table.ranks
+        return moves.Priority(
+            table.contests, table.places, table.limits, flat(ranks, np.uint64), are_drawn=table.ranks is None
+        )
+
+    def _read(self, making: Making) -> None:
+        """Take the events that rules of one thread have noted into the state of the batch."""
+        events, state = making.events, self._state
+        count = events.count
+        if not count:
+            return
+        columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
+        games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
+        flags = tuple(one.flags for one in making.rules)
+        noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
+        events.count = 0
+        self._note_scores(noted, making.rules)
+        is_end = noted.kinds == _END
+        for row in np.flatnonzero(is_end).tolist():
+            played, game, winner = making.rules[noted.rules[row]], int(noted.games[row]), int(noted.agents[row])
+            who = played.winner
+            if who is ONE_THAT_SHOWS:
+                who = None if winner < 0 else state.roster.teams[winner]
+            how = {"reason": played.reason, "winner": who, "truncated": played.truncated}
+            state.over[game] = joined_end(state.over[game], how)
+        state.events.take(noted.those(~is_end))
+
+    def _note_scores(self, noted: CoreEvents, played: Sequence[PlayedRule]) -> None:
+        """Take scores, and in which order they were first set."""
+        teams = self._state.roster.teams
+        is_scored = np.array([one.is_scored for one in played], np.bool_)
+        has_floats = np.array([one.has_floats for one in played], np.bool_)
+        rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
+        rows = rows[is_scored[noted.rules[rows]]]
+        rows = rows[_scores(noted.kinds[rows])]
+        if not len(rows):
+            return
+        which = noted.games[rows] * len(teams) + self._state.roster.team_of[noted.agents[rows]]
+        first = np.full(self._score.size, -1)
+        first[which[::-1]] = rows[::-1]
+        are_floats = np.zeros(self._score.size, np.bool_)
+        are_floats[which[has_floats[noted.rules[rows]]]] = True
+        shape = self._score.shape
+        self._state.scores.take(teams, self._score, first.reshape(shape), are_floats.reshape(shape))
+
+
+def _scores(kinds: IntArray) -> BoolArray:
+    """Return which events, of rules that score, do: not those of flags that are taken or dropped."""
+    found: BoolArray = (kinds == _TAG) | (kinds >= _CAPTURE)
+    return found

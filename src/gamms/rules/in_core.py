@@ -1,0 +1,195 @@
+"""The rules that the core plays in batches: functions, one for each, that make what `gamms.core.rules` has of it."""
+
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gamms.core import contacts, rules
+from gamms.errors import BadValue
+from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, flat, floats, ints, memory_of
+from gamms.ir.graph import IntArray
+
+_NOTHING, _NO_FLOATS = ints(0), floats(0)
+_NO_LEGS = contacts.Legs(
+    0,
+    _NOTHING,
+    _NOTHING,
+    _NOTHING,
+    _NOTHING,
+    _NOTHING,
+    _NO_FLOATS,
+    _NO_FLOATS,
+    _NO_FLOATS,
+    _NO_FLOATS,
+    _NO_FLOATS,
+)
+_NO_REACH = contacts.Reach(_NOTHING, _NOTHING, _NOTHING, _NO_FLOATS)
+_NO_PLACES = contacts.Places(_NOTHING, _NO_FLOATS)
+_NO_LINES = contacts.Lines(_NOTHING, _NO_FLOATS, _NO_FLOATS, _NO_FLOATS, _NO_FLOATS)
+_FIRST_ROOM = 64  # contacts
+_NOBODY, _LEADER = -1, -2  # as `gamms.core.rules` has them
+_THEN = {"respawn": 1, "eliminate": 2}
+_MOST_EXACT = 1 << 53  # of integers as floats
+
+
+def in_core(name: str, *args: object) -> Callable[[Making], rules.Rule]:
+    """Return the form in the core of a rule of a name, with its arguments."""
+    return partial(FORMS[name], *args)
+
+
+def fits_core(points: float) -> bool:
+    """Whether the core adds such points as Python does."""
+    return abs(points) <= _MOST_EXACT
+
+
+def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
+    """Make `gamms.rules.tag`, of all such rules of a game."""
+    roster, state = making.state.roster, making.state
+    purpose, turn = np.zeros(1, np.uint64).data, ints(1)
+    behind: rules.Tagging | None = None
+    for one in reversed(taggings):
+        sides = ints(len(roster.names))
+        tracks = making.tracks(sides, at_end=not one.nearness.passing)
+        a, b, a_nodes, b_nodes, games, on_edges, order = (ints(_FIRST_ROOM) for _ in range(7))
+        times, far, draws = floats(_FIRST_ROOM), floats(_FIRST_ROOM), np.zeros(_FIRST_ROOM, np.uint64).data
+        found = contacts.Contacts(making.pieces, games, a, b, a_nodes, b_nodes, times, far, draws, on_edges, order)
+        found.ask(
+            tracks,
+            _NO_LEGS,
+            flat(roster.keys, np.uint64),
+            purpose,
+            turn,
+            reach=_NO_REACH,
+            places=_NO_PLACES,
+            lines=_NO_LINES,
+            crossing=one.nearness.crossing,
+            by_metres=False,
+        )
+        taggers, tagged = (roster.plays_for([side]) for side in one.sides)
+        owners = None if one.ground is None else one.ground.rows(state.facts, state.streets, roster.teams)
+        behind = rules.Tagging(
+            found,
+            0,
+            0.0,
+            flat(taggers + 2 * tagged, np.int64),
+            sides,
+            mutual=one.mutual,
+            owners=_NOTHING if owners is None else flat(owners, np.int64),
+            then=_THEN[one.then],
+            points=one.score,
+            behind=behind,
+        )
+    if behind is None:
+        raise BadValue("A rule by which agents tag has one tagging or more.")
+    number = making.number(*(PlayedRule(bool(one.score), isinstance(one.score, float)) for one in taggings))
+    tags = rules.Tags(ints(len(roster.names)))
+    purposes = memory_of(state.purposes("contacts"))
+    return rules.TagRule(making.games, making.events, number, behind, tags, making.steps, purpose, turn, purposes)
+
+
+def capture_flag(flags: Any, making: Making) -> rules.Rule:
+    """Make `gamms.rules.capture_flag`."""
+    state, roster, streets = making.state, making.state.roster, making.state.streets
+    kept = state.keep(("capture_flag", flags.key), flags.start_of(roster))
+    base = streets.rows([*flags.bases.values()])
+    number_of = {team: making.team(team) for team in flags.bases}
+    home = np.full(len(roster.teams), -1)
+    for number, node in zip(number_of.values(), base.tolist(), strict=True):
+        if number >= 0:
+            home[number] = node
+    owners = None if flags.ground is None else flags.ground.rows(state.facts, streets, roster.teams)
+    purposes = [state.purposes("capture_flag", flags.key, str(team)) for team in flags.bases]
+    sides = ints(len(roster.names))
+    core = rules.Flags(
+        len(flags.bases),
+        team=flat(np.array([*number_of.values()]), np.int64),
+        base=flat(base, np.int64),
+        home=flat(home, np.int64),
+        owners=_NOTHING if owners is None else flat(owners, np.int64),
+        takes=flat(roster.team_of, np.int64),
+        names=flat(roster.keys, np.uint64),
+        purposes=flat(np.stack(purposes, axis=1), np.uint64),
+        carriers=memory_of(kept["carriers"]),
+        stops=memory_of(kept["stops"]),
+        captures=memory_of(kept["captures"]),
+        starts=memory_of(state.start),
+        members=flat(roster.team_of, np.int64),
+        taken=floats(len(flags.bases)),
+        goal=flags.goal or 0,
+        points=flags.score,
+    )
+    played = PlayedRule(True, isinstance(flags.score, float), tuple(flags.bases), "flags captured")
+    return rules.FlagRule(
+        making.games,
+        making.events,
+        making.number(played),
+        flags=core,
+        steps=making.steps,
+        tracks=making.tracks(sides, at_end=not flags.passing),
+        legs=_NO_LEGS,
+        pieces=making.pieces,
+        ground=making.plays(None),
+        sides=sides,
+    )
+
+
+def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int | None, making: Making) -> rules.Rule:
+    """Make `gamms.rules.respawn`."""
+    shape = making.state.node.shape[1:]
+
+    def make(games: int) -> dict[str, IntArray]:
+        return {"out": np.full((games, *shape), -1), "times": np.zeros((games, *shape), np.int64)}
+
+    kept = making.state.keep(("respawn", key), make)
+    return rules.Returns(
+        making.games,
+        making.events,
+        making.number(PlayedRule()),
+        plays=making.plays(teams),
+        out=memory_of(kept["out"]),
+        times=memory_of(kept["times"]),
+        wait=wait,
+        most=-1 if most is None else most,
+    )
+
+
+def time_limit(last: int, winner: object, making: Making) -> rules.Rule:
+    """Make `gamms.rules.time_limit`; the winner is `ONE_THAT_SHOWS` or a team."""
+    number = making.number(PlayedRule(reason="time limit", winner=winner, truncated=True))
+    return rules.TimeLimit(making.games, making.events, number, last=last, winner=_code(winner))
+
+
+def none_left(team: Hashable, reason: str, winner: object, making: Making) -> rules.Rule:
+    """Make `gamms.rules.none_left`; of a team without agents, a rule that does nothing."""
+    if team not in making.state.roster.teams:
+        return _nothing(making)
+    number = making.number(PlayedRule(reason=reason, winner=winner))
+    return rules.NoneLeft(making.games, making.events, number, team=making.team(team), winner=_code(winner))
+
+
+def last_team(making: Making) -> rules.Rule:
+    """Make `gamms.rules.last_team`."""
+    number = making.number(PlayedRule(reason="last team"))
+    return rules.LastTeam(making.games, making.events, number, nobody=-1)
+
+
+def published(fact: str, nodes: Mapping[int, Hashable], making: Making) -> rules.Rule:
+    """Make `gamms.rules.territory.published`, which has nothing to do in a turn."""
+    making.state.facts.setdefault(fact, nodes)
+    return _nothing(making)
+
+
+def _nothing(making: Making) -> rules.Rule:
+    return rules.Rule(making.games, making.events, making.number(PlayedRule()))
+
+
+def _code(winner: object) -> int:
+    return _LEADER if winner is ONE_THAT_SHOWS else _NOBODY
+
+
+FORMS: Mapping[str, Callable[..., rules.Rule]] = {
+    one.__name__: one for one in (tag, capture_flag, respawn, time_limit, none_left, last_team, published)
+}
+"""The rules that the core plays in batches, by name."""
