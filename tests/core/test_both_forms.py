@@ -58,18 +58,6 @@ def columns(drawn):
 
 SIX = st.lists(I64, min_size=6, max_size=6)
 BLOCK = st.tuples(SIX, SIX, st.lists(st.tuples(ROW, I64), unique_by=lambda one: one[0])).map(columns)
-def choices(columns):
-    """Columns of keys, counts and choices, and which rows get some: all but the first."""
-    keys, counts, out = columns
-    return (
-        keys,
-        array("q", [1 + count % 2**32 for count in counts]),
-        array("q", out),
-        min(1, len(out) - 1),
-        len(out) - 1,
-    )
-
-
 CASES = {
     ("block", "gather"): BLOCK.map(lambda one: (one[0], one[2], one[3])),
     ("block", "move_rows"): BLOCK,
@@ -85,7 +73,6 @@ CASES = {
     ("draws", "fill_first_keys"): rows(U64, U64),
     ("draws", "fill_turn_keys"): rows(U64, I64),
     ("draws", "fill_bits"): rows(U64, I64),
-    ("draws", "fill_choices"): rows(U64, I64).map(choices).flatmap(lambda one: st.tuples(*map(st.just, one), I64)),
 }
 
 PLAYED = {"conflicts", "contacts", "moves", "rules", "turn"}

@@ -44,6 +44,10 @@ class Board:
             self.stays.data,
         )
 
+    def requests(self, starts, ends, counts, ranks):
+        numbers = np.array(ranks, np.uint64).reshape(-1).data
+        return conflicts.Requests(starts, ends, counts, self.offsets.data, self.limits.data, numbers)
+
     def resolve_games(self, games, ranks, turns):
         """Return the bytes of all agents in games, each a list of (start, end, counts), and check the memory."""
         starts, ends, counts = (
@@ -51,17 +55,8 @@ class Board:
             for k, kind in enumerate((np.int64, np.int64, np.uint8))
         )
         stays = np.zeros(len(counts), np.uint8)
-        found = conflicts.resolve_games(
-            self.contests,
-            starts,
-            ends,
-            counts,
-            self.offsets.data,
-            self.limits.data,
-            np.array(ranks, np.uint64).reshape(-1).data,
-            np.array(turns, np.int64).data,
-            stays.data,
-        )
+        requests = self.requests(starts, ends, counts, ranks)
+        found = conflicts.resolve_games(self.contests, requests, np.array(turns, np.int64).data, stays.data)
         assert found == np.count_nonzero(stays)
         assert (self.tables[0] == -1).all()
         assert not self.tables[1].any()
@@ -147,14 +142,15 @@ def test_a_function_may_decide_between_the_rounds():
     board = Board([0] * 3, [1] * PLACES)
     c = board.contests
     starts, ends = (np.array(places, np.int64).data for places in ([0, 1, 2], [1, 3, 3]))
-    conflicts.begin(c, starts, ends, bytes([1, 1, 1]), board.offsets.data, 0)
-    assert conflicts.find_contests(c, board.limits.data) == 1
+    requests = board.requests(starts, ends, bytes([1, 1, 1]), [])
+    conflicts.begin(c, requests, 0)
+    assert conflicts.find_contests(c, requests) == 1
     assert board.members[: board.first[1]].tolist() == [1, 2]
     board.stays[1] = conflicts.LOSES
-    assert conflicts.find_more_contests(c, 1, board.limits.data) == 1
+    assert conflicts.find_more_contests(c, requests, 1) == 1
     assert (board.members[: board.first[1]].tolist(), board.free[0]) == ([0], 0), "which has no place to win"
     board.stays[0] = conflicts.LOSES
-    assert conflicts.find_more_contests(c, 1, board.limits.data) == 0
+    assert conflicts.find_more_contests(c, requests, 1) == 0
     conflicts.clear(c)
     assert (board.tables == [[-1], [0]]).all()
 

@@ -11,6 +11,7 @@ cdef u64 NEVER, UNRANKED, MASK, SPREAD
 cdef u8 GOES, STAYS, NEEDS_RANK
 cdef int FORWARD, BOTH_WAYS
 
+@cython.final
 cdef class Contests:
     cdef i64 agents, nodes, places, least
     cdef bint allow_swaps, is_drawn
@@ -18,8 +19,14 @@ cdef class Contests:
     cdef u64[::1] value
     cdef u8[::1] stays
 
+@cython.final
+cdef class Requests:
+    cdef const i64[::1] starts, ends, offsets, limits
+    cdef const u8[::1] counts
+    cdef const u64[::1] ranks
+
 @cython.locals(i=i64)
-cpdef int begin(Contests c, const i64[::1] starts, const i64[::1] ends, const u8[::1] counts, const i64[::1] offsets, i64 at) except -1 nogil
+cpdef int begin(Contests c, Requests requests, i64 at) except -1 nogil
 @cython.locals(i=i64, low=i32, groups=i64, found=i32, g=i64)
 cpdef i64 find_exchanges(Contests c) except -1 nogil
 @cython.locals(start=i32, end=i32)
@@ -31,15 +38,15 @@ cdef int list_members(Contests c, i64 found) except -1 nogil
 @cython.locals(k=i64, m=i64, i=i64, way=i32)
 cpdef int end_exchanges(Contests c, i64 found) except -1 nogil
 @cython.locals(i=i64, p=i64, queued=i64)
-cpdef i64 find_contests(Contests c, const i64[::1] limits) except -1 nogil
+cpdef i64 find_contests(Contests c, Requests requests) except -1 nogil
 @cython.locals(lost=i64, k=i64, m=i64, p=i64, i=i64, known=i64, queued=i64)
-cpdef i64 find_more_contests(Contests c, i64 found, const i64[::1] limits) except -1 nogil
+cpdef i64 find_more_contests(Contests c, Requests requests, i64 found) except -1 nogil
 @cython.locals(found=i64, members=i64, k=i64, p=i64, i=i64, coming=i64, node=i64, free=i64)
-cdef i64 list_contests(Contests c, i64 queued, const i64[::1] limits) except -1 nogil
+cdef i64 list_contests(Contests c, Requests requests, i64 queued) except -1 nogil
 @cython.locals(i=i64)
 cpdef int clear(Contests c) except -1 nogil
 @cython.locals(k=i64, m=i64, begin=i64, able=i64, i=i64)
-cdef int decide(Contests c, i64 found, const u64[::1] ranks, i64 at, i64 turn) except -1 nogil
+cdef int decide(Contests c, Requests requests, i64 found, i64 at, i64 turn) except -1 nogil
 cdef bint is_ahead(Contests c, i64 i, i64 j) noexcept nogil
 @cython.locals(k=i64, m=i64, i=i64)
 cdef int put_best_first(Contests c, i64 begin, i64 end, i64 number) except -1 nogil
@@ -47,7 +54,7 @@ cdef int put_best_first(Contests c, i64 begin, i64 end, i64 number) except -1 no
 cdef int sift(Contests c, i64 begin, i64 number, i64 k) except -1 nogil
 @cython.locals(last=i64, found=i32, i=Py_ssize_t, k=i64, n=i64)
 cpdef int number_ids(const i64[::1] ids, i64[::1] keys, i32[::1] slots, i32[::1] used, i64[::1] numbers) except -1 nogil
-@cython.locals(found=i64, stopped=i64, i=i64)
-cpdef i64 resolve(Contests c, const i64[::1] starts, const i64[::1] ends, const u8[::1] counts, const i64[::1] offsets, const i64[::1] limits, const u64[::1] ranks, i64 at, i64 at_ranks, i64 turn) except -1 nogil
-@cython.locals(stopped=i64, here=i64, game=Py_ssize_t, at=i64, at_ranks=i64, i=i64)
-cpdef i64 resolve_games(Contests c, const i64[::1] starts, const i64[::1] ends, const u8[::1] counts, const i64[::1] offsets, const i64[::1] limits, const u64[::1] ranks, const i64[::1] turns, u8[::1] stays) except -1 nogil
+@cython.locals(at=i64, at_ranks=i64, found=i64, stopped=i64, i=i64)
+cpdef i64 resolve(Contests c, Requests requests, i64 game, i64 turn) except -1 nogil
+@cython.locals(stopped=i64, here=i64, game=Py_ssize_t, i=i64)
+cpdef i64 resolve_games(Contests c, Requests requests, const i64[::1] turns, u8[::1] stays) except -1 nogil

@@ -99,31 +99,44 @@ class Contests:
         self.stays = stays
 
 
-def begin(
-    c: Contests,
-    starts: memoryview[int],
-    ends: memoryview[int],
-    counts: memoryview[int],
-    offsets: memoryview[int],
-    at: int,
-) -> int:
-    """Take the moves of a game.
+class Requests:
+    """The moves that agents of games want to make, in rows game by game.
 
-    Args:
-        c: where they go.
-        starts: the places of a team where moves begin, those of the game from `at`.
-        ends: likewise, where they end.
-        counts: likewise, 1 for agents that count, else 0.
+    Attributes:
+        starts: (rows,) the places of a team where moves begin.
+        ends: (rows,) likewise, where they end.
+        counts: (rows,) 1 for agents that count, else 0.
         offsets: (agents,) the first place of the team of each.
-        at: where the game begins in these.
+        limits: (places,) capacities.
+        ranks: 64-bit integers without sign, (agents,). If they are drawn: (rows,) the `first_key`s of the agents.
     """
+
+    def __init__(
+        self,
+        starts: memoryview[int],
+        ends: memoryview[int],
+        counts: memoryview[int],
+        offsets: memoryview[int],
+        limits: memoryview[int],
+        ranks: memoryview[int],
+    ) -> None:
+        self.starts = starts
+        self.ends = ends
+        self.counts = counts
+        self.offsets = offsets
+        self.limits = limits
+        self.ranks = ranks
+
+
+def begin(c: Contests, requests: Requests, at: int) -> int:
+    """Take the moves of a game, which begins at row `at`."""
     for i in range(c.agents):
         c.stays[i] = GOES
         c.start[i] = -1
         c.end[i] = -1
-        if counts[at + i]:
-            c.start[i] = starts[at + i] + offsets[i]
-            c.end[i] = ends[at + i] + offsets[i]
+        if requests.counts[at + i]:
+            c.start[i] = requests.starts[at + i] + requests.offsets[i]
+            c.end[i] = requests.ends[at + i] + requests.offsets[i]
     return 0
 
 
@@ -221,13 +234,8 @@ def end_exchanges(c: Contests, found: int) -> int:
     return 0
 
 
-def find_contests(c: Contests, limits: memoryview[int]) -> int:
-    """Find the places that more agents want to come to than they take; return how many there are.
-
-    Args:
-        c: the moves.
-        limits: (places,) 64-bit integers: capacities.
-    """
+def find_contests(c: Contests, requests: Requests) -> int:
+    """Find the places that more agents want to come to than they take; return how many there are."""
     queued = 0
     for i in range(c.agents - 1, -1, -1):
         p = c.end[i]
@@ -242,10 +250,10 @@ def find_contests(c: Contests, limits: memoryview[int]) -> int:
         if c.taken[p] == c.least + 1:
             c.queue[queued] = p
             queued += 1
-    return list_contests(c, queued, limits)
+    return list_contests(c, requests, queued)
 
 
-def find_more_contests(c: Contests, found: int, limits: memoryview[int]) -> int:
+def find_more_contests(c: Contests, requests: Requests, found: int) -> int:
     """Let the losers of contests stay, and find the places that this makes too full; return how many there are."""
     lost = 0
     for k in range(found):
@@ -271,10 +279,10 @@ def find_more_contests(c: Contests, found: int, limits: memoryview[int]) -> int:
                 c.number[i] = queued
                 c.queue[queued] = p
                 queued += 1
-    return list_contests(c, queued, limits)
+    return list_contests(c, requests, queued)
 
 
-def list_contests(c: Contests, queued: int, limits: memoryview[int]) -> int:
+def list_contests(c: Contests, requests: Requests, queued: int) -> int:
     """List the contests among queued places, with their members in the order of agents; return how many there are."""
     found = 0
     members = 0
@@ -288,7 +296,7 @@ def list_contests(c: Contests, queued: int, limits: memoryview[int]) -> int:
             coming += 1
             i = c.after[i]
         node = p if p < c.places else p % c.places  # a division costs as much as the rest
-        free = limits[node] - (c.taken[p] - coming)
+        free = requests.limits[node] - (c.taken[p] - coming)
         if coming > 0 and free < coming:
             members += coming
             c.place[found] = p
@@ -309,14 +317,14 @@ def clear(c: Contests) -> int:
     return 0
 
 
-def decide(c: Contests, found: int, ranks: memoryview[int], at: int, turn: int) -> int:
+def decide(c: Contests, requests: Requests, found: int, at: int, turn: int) -> int:
     """Let the members with the smallest ranks win contests, of equals the first agents; the others stay.
 
     Args:
         c: the contests.
-        found: how many.
-        ranks: of the agents, from `at`: 64-bit integers without sign. If they are drawn: their `first_key`s.
-        at: where the agents begin in these.
+        requests: have the ranks.
+        found: how many contests there are.
+        at: where the agents begin in the ranks.
         turn: the number of the turn, for draws.
     """
     for k in range(found):
@@ -328,15 +336,15 @@ def decide(c: Contests, found: int, ranks: memoryview[int], at: int, turn: int) 
                 c.stays[i] = STAYS
                 continue
             if c.is_drawn:
-                c.value[i] = draws.bits_at(draws.turn_key(ranks[at + i], turn), 0)
+                c.value[i] = draws.bits_at(draws.turn_key(requests.ranks[at + i], turn), 0)
             else:
-                c.value[i] = ranks[at + i]
-            if c.is_drawn or ranks[at + i] < NEVER:
+                c.value[i] = requests.ranks[at + i]
+            if c.is_drawn or requests.ranks[at + i] < NEVER:
                 c.members[m] = c.members[able]
                 c.members[able] = i
                 able += 1
             else:
-                c.stays[i] = NEEDS_RANK if ranks[at + i] == UNRANKED else STAYS
+                c.stays[i] = NEEDS_RANK if requests.ranks[at + i] == UNRANKED else STAYS
         if able - begin > c.free[k]:
             put_best_first(c, begin, able, c.free[k])
             for m in range(begin + c.free[k], able):
@@ -411,42 +419,27 @@ def number_ids(
     return found
 
 
-def resolve(
-    c: Contests,
-    starts: memoryview[int],
-    ends: memoryview[int],
-    counts: memoryview[int],
-    offsets: memoryview[int],
-    limits: memoryview[int],
-    ranks: memoryview[int],
-    at: int,
-    at_ranks: int,
-    turn: int,
-) -> int:
+def resolve(c: Contests, requests: Requests, game: int, turn: int) -> int:
     """Find the agents of a game that stay, in `stays`, and return how many do.
 
     Args:
         c: gets them.
-        starts: see `begin`.
-        ends: see `begin`.
-        counts: see `begin`.
-        offsets: see `begin`.
-        limits: see `find_contests`.
-        ranks: see `decide`.
-        at: where the game begins in `starts`, `ends` and `counts`.
-        at_ranks: and in `ranks`.
+        requests: of all games.
+        game: the number of the game.
         turn: how many turns of it were played.
     """
-    begin(c, starts, ends, counts, offsets, at)
+    at = game * c.agents
+    at_ranks = at if c.is_drawn else 0
+    begin(c, requests, at)
     if not c.allow_swaps:
         found = find_exchanges(c)
-        decide(c, found, ranks, at_ranks, turn)
+        decide(c, requests, found, at_ranks, turn)
         end_exchanges(c, found)
     if c.least < c.agents:
-        found = find_contests(c, limits)
+        found = find_contests(c, requests)
         while found > 0:
-            decide(c, found, ranks, at_ranks, turn)
-            found = find_more_contests(c, found, limits)
+            decide(c, requests, found, at_ranks, turn)
+            found = find_more_contests(c, requests, found)
         clear(c)
     stopped = 0
     for i in range(c.agents):
@@ -455,35 +448,18 @@ def resolve(
     return stopped
 
 
-def resolve_games(
-    c: Contests,
-    starts: memoryview[int],
-    ends: memoryview[int],
-    counts: memoryview[int],
-    offsets: memoryview[int],
-    limits: memoryview[int],
-    ranks: memoryview[int],
-    turns: memoryview[int],
-    stays: memoryview[int],
-) -> int:
+def resolve_games(c: Contests, requests: Requests, turns: memoryview[int], stays: memoryview[int]) -> int:
     """Find the agents that stay in each of several games; return how many there are.
 
     Args:
         c: memory for one of the games at a time.
-        starts: see `resolve`.
-        ends: see `resolve`.
-        counts: see `resolve`.
-        offsets: see `resolve`.
-        limits: see `resolve`.
-        ranks: see `decide`; those of all games if they are drawn, otherwise the same for all.
+        requests: of all games.
         turns: (games,) how many turns were played.
-        stays: (games * agents,) bytes, all 0, which get `STAYS` or `NEEDS_RANK`.
+        stays: (rows,) bytes, all 0, which get `STAYS` or `NEEDS_RANK`.
     """
     stopped = 0
     for game in range(len(turns)):
-        at = game * c.agents
-        at_ranks = at if c.is_drawn else 0
-        here = resolve(c, starts, ends, counts, offsets, limits, ranks, at, at_ranks, turns[game])
+        here = resolve(c, requests, game, turns[game])
         if here > 0:
             stopped += here
             for i in range(c.agents):

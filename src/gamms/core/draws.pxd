@@ -20,5 +20,14 @@ cpdef int fill_first_keys(const u64[::1] purposes, const u64[::1] names, u64[::1
 cpdef int fill_turn_keys(const u64[::1] first, const i64[::1] turns, u64[::1] out) except -1 nogil
 @cython.locals(i=Py_ssize_t)
 cpdef int fill_bits(const u64[::1] keys, const i64[::1] counts, u64[::1] out) except -1 nogil
-@cython.locals(i=i64)
-cpdef int fill_choices(const u64[::1] first, const i64[::1] counts, i64[::1] out, i64 begin, i64 number, i64 turn) except -1 nogil
+
+
+@cython.final
+cdef class Choices:
+    cdef const u64[::1] keys
+    cdef const i64[::1] counts
+    cdef i64[::1] chosen
+
+
+@cython.locals(row=i64, bits=u64)
+cdef int choose(Choices choices, i64 begin, i64 number, i64 turn) except -1 nogil

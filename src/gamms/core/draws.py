@@ -110,10 +110,24 @@ def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[in
     return 0
 
 
-def fill_choices(
-    first: memoryview[int], counts: memoryview[int], out: memoryview[int], begin: int, number: int, turn: int
-) -> int:
-    """Write a number below each count, by draw number 0 of each `first_key` in one turn: so many rows from `begin`."""
-    for i in range(begin, begin + number):
-        out[i] = below(bits_at(turn_key(first[i], turn), 0), counts[i])
+class Choices:
+    """Numbers that agents draw, in rows game by game.
+
+    Attributes:
+        keys: (rows,) the `first_key` of each agent.
+        counts: (rows,) a number is drawn below each of these, from 1 to 2 ** 32.
+        chosen: (rows,) gets the numbers.
+    """
+
+    def __init__(self, keys: memoryview[int], counts: memoryview[int], chosen: memoryview[int]) -> None:
+        self.keys = keys
+        self.counts = counts
+        self.chosen = chosen
+
+
+def choose(choices: Choices, begin: int, number: int, turn: int) -> int:
+    """Let so many rows from `begin` draw: by draw number 0 of a turn."""
+    for row in range(begin, begin + number):
+        bits = bits_at(turn_key(choices.keys[row], turn), 0)
+        choices.chosen[row] = below(bits, choices.counts[row])
     return 0

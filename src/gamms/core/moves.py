@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gamms.core import draws
-from gamms.core.conflicts import Contests, resolve
+from gamms.core.conflicts import Contests, Requests, resolve
 from gamms.core.rules import Games
 
 STAYS = 0  # how an agent decides: it stays where it is,
@@ -28,42 +28,17 @@ class Streets:
         self.targets = targets
 
 
-class Priority:
-    """Who has to give way in conflicts.
-
-    Attributes:
-        contests: finds and decides them.
-        places: see `offsets` of `conflicts.begin`.
-        limits: see `conflicts.find_contests`.
-        ranks: see `conflicts.decide`; (games * agents,) if they are drawn, else (agents,).
-        are_drawn: whether they are.
-    """
-
-    def __init__(
-        self,
-        contests: Contests,
-        places: memoryview[int],
-        limits: memoryview[int],
-        ranks: memoryview[int],
-        *,
-        are_drawn: bool,
-    ) -> None:
-        self.contests = contests
-        self.places = places
-        self.limits = limits
-        self.ranks = ranks
-        self.are_drawn = are_drawn
-
-
 class Movers:
     """The agents of games as they decide and move; rows are those of `rules.Games`.
 
     Attributes:
         streets: where they may go.
         decides_by: (agents,) `STAYS`, `WALKS` or `IS_GIVEN`.
-        keys: (rows,) the keys of what their strategies draw.
+        walks: draws the nodes of those that walk: into `ends`, numbers below `counts`.
+        some_walk: whether there are such.
         given: (rows,) the actions of those that are given one; (0,) where none is.
-        priority: who gives way, if `has_conflicts`.
+        contests, requests: find who gives way, if `has_conflicts`; the requests have `start` of the games, `ends` and
+            `takes_part`.
         ends: (rows,) where agents go in the turn that is played.
         takes_part: (rows,) 1: the agent was alive when this turn began.
         counts: (rows,) how many nodes were legal then.
@@ -75,9 +50,11 @@ class Movers:
         self,
         streets: Streets,
         decides_by: memoryview[int],
-        keys: memoryview[int],
+        walks: draws.Choices,
+        some_walk: bool,
         given: memoryview[int],
-        priority: Priority | None,
+        contests: Contests | None,
+        requests: Requests | None,
         *,
         ends: memoryview[int],
         takes_part: memoryview[int],
@@ -88,10 +65,12 @@ class Movers:
     ) -> None:
         self.streets = streets
         self.decides_by = decides_by
-        self.keys = keys
+        self.walks = walks
+        self.some_walk = some_walk
         self.given = given
-        self.priority = priority
-        self.has_conflicts = priority is not None
+        self.contests = contests
+        self.requests = requests
+        self.has_conflicts = contests is not None
         self.ends = ends
         self.takes_part = takes_part
         self.counts = counts
@@ -103,17 +82,15 @@ class Movers:
 def decide(games: Games, m: Movers, game: int) -> int:
     """Let the living agents of a game choose the legal nodes that they go to; the others stay."""
     at = game * games.agents
-    walkers = 0
-    for i in range(games.agents):
-        row = at + i
+    for row in range(at, at + games.agents):
         node = games.node[row]
         games.start[row] = node
         m.takes_part[row] = games.alive[row]
+        if games.alive[row]:
+            m.blocked[row] = 0
         m.counts[row] = m.streets.offsets[node + 1] - m.streets.offsets[node]
-        if m.decides_by[i] == WALKS:
-            walkers += 1
-    if walkers > 0:  # `ends` are numbers of legal nodes for a while
-        draws.fill_choices(m.keys, m.counts, m.ends, at, games.agents, games.turn[game])
+    if m.some_walk:  # `ends` are numbers of legal nodes for a while
+        draws.choose(m.walks, at, games.agents, games.turn[game])
     for i in range(games.agents):
         row = at + i
         action = 0
@@ -127,28 +104,16 @@ def decide(games: Games, m: Movers, game: int) -> int:
 
 def give_way(games: Games, m: Movers, game: int) -> int:
     """Let agents stay that lose conflicts, and count them."""
+    if not m.has_conflicts or resolve(m.contests, m.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type]
+        return 0
     at = game * games.agents
-    lost = 0
-    if m.has_conflicts:
-        lost = losers(m.priority, games, m, game)  # type: ignore[arg-type] # there is one
     for i in range(games.agents):
         row = at + i
-        if not m.takes_part[row]:
-            continue
-        m.blocked[row] = 0
-        if lost > 0 and m.priority.contests.stays[i] and m.ends[row] != games.start[row]:  # type: ignore[union-attr]
+        if m.contests.stays[i] and m.ends[row] != games.start[row]:  # type: ignore[union-attr] # there are conflicts
             m.ends[row] = games.start[row]
             m.blocked[row] = 1
             m.blocks[row] += 1
     return 0
-
-
-def losers(p: Priority, games: Games, m: Movers, game: int) -> int:
-    """Find the agents of a game that lose conflicts, in `stays` of its contests; return how many there are."""
-    at = game * games.agents
-    at_ranks = at if p.are_drawn else 0
-    turn = games.turn[game]
-    return resolve(p.contests, games.start, m.ends, m.takes_part, p.places, p.limits, p.ranks, at, at_ranks, turn)
 
 
 def move(games: Games, m: Movers, game: int) -> int:

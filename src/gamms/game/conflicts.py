@@ -308,18 +308,19 @@ class _Agents:
         self._most = most = 2 * len(names)  # ids of nodes and edges where they begin or end
         number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}
         self._memory = _Memory(conflicts, len(names), most, 2 * most, len(number) or 1)
-        self._counts = memoryview(bytes([1]) * len(names))
-        self._offsets = memoryview(array("q", [2 * most * number.get(team, 0) for team in teams]))
         self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
         self._numbers = np.zeros(most, np.int64)
-        self._moves = self._numbers[: len(names)].data, self._numbers[len(names) :].data
         slots = 1 << most.bit_length()
         tables = np.zeros(slots, np.int64), np.full(slots, -1, np.int32), np.zeros(most, np.int32)
         self._tables = [table.data for table in tables]
         self._ranking = _ranking_of(conflicts._resolver)
+        ranks: BitArray = np.zeros(0, np.uint64)
         if self._ranking is not None:
             ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
-            self._ranks = ranks.data
+        moves = self._numbers[: len(names)].data, self._numbers[len(names) :].data
+        counts = memoryview(bytes([1]) * len(names))
+        offsets = memoryview(array("q", [2 * most * number.get(team, 0) for team in teams]))
+        self._requests = core.Requests(*moves, counts, offsets, self._limits.data, ranks.data)
 
     def losers(
         self, starts: Sequence[Any], ends: Sequence[Any], movers_of: MoversOf, ctx: HostContext, *, has_edges: bool
@@ -342,10 +343,8 @@ class _Agents:
         memory = self._memory
         if self._ranking is None:
             self._ask_each(movers_of, ctx)
-        else:
-            given = self._counts, self._offsets, self._limits.data, self._ranks
-            if not core.resolve(memory.contests, *self._moves, *given, 0, 0, ctx.game.turn):
-                return []
+        elif not core.resolve(memory.contests, self._requests, 0, ctx.game.turn):
+            return []
         losers = np.flatnonzero(memory.stays).tolist()
         for i in losers:
             if memory.stays[i] == core.LOSES_UNRANKED and self._ranking is not None:
@@ -364,18 +363,18 @@ class _Agents:
 
     def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
         """Let a function decide each contest."""
-        c, limits = self._memory.contests, self._limits.data
-        core.begin(c, *self._moves, self._counts, self._offsets, 0)
+        c, requests = self._memory.contests, self._requests
+        core.begin(c, requests, 0)
         try:
             if not self._conflicts.allow_swaps:
                 found = core.find_exchanges(c)
                 self._ask(found, movers_of, ctx, is_exchange=True)
                 core.end_exchanges(c, found)
             if self._conflicts._limits.least < len(self._names):
-                found = core.find_contests(c, limits)
+                found = core.find_contests(c, requests)
                 while found:
                     self._ask(found, movers_of, ctx, is_exchange=False)
-                    found = core.find_more_contests(c, found, limits)
+                    found = core.find_more_contests(c, requests, found)
         finally:
             core.clear(c)
 
@@ -473,8 +472,6 @@ class Table:
     Attributes:
         roster: the agents.
         contests: the memory of one game at a time.
-        places: where the places of the team of each agent begin.
-        limits: capacities.
         ranks: (agents,) of the agents; None: they are drawn for `purpose`.
     """
 
@@ -488,11 +485,15 @@ class Table:
         limits = conflicts._limits.rows(columns, has_edges=has_edges)
         teams = len(roster.teams) if conflicts._per_team else 1
         self.contests = _Memory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams).contests
-        self.places = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
-        self.limits = limits.data
+        self._places = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
+        self._limits = limits.data
         self.ranks: BitArray | None = None
         if ranking.rank is not None:
             self.ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
+
+    def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.Requests:
+        """Return the moves of games as the core takes them; of ranks that are drawn, the `first_key`s."""
+        return core.Requests(starts, ends, counts, self._places, self._limits, _flat(ranks, np.uint64))
 
     @property
     def has_missing_ranks(self) -> bool:
@@ -503,17 +504,10 @@ class Table:
         """Return which agents stay."""
         stays = np.zeros(moves.ends.shape, np.uint8)
         ranks = moves.first_keys(_PURPOSE) if self.ranks is None else self.ranks
-        core.resolve_games(
-            self.contests,
-            _flat(moves.starts, np.int64),
-            _flat(moves.ends, np.int64),
-            _flat(moves.counts, np.uint8),
-            self.places,
-            self.limits,
-            _flat(ranks, np.uint64),
-            _flat(moves.turns, np.int64),
-            stays.reshape(-1).data,
+        requests = self.requests(
+            _flat(moves.starts, np.int64), _flat(moves.ends, np.int64), _flat(moves.counts, np.uint8), ranks
         )
+        core.resolve_games(self.contests, requests, _flat(moves.turns, np.int64), stays.reshape(-1).data)
         if self.ranks is not None and stays.max(initial=0) == core.LOSES_UNRANKED:
             agent = int(np.nonzero(stays == core.LOSES_UNRANKED)[1][0])
             roster = self.roster

@@ -144,6 +144,8 @@ class GameLog(ABC, Generic[P]):
 
     def forget(self, games: IntArray) -> None:
         """Forget the entries of some games."""
+        if len(games) == len(self._of_game):  # not to write out what nobody has read
+            self._pending.clear()
         self.of(0)
         for game in games.tolist():
             self._of_game[game] = []

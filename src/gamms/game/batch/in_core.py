@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import core
-from gamms.core import contacts, moves, rules, turn
+from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame, decider_of
 from gamms.game.batch.game_forms import GameForms
@@ -167,7 +167,8 @@ class CoreGames:
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))
-        self._given = np.zeros(shape, np.int64)
+        self._given, self._start, self._ends = np.zeros((3, *shape), np.int64)
+        self._takes_part = np.zeros(shape, np.uint8)
         self._over = np.zeros(shape[0], np.uint8)
         self._until = np.zeros(shape[0], np.int64)
         self._score = np.zeros((shape[0], len(state.roster.teams)))
@@ -228,7 +229,7 @@ class CoreGames:
                 shape[1],
                 len(roster.teams),
                 node=memory_of(state.node),
-                start=ints(state.node.size),
+                start=memory_of(self._start),
                 previous=ints(state.node.size),
                 alive=memory_of(state.alive),
                 placed=memory_of(state.placed),
@@ -240,32 +241,35 @@ class CoreGames:
                 team=flat(roster.team_of, np.int64),
             )
             shared = {
-                "ends": ints(state.node.size),
-                "takes_part": np.zeros(state.node.size, np.uint8).data,
+                "ends": memory_of(self._ends),
+                "takes_part": memory_of(self._takes_part),
                 "counts": ints(state.node.size),
                 "moves": memory_of(state.counts["moves"]),
                 "blocks": memory_of(state.counts["blocked"]),
                 "blocked": memory_of(state.blocked),
             }
             self._shared = games, shared
-        keys = flat(state.draw_keys(), np.uint64)
-        given = self._given.reshape(-1).data
-        movers = moves.Movers(self._streets, self._deciding.data, keys, given, self._priority(), **shared)
+        walks = draws.Choices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
+        some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
+        given = memory_of(self._given)
+        contests, requests = self._conflicting()
+        movers = moves.Movers(self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **shared)
         making = Making(state, games)
         made = [make(making) for make in self._rules]
         first = rules.chained(made) if made else None
         return turn.Player(games, movers, first, self._until.data), making
 
-    def _priority(self) -> moves.Priority | None:
+    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
+        """Return what finds those who give way; None: there are no conflicts."""
         if self._conflicts is None:
-            return None
-        table = Table(self._conflicts, self._state.roster, self._state.streets.columns, has_edges=False)
+            return None, None
+        state = self._state
+        table = Table(self._conflicts, state.roster, state.streets.columns, has_edges=False)
         if table.has_missing_ranks:
             raise BadValue("An agent has no rank in conflicts.")
-        ranks = self._state.draw_keys(table.purpose) if table.ranks is None else table.ranks
-        return moves.Priority(
-            table.contests, table.places, table.limits, flat(ranks, np.uint64), are_drawn=table.ranks is None
-        )
+        ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
+        where = memory_of(self._start), memory_of(self._ends), memory_of(self._takes_part)
+        return table.contests, table.requests(*where, ranks)
 
     def _read(self, making: Making) -> None:
         """Take the events that rules of one thread have noted into the state of the batch."""
