@@ -2,14 +2,17 @@
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
+from gamms.game.batch.columns import Roster
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, flat, floats, ints, memory_of
+from gamms.game.batch.state import Arrays
 from gamms.ir.graph import IntArray
+from gamms.rules.meetings import new_contacts
 
 _NOTHING, _NO_FLOATS = ints(0), floats(0)
 _NO_LEGS = contacts.Legs(
@@ -28,10 +31,21 @@ _NO_LEGS = contacts.Legs(
 _NO_REACH = contacts.Reach(_NOTHING, _NOTHING, _NOTHING, _NO_FLOATS)
 _NO_PLACES = contacts.Places(_NOTHING, _NO_FLOATS)
 _NO_LINES = contacts.Lines(_NOTHING, _NO_FLOATS, _NO_FLOATS, _NO_FLOATS, _NO_FLOATS)
-_FIRST_ROOM = 64  # contacts
-_NOBODY, _LEADER = -1, -2  # as `gamms.core.rules` has them
-_THEN = {"respawn": 1, "eliminate": 2}
 _MOST_EXACT = 1 << 53  # of integers as floats
+
+
+class Flags(Protocol):
+    """The arguments of `gamms.rules.capture_flag`."""
+
+    bases: Mapping[Hashable, int]
+    ground: Any  # a `territory.Ground`, of a module that imports this one
+    goal: int | None
+    score: float
+    key: str
+    passing: bool
+
+    def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
+        """Return what makes the state of the rule in so many games."""
 
 
 def in_core(name: str, *args: object) -> Callable[[Making], rules.Rule]:
@@ -52,9 +66,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
     for one in reversed(taggings):
         sides = ints(len(roster.names))
         tracks = making.tracks(sides, at_end=not one.nearness.passing)
-        a, b, a_nodes, b_nodes, games, on_edges, order = (ints(_FIRST_ROOM) for _ in range(7))
-        times, far, draws = floats(_FIRST_ROOM), floats(_FIRST_ROOM), np.zeros(_FIRST_ROOM, np.uint64).data
-        found = contacts.Contacts(making.pieces, games, a, b, a_nodes, b_nodes, times, far, draws, on_edges, order)
+        found = new_contacts(making.pieces)
         found.ask(
             tracks,
             _NO_LEGS,
@@ -71,13 +83,13 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
         owners = None if one.ground is None else one.ground.rows(state.facts, state.streets, roster.teams)
         behind = rules.Tagging(
             found,
-            0,
+            contacts.SEARCHES["on nodes"],
             0.0,
             flat(taggers + 2 * tagged, np.int64),
             sides,
             mutual=one.mutual,
             owners=_NOTHING if owners is None else flat(owners, np.int64),
-            then=_THEN[one.then],
+            then=rules.THEN[one.then],
             points=one.score,
             behind=behind,
         )
@@ -89,7 +101,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
     return rules.TagRule(making.games, making.events, number, behind, tags, making.steps, purpose, turn, purposes)
 
 
-def capture_flag(flags: Any, making: Making) -> rules.Rule:
+def capture_flag(flags: Flags, making: Making) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
     state, roster, streets = making.state, making.state.roster, making.state.streets
     kept = state.keep(("capture_flag", flags.key), flags.start_of(roster))
@@ -186,7 +198,7 @@ def _nothing(making: Making) -> rules.Rule:
 
 
 def _code(winner: object) -> int:
-    return _LEADER if winner is ONE_THAT_SHOWS else _NOBODY
+    return rules.WINNERS["leader" if winner is ONE_THAT_SHOWS else "nobody"]
 
 
 FORMS: Mapping[str, Callable[..., rules.Rule]] = {

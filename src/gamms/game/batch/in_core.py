@@ -26,8 +26,8 @@ from gamms.ir.obstacles import BoolArray
 
 CORE_FORM = "core_form"  # an attribute of strategies and rules
 ONE_THAT_SHOWS = "a winner that the core finds"
-_END = 8  # the kind of event by which a game ends; those before are `state.CORE_KINDS`
-_TAG, _CAPTURE = 0, 5
+_END = rules.KINDS.index("end")
+_SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
 
 
@@ -300,7 +300,7 @@ class CoreGames:
         has_floats = np.array([one.has_floats for one in played], np.bool_)
         rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
         rows = rows[is_scored[noted.rules[rows]]]
-        rows = rows[_scores(noted.kinds[rows])]
+        rows = rows[_SCORING[noted.kinds[rows]]]
         if not len(rows):
             return
         which = noted.games[rows] * len(teams) + self._state.roster.team_of[noted.agents[rows]]
@@ -310,9 +310,3 @@ class CoreGames:
         are_floats[which[has_floats[noted.rules[rows]]]] = True
         shape = self._score.shape
         self._state.scores.take(teams, self._score, first.reshape(shape), are_floats.reshape(shape))
-
-
-def _scores(kinds: IntArray) -> BoolArray:
-    """Return which events, of rules that score, do: not those of flags that are taken or dropped."""
-    found: BoolArray = (kinds == _TAG) | (kinds >= _CAPTURE)
-    return found

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
@@ -31,16 +32,7 @@ from gamms.readonly import locked
 from gamms.text import shown
 
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
-CORE_KINDS: tuple[tuple[str, str | None], ...] = (
-    ("tag", "other"),
-    ("respawned", None),
-    ("eliminated", None),
-    ("take", "flag"),
-    ("drop", "flag"),
-    ("capture", "flag"),
-    ("reach", None),
-    ("arrive", None),
-)  # by the numbers of `gamms.core.rules`: kind of event, and what it names beside agent and node
+NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # by events of the core, beside an agent
 PUT_BACK = "put back"  # the key under which it is kept when and where agents were put back, if that is asked for
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Columns = dict[Hashable, np.ndarray[Any, Any]]
@@ -202,10 +194,10 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         nodes = self._streets.ids_of(noted.nodes).tolist()
         columns = [column.tolist() for column in noted[:6]]
         for game, turn, rule, number, agent, other, node in zip(*columns, nodes, strict=True):
-            kind, has = CORE_KINDS[number]
+            kind = rules.KINDS[number]
             entry = {"turn": turn, "kind": kind, "agent": names[agent]}
-            if has is not None:
-                entry[has] = names[other] if has == "other" else noted.flags[rule][other]
+            if kind in NAMED:
+                entry[NAMED[kind]] = names[other] if kind == "tag" else noted.flags[rule][other]
             entry["node"] = node
             yield game, entry
 
