@@ -58,3 +58,11 @@ cpdef int number_ids(const i64[::1] ids, i64[::1] keys, i32[::1] slots, i32[::1]
 cpdef i64 resolve(Contests c, Requests requests, i64 game, i64 turn) except -1 nogil
 @cython.locals(stopped=i64, here=i64, game=Py_ssize_t, i=i64)
 cpdef i64 resolve_games(Contests c, Requests requests, const i64[::1] turns, u8[::1] stays) except -1 nogil
+
+@cython.final
+cdef class Numbering:
+    cdef i64[::1] keys, ids, numbers
+    cdef i32[::1] slots, used
+
+    @cython.locals(i=Py_ssize_t)
+    cpdef int number(self, const i64[::1] starts, const i64[::1] ends) except -1 nogil

@@ -465,3 +465,36 @@ def resolve_games(c: Contests, requests: Requests, turns: memoryview[int], stays
             for i in range(c.agents):
                 stays[game * c.agents + i] = c.stays[i]
     return stopped
+
+
+class Numbering:
+    """Numbers the places of the moves of one game, in each turn from 0.
+
+    Attributes:
+        numbers: (2 * agents,) those of the places where moves begin, and then where they end.
+        ids: (2 * agents,) scratch.
+        keys: see `number_ids`.
+        slots: see `number_ids`.
+        used: see `number_ids`.
+    """
+
+    def __init__(
+        self,
+        numbers: memoryview[int],
+        ids: memoryview[int],
+        keys: memoryview[int],
+        slots: memoryview[int],
+        used: memoryview[int],
+    ) -> None:
+        self.numbers = numbers
+        self.ids = ids
+        self.keys = keys
+        self.slots = slots
+        self.used = used
+
+    def number(self, starts: memoryview[int], ends: memoryview[int]) -> int:
+        """Number the ids of the places where moves begin and end; return how many different ones there are."""
+        for i in range(len(starts)):
+            self.ids[i] = starts[i]
+            self.ids[len(starts) + i] = ends[i]
+        return number_ids(self.ids, self.keys, self.slots, self.used, self.numbers)

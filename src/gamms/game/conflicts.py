@@ -18,6 +18,7 @@ from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text
 from gamms.core import conflicts as core
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
+from gamms.ir.agents import as_ids
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -241,24 +242,23 @@ class TurnConflicts:
             ctx: of the game.
         """
         whole = order.whole
-        ground = range(len(order.slots)) if whole.on_ground is None else whole.on_ground
-        known = _own(conflicts)
-        if known is None:
-            names = conflicts.resolve(moves_of([*ground]), ctx)
-            return [i for i in ground if order.names[i] in names]
-        starts, ends = map(whole.of_ground, places)
-        if known.allow_swaps and known._limits.least > 0 and len(set(ends)) == len(ends):
-            return []
-        key = order, known, known.allow_swaps, 0 if _ranking_of(known._resolver) is None else ctx.seed
-        if self._agents is None or self._key != key:
+        key = order, conflicts, getattr(conflicts, "allow_swaps", None), ctx.seed
+        if self._key != key:
+            known = _own(conflicts)
             names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
-            self._agents = _Agents(known, names, teams, ctx.seed)
+            self._agents = None if known is None else _Agents(known, names, teams, ctx.seed)
             self._key = key
+        if self._agents is None:
+            ground = range(len(order.slots)) if whole.on_ground is None else whole.on_ground
+            stay = conflicts.resolve(moves_of([*ground]), ctx)
+            return [i for i in ground if order.names[i] in stay]
 
         def movers_of(rows: list[int]) -> list[Move]:
-            return [*moves_of([ground[i] for i in rows]).values()]
+            return [*moves_of(rows if whole.on_ground is None else [whole.on_ground[i] for i in rows]).values()]
 
-        return [ground[i] for i in self._agents.losers(starts, ends, movers_of, ctx, has_edges=bool(whole.paced))]
+        starts, ends = places if whole.on_ground is None else map(whole.of_ground, places)
+        found = self._agents.losers(starts, ends, movers_of, ctx, has_edges=bool(whole.paced))
+        return found if whole.on_ground is None else [whole.on_ground[i] for i in found]
 
 
 class _Memory:
@@ -311,8 +311,13 @@ class _Agents:
         self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
         self._numbers = np.zeros(most, np.int64)
         slots = 1 << most.bit_length()
-        tables = np.zeros(slots, np.int64), np.full(slots, -1, np.int32), np.zeros(most, np.int32)
-        self._tables = [table.data for table in tables]
+        self._numbering = core.Numbering(
+            self._numbers.data,
+            np.zeros(most, np.int64).data,
+            np.zeros(slots, np.int64).data,
+            np.full(slots, -1, np.int32).data,
+            np.zeros(most, np.int32).data,
+        )
         self._ranking = _ranking_of(conflicts._resolver)
         ranks: BitArray = np.zeros(0, np.uint64)
         if self._ranking is not None:
@@ -334,7 +339,7 @@ class _Agents:
             ctx: of the game.
             has_edges: whether there may be edges among the places.
         """
-        self._number([*starts, *ends], has_edges=has_edges)
+        self._number(starts, ends, has_edges=has_edges)
         limits = self._conflicts._limits
         if limits.least < UNLIMITED and (limits.number is None or has_edges):
             rows = self._numbers[len(starts) :].tolist()
@@ -351,15 +356,14 @@ class _Agents:
                 self._ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
         return losers
 
-    def _number(self, places: list[Any], *, has_edges: bool) -> None:
+    def _number(self, starts: Sequence[Any], ends: Sequence[Any], *, has_edges: bool) -> None:
         """Number the places where agents begin and end."""
-        are_edges = [isinstance(place, EdgePlace) for place in places] if has_edges else ()
-        if any(are_edges):
-            places = [place.edge if isinstance(place, EdgePlace) else place for place in places]
-        keys, slots, used = self._tables
-        core.number_ids(memoryview(array("q", places)), keys, slots, used, self._numbers.data)
-        if any(are_edges):
-            self._numbers += self._most * np.array(are_edges)
+        are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)] if has_edges else ()
+        if not any(are_edges):
+            self._numbering.number(as_ids(starts), as_ids(ends))
+            return
+        self._numbering.number(as_ids([*map(_id_of, starts)]), as_ids([*map(_id_of, ends)]))
+        self._numbers += self._most * np.array(are_edges)
 
     def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
         """Let a function decide each contest."""
@@ -396,6 +400,11 @@ class _Agents:
             memory.stays[[i for i, mover in zip(rows, contest.movers, strict=True) if mover.agent in winners]] = (
                 core.WINS
             )
+
+
+def _id_of(place: Any) -> int:
+    """Return the id of a node, or of an edge."""
+    return place.edge if isinstance(place, EdgePlace) else place
 
 
 def _first_keys(seed: int, names: Sequence[str]) -> BitArray:
