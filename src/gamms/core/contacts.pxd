@@ -71,8 +71,10 @@ cdef class NodeNumbers:
 
 @cython.final
 cdef class Pieces:
-    cdef i64[::1] agents, nodes, legs, keys, next, first, order
-    cdef double[::1] since, until, begins, ends
+    cdef readonly i64[::1] agents, nodes, order
+    cdef readonly double[::1] since
+    cdef i64[::1] legs, keys, next, first
+    cdef double[::1] until, begins, ends
     cdef i64 count
 
     @cython.locals(piece=i64)

@@ -41,8 +41,8 @@ cpdef int end_game(Games games, Events events, i64 game, i64 rule, i64 winner) e
 cpdef i64 leader(const double[::1] scores) except? -1 nogil
 
 
-@cython.locals(agent=i64)
-cpdef int take_moves(Games games, NodeNumbers numbers, const i64[::1] starts, const i64[::1] ends, const i64[::1] nodes) except -1 nogil
+@cython.locals(agent=i64, node=i64)
+cpdef int take_moves(Games games, NodeNumbers numbers, const i64[::1] starts, const i64[::1] ends, const i64[::1] nodes, const i64[::1] rows) except -1 nogil
 
 
 @cython.final
@@ -56,6 +56,10 @@ cdef class Steps:
 
 @cython.locals(agent=i64)
 cpdef int fill_sides(Games games, i64 game, const i64[::1] plays, i64[::1] sides) except -1 nogil
+
+
+@cython.locals(found=i64, last=i64, piece=i64, agent=i64)
+cpdef Py_ssize_t find_arrivals(Tracks tracks, Legs legs, Pieces pieces, const i64[::1] members, const i64[::1] owners, i64 team) except -1 nogil
 
 
 @cython.final

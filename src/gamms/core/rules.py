@@ -213,6 +213,7 @@ def take_moves(
     starts: memoryview[int],
     ends: memoryview[int],
     nodes: memoryview[int],
+    rows: memoryview[int],
 ) -> int:
     """Write where the agents of the only game of a block were and are, and who was put elsewhere than it went.
 
@@ -221,12 +222,14 @@ def take_moves(
         numbers: of the nodes.
         starts: (agents,) ids of nodes where agents were when the turn began.
         ends: (agents,) those where their moves have led.
-        nodes: (agents,) those where they are.
+        nodes: a column of ids of nodes where agents are.
+        rows: (agents,) the row of each in this column.
     """
     for agent in range(games.agents):
+        node = nodes[rows[agent]]
         games.start[agent] = numbers.number(starts[agent])
-        games.node[agent] = numbers.number(nodes[agent])
-        games.placed[agent] = nodes[agent] != ends[agent]
+        games.node[agent] = numbers.number(node)
+        games.placed[agent] = node != ends[agent]
     return 0
 
 
@@ -267,6 +270,32 @@ def fill_sides(games: Games, game: int, plays: memoryview[int], sides: memoryvie
     for agent in range(games.agents):
         sides[agent] = plays[agent] if games.alive[game * games.agents + agent] else 0
     return 0
+
+
+def find_arrivals(
+    tracks: Tracks, legs: Legs, pieces: Pieces, members: memoryview[int], owners: memoryview[int], team: int
+) -> int:
+    """Find the first visit of each agent of a team to a node of the team; return how many there are.
+
+    Args:
+        tracks: of the agents of one game.
+        legs: of the same.
+        pieces: get all visits; those that are found stand first in `order`, by agent.
+        members: (agents,) the team of each.
+        owners: (nodes,) the team that each node belongs to.
+        team: the team.
+    """
+    pieces.count = 0
+    contacts.put_visits(tracks, legs, pieces, 0)
+    found = 0
+    last = -1
+    for piece in range(pieces.count):
+        agent = pieces.agents[piece]
+        if agent != last and members[agent] == team and owners[pieces.nodes[piece]] == team:
+            pieces.order[found] = piece
+            found += 1
+            last = agent
+    return found
 
 
 # -- tags --------------------------------------------------------------------------------------------------------------

@@ -402,7 +402,7 @@ class _Agents:
             )
 
 
-def _id_of(place: Any) -> int:
+def _id_of(place: int | EdgePlace) -> int:
     """Return the id of a node, or of an edge."""
     return place.edge if isinstance(place, EdgePlace) else place
 

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from enum import IntEnum
+from functools import lru_cache
 from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
 
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
+from gamms.core import rules as core
 from gamms.core.rules import Rule as CoreRule
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making
@@ -16,15 +18,16 @@ from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.in_core import in_core
-from gamms.rules.visits import tracks_of, visits_of
+from gamms.rules.meetings import living_teams, turn_of
 from gamms.text import shown, shown_as_called
-from gamms.typing import AgentType, IAgent, NodeId, Rule
+from gamms.typing import IAgent, NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 R = TypeVar("R", bound=Callable[[Context], object])
 
 _STARTS = "starts of "
+_MOST_GOALS = 64  # of which it is kept whose they are
 
 Nodes = NodeId | Iterable[NodeId] | str  # a node, several, or "starts of X"
 
@@ -275,7 +278,7 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
     named = [as_key(team, "team"), *_named_winner(winner)]
 
     def none_left(ctx: Context) -> None:
-        if team in ctx.agent.teams and not any(agent.team == team for agent in ctx.game.agents):
+        if team not in living_teams(ctx) and team in ctx.agent.teams:
             ctx.game.end(_none_in_play(team), winner=_leader(ctx) if winner is LEADER else winner)
 
     def in_arrays(turn: ArrayTurn) -> None:
@@ -306,7 +309,7 @@ def last_team() -> Rule:
     """
 
     def last_team(ctx: Context) -> None:
-        left = {agent.team for agent in ctx.game.agents if agent.team is not None}
+        left = living_teams(ctx) - {None}
         if len(left) <= 1:
             ctx.game.end("last team", winner=next(iter(left), None))
 
@@ -389,13 +392,24 @@ def _at_goal(
     ctx: Context, team: Hashable, goal: frozenset[int] | str, *, passing: bool
 ) -> list[tuple[float, int, str, Hashable]]:
     """Return moment, node, name and team of the agents of a team that get to its goal, each the first time."""
-    ends = _starts(ctx, goal) if isinstance(goal, str) else goal
-    agents = [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
-    arrived = []
-    for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
-        found = [(begin, node, agent.name, team) for node, begin, _ in visits_of(track) if node in ends]
-        arrived += found[:1]
-    return arrived
+    turn = turn_of(ctx)
+    roster, pieces = turn.roster, turn.scratch()
+    if team not in roster.teams:
+        return []
+    owners = roster.owners(_goal_of(_starts(ctx, goal) if isinstance(goal, str) else goal, team), turn.numbers)
+    tracks = turn.visits(passing=passing)
+    count = core.find_arrivals(tracks, turn.legs, pieces, roster.team, owners, roster.teams[team])
+    found = []
+    for piece in pieces.order[:count] if count else ():
+        node, name = turn.numbers.ids[pieces.nodes[piece]], roster.names[pieces.agents[piece]]
+        found.append((pieces.since[piece], node, name, team))
+    return found
+
+
+@lru_cache(_MOST_GOALS)
+def _goal_of(nodes: frozenset[int], team: Hashable) -> Mapping[int, Hashable]:
+    """Return nodes as a territory of a team; the same object for the same nodes."""
+    return dict.fromkeys(nodes, team)
 
 
 def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
@@ -481,7 +495,7 @@ def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
     return as_nodes(goal, f"A node for team {shown(team)} to reach")
 
 
-def _starts(ctx: Context, team: str) -> set[int]:
+def _starts(ctx: Context, team: str) -> frozenset[int]:
     """Return where the agents on the ground of the team of that text began."""
     agents = [agent for one, agents in ctx.agent.teams.items() if str(one) == team for agent in agents]
-    return {node for node in map(ctx.game.start_node, agents) if isinstance(node, int)}
+    return frozenset([node for node in map(ctx.game.start_node, agents) if isinstance(node, int)])

@@ -22,7 +22,7 @@ from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
 from gamms.game.moves import TurnMoves
 from gamms.graph import Graph
-from gamms.ir.agents import AgentBlock, Position
+from gamms.ir.agents import AgentBlock, Position, as_ids
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -383,11 +383,11 @@ class InTurn:
         pieces = max(parts, _most_pieces(agents, self.most, self.most_legs))
         return self.game.scratch(pieces, self.numbers.count + self.most_legs * agents)
 
-    def _tracks(self, sides: Any, *, at_end: bool) -> core.Tracks:
+    def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
         nodes, times, lengths = self.columns
         return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
 
-    def _ask(self, found: core.Contacts, sides: Any, nearness: Nearness, near: Near) -> None:
+    def _ask(self, found: core.Contacts, sides: memoryview, nearness: Nearness, near: Near) -> None:
         found.ask(
             self._tracks(sides, at_end=not nearness.passing),
             self.legs,
@@ -414,7 +414,7 @@ class InTurn:
         # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
         return cast("EdgesGoneAlong", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
 
-    def _near(self, sides: Any, nearness: Nearness, flying: Mapping[str, Position]) -> Near:
+    def _near(self, sides: memoryview, nearness: Nearness, flying: Mapping[str, Position]) -> Near:
         game, unit = self.game, nearness.unit
         if unit != "euclid":
             return game.near(unit, nearness.limit).around(self._asked(sides), self.numbers.count)
@@ -428,7 +428,7 @@ class InTurn:
             xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
         return core.Places(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
 
-    def _asked(self, sides: Any) -> IntArray:
+    def _asked(self, sides: memoryview) -> IntArray:
         """Return the nodes, by number, around which agents of a side may be near others."""
         # Where none passes a node, those that agents have left do not count.
         first = 0 if self.by_metres or self.most > 2 else self.most - 1
@@ -533,7 +533,8 @@ class InGame:
             self._steps = InTurn(self, Roster(order.names, order.all_teams(), None), seed)
         roster = self._steps.roster
         roster.turn[0] = turn
-        rules.take_moves(roster.games, self.numbers, _ids(moves.starts), _ids(moves.ends), _ids(order.nodes()))
+        starts, ends = as_ids(moves.starts), as_ids(moves.ends)
+        rules.take_moves(roster.games, self.numbers, starts, ends, as_ids(block.node), order.selection.buffer)
         for row in block.placed:
             agent = roster.number.get(block.names[row])
             if agent is not None:
@@ -554,6 +555,17 @@ class InGame:
         return found
 
 
+def living_teams(ctx: Context) -> frozenset[Hashable]:
+    """Return the teams of which agents are alive."""
+    kept, block = ctx.game.internals.kept, ctx.agent.block
+    key = block, block.structure.version
+    known = kept.get("living teams")
+    if known is None or known[0] != key:
+        known = kept["living teams"] = key, frozenset([agent.team for agent in ctx.game.agents])
+    teams: frozenset[Hashable] = known[1]
+    return teams
+
+
 def turn_of(ctx: Context) -> InTurn:
     """Return where agents of a game are in this turn, until they are moved or this is called again."""
     kept, graph = ctx.game.internals.kept, ctx.graph.graph
@@ -561,13 +573,6 @@ def turn_of(ctx: Context) -> InTurn:
     if known is None or known.map != (graph, graph.revision):
         known = kept["contacts"] = InGame(graph, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx)
-
-
-def _ids(nodes: Any) -> Any:
-    """Return ids of nodes as the core takes them."""
-    if isinstance(nodes, list):
-        return column("q", nodes)
-    return np.asarray(nodes, np.int64).data
 
 
 def new_contacts(pieces: core.Pieces) -> core.Contacts:

@@ -48,8 +48,9 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
 
     def payoff(ctx: Context) -> None:
         state = state_of(ctx, _PAYOFFS, state_key, {"seen": 0})
-        teams = [team for team in ctx.agent.teams if team is not None]
-        for event in ctx.game.events[state["seen"] :]:
+        new = ctx.game.events[state["seen"] :]
+        teams = [team for team in ctx.agent.teams if team is not None] if new else []
+        for event in new:
             for role, points in checked.get(event["kind"], {}).items():
                 as_known(role, f"field of an event {event['kind']!r}:", event)
                 team = _team_of(ctx, role, event[role])

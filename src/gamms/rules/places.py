@@ -174,10 +174,12 @@ def _nothing_held(games: int) -> Arrays:
 
 def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:
     """Return team -> the nodes of a place on which it has living agents."""
+    block = ctx.agent.block
     there: dict[Any, set[int]] = {}
-    for agent in ctx.game.agents:
-        if agent.current_node_id in place and agent.team is not None and agent.type is not AgentType.AERIAL:
-            there.setdefault(agent.team, set()).add(agent.current_node_id)
+    for row in [row for row, node in enumerate(block.node) if node in place]:
+        counts = block.alive[row] and not block.kind[row] and row not in block.removed
+        if counts and block.teams[row] is not None:
+            there.setdefault(block.teams[row], set()).add(block.node[row])
     return there
 
 

@@ -258,8 +258,11 @@ def respawn(
 
     def respawn(ctx: Context) -> None:
         state = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
-        out, done = state["out"], state["times"]
-        for name, agent in sorted(ctx.agent.agents.items()):
+        out, done, block, agents = state["out"], state["times"], ctx.agent.block, ctx.agent.agents
+        for name in sorted({*out, *[block.names[row] for row in block.inactive]}):
+            agent = agents.get(name)
+            if agent is None:
+                continue
             if agent.alive or not (those is None or agent.team in those):
                 out.pop(name, None)
             elif out.setdefault(name, ctx.game.turn) + wait <= ctx.game.turn and done.get(name, 0) != most:

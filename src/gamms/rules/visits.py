@@ -9,20 +9,12 @@ from itertools import pairwise
 from gamms.context import Context
 from gamms.errors import UnknownName
 from gamms.ir.agents import Position
-from gamms.typing import IAgent
 from gamms.typing.game import Leg, Track
 from gamms.typing.graph_values import OSMEdge
 from gamms.typing.on_edges import line_along, point_along
 
 Visit = tuple[int, float, float]  # node id; from when until when
 Line = tuple[float, float, Position, Position]  # from when until when, and where an agent is then
-
-
-def tracks_of(ctx: Context, agents: Sequence[IAgent], *, passing: bool) -> list[Track]:
-    """Return how agents came to where they are; not `passing`: only that they are there at the end of the turn."""
-    if passing:
-        return ctx.game.tracks(agents)
-    return [at_end(track) for track in ctx.game.tracks(agents)]
 
 
 def at_end(track: Track) -> Track:
