@@ -351,5 +351,8 @@ def _evenly(nodes: int) -> tuple[float, ...]:
 
 
 def _is_step(action: ResolvedAction) -> bool:
-    """Return whether an action leads along one edge or none, from the beginning of the turn to its end."""
-    return len(action.path) <= 2 and not (action.times or action.legs or action.begun or action.progress)
+    """Return whether an action takes the whole turn to go along one edge to another node, or to stay."""
+    path = action.path
+    if action.times or action.legs or action.begun or action.progress:
+        return False
+    return len(path) == 1 or (len(path) == 2 and path[0] != path[1])  # else it goes along a loop

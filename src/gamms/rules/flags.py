@@ -158,8 +158,11 @@ class _Flags(NamedTuple):
 
     def _state(self, ctx: Context) -> dict[str, Any]:
         """Return the state of the rule in this game."""
-        start = {"bases": dict(self.bases), "carriers": dict.fromkeys(self.bases), "captures": {}, "seen": 0}
-        state: dict[str, Any] = ctx.game.data.setdefault(self.key, start)
+        data = ctx.game.data
+        if self.key not in data:
+            carriers = dict.fromkeys(self.bases)
+            data[self.key] = {"bases": dict(self.bases), "carriers": carriers, "captures": {}, "seen": 0}
+        state: dict[str, Any] = data[self.key]
         return state
 
     def play(self, ctx: Context) -> None:

@@ -533,8 +533,8 @@ class InGame:
             self._steps = InTurn(self, Roster(order.names, order.all_teams(), None), seed)
         roster = self._steps.roster
         roster.turn[0] = turn
-        starts, ends = as_ids(moves.starts), as_ids(moves.ends)
-        rules.take_moves(roster.games, self.numbers, starts, ends, as_ids(block.node), order.selection.buffer)
+        starts, ends = _ids(moves.starts), _ids(moves.ends)
+        rules.take_moves(roster.games, self.numbers, starts, ends, _ids(block.node), order.selection.buffer)
         for row in block.placed:
             agent = roster.number.get(block.names[row])
             if agent is not None:
@@ -573,6 +573,11 @@ def turn_of(ctx: Context) -> InTurn:
     if known is None or known.map != (graph, graph.revision):
         known = kept["contacts"] = InGame(graph, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx)
+
+
+def _ids(nodes: Sequence[int]) -> memoryview:
+    """Return ids of nodes as the core reads them; views, which all have 64 bits, are taken as they are."""
+    return nodes if type(nodes) is memoryview else as_ids(nodes)
 
 
 def new_contacts(pieces: core.Pieces) -> core.Contacts:
