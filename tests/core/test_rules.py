@@ -2,6 +2,9 @@
 
 from array import array
 
+from hypothesis import given
+from hypothesis import strategies as st
+
 from gamms.core import contacts as meeting
 from gamms.core import rules as core
 
@@ -78,7 +81,7 @@ class Block:
         nodes, times, lengths = ints([0] * 2 * self.agents), floats([0.0] * 2 * self.agents), ints([0] * self.agents)
         steps, purpose, turn = core.Steps(nodes, times, lengths), keys([0]), ints([0])
         first = None
-        for plays, given in reversed(rules):
+        for plays, more in reversed(rules):
             sides = ints([0] * self.agents)
             found = meeting.Contacts(self.pieces(), *[ints([])] * 5, *[floats([])] * 2, keys([]), *[ints([])] * 2)
             found.ask(
@@ -93,7 +96,7 @@ class Block:
                 crossing=True,
                 by_metres=False,
             )
-            said = {"mutual": False, "owners": ints([]), "then": core.THEN["respawn"], "points": 1.0, **given}
+            said = {"mutual": False, "owners": ints([]), "then": core.THEN["respawn"], "points": 1.0, **more}
             first = core.Tagging(found, meeting.SEARCHES["on nodes"], 0.0, ints(plays), sides, behind=first, **said)
         tags = core.Tags(ints([0] * self.agents))
         purposes = keys([PURPOSE] * len(self.over))
@@ -287,3 +290,78 @@ def test_the_leader_is_one_of_several_alone():
     assert core.leader(floats([2.0, 2.0])) == -1
     assert core.leader(floats([2.0])) == -1
     assert core.leader(floats([-3.0, 2.0, 2.0])) == -1
+
+
+def contacts_of(starts, nodes, teams, placed, first, second):
+    """The agents of two teams that meet in steps along one edge: time, whether on an edge, a, b, where b was."""
+    found = []
+    for a, b in (
+        (a, b) for a in range(len(teams)) for b in range(len(teams)) if (teams[a], teams[b]) == (first, second)
+    ):
+        goes = [starts[i] != nodes[i] and not placed[i] for i in (a, b)]
+        since = [1.0 if placed[i] or starts[i] != nodes[i] else 0.0 for i in (a, b)]
+        if nodes[a] == nodes[b]:
+            found.append((max(since), 0, a, b, nodes[b]))
+        elif all(goes) and starts[a] == nodes[b] and starts[b] == nodes[a]:
+            found.append((0.0, 1, a, b, starts[b]))
+    return found
+
+
+AGENTS = st.tuples(st.integers(0, 3), st.integers(0, 3), st.sampled_from([RED, BLUE]), st.booleans(), st.booleans())
+
+
+@given(st.lists(AGENTS, min_size=1, max_size=6), st.lists(st.sampled_from([-1, RED, BLUE]), min_size=10, max_size=10))
+def test_tags_are_contacts_on_the_ground_of_taggers_one_each(agents, owners):
+    starts, nodes, teams, placed, alive = map(list, zip(*agents, strict=True))
+    block = Block([starts], [nodes], teams, alive=[int(one) for one in alive])
+    for i, was_put in enumerate(placed):
+        block.placed[i] = was_put
+    sides = [1 if team == RED else 2 for team in teams]
+    core.play(block.tag((sides, {"owners": ints(owners), "then": core.THEN[""]})), 0)
+    tags = [(a, b, node) for _, _, a, b, node in block.happened()]
+    met = [one for one in contacts_of(starts, nodes, teams, placed, RED, BLUE) if alive[one[2]] and alive[one[3]]]
+    able = {(a, b, node): time for time, _, a, b, node in met if owners[node] == RED}
+    assert set(tags) <= set(able)
+    taken = [agent for a, b, _ in tags for agent in (a, b)]
+    assert len(taken) == len(set(taken))
+    assert all(a in taken or b in taken for a, b, _ in able)  # else they would have been a pair, too
+    times = [able[tag] for tag in tags]
+    assert times == sorted(times)
+    assert block.score[RED] == len(tags)
+    for (a, b, _), time in able.items():  # a pair that was not made had an agent in one at least as early
+        earlier = [made for tag, made in zip(tags, times, strict=True) if a in tag[:2] or b in tag[:2]]
+        assert min(earlier) <= time
+
+
+@given(
+    st.lists(st.lists(st.integers(0, 3), min_size=4, max_size=4), min_size=1, max_size=8),
+    st.lists(st.sampled_from([RED, BLUE]), min_size=4, max_size=4),
+)
+def test_a_flag_is_carried_by_one_enemy_and_an_agent_carries_one_flag(places, teams):
+    block = Block([places[0]], [places[0]], teams)
+    rule = block.flags([0, 3])
+    carriers = [-1, -1]
+    for here in places:
+        for i in range(4):
+            block.start[i], block.node[i] = block.node[i], here[i]
+        core.play(rule, 0)
+        for _, kind, agent, flag, node in block.happened():
+            assert teams[agent] != flag
+            if kind == "take":
+                assert (node, carriers[flag], agent in carriers) == ([0, 3][flag], -1, False)
+                carriers[flag] = agent
+            else:
+                assert (kind, node, carriers[flag]) == ("capture", [0, 3][teams[agent]], agent)
+                carriers[flag] = -1
+        assert list(block.carriers) == carriers
+    assert sum(block.score) == 2.0 * sum(block.captures)
+
+
+@given(st.lists(st.sampled_from([-(2**63), -1, 0, 1, 2**31, 2**63 - 1]) | st.integers(-(2**63), 2**63 - 1)))
+def test_nodes_have_one_number_each_in_the_order_in_which_they_come(ids):
+    numbers, written = meeting.NodeNumbers(), ints([0] * len(ids))
+    numbers.write(ints(ids), written)
+    known = list(dict.fromkeys(ids))
+    assert list(written) == [known.index(one) for one in ids]
+    assert list(numbers.ids[: numbers.count]) == known
+    assert [numbers.number(one) for one in known] == list(range(len(known)))

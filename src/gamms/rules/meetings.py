@@ -605,7 +605,7 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Cal
             street = streets.setdefault(leg.street, len(streets))
             ints[:, row, place] = number(leg.source), number(leg.target), street, flags
             floats[:, row, place] = leg.begin, leg.end, leg.since, leg.until, length or 0.0
-    counts = np.array([len(track.legs) for track in tracks])
+    counts = np.array([len(track.legs) for track in tracks], np.int64)
     return core.Legs(most, *_flat((counts, *ints, *floats)))
 
 
