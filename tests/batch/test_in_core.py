@@ -1,15 +1,20 @@
 """Batches of which every part is in the core: the same games as in arrays and alone, with any number of threads."""
 
 import json
+import re
 from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain
+from batch_scenes import WALK, plain, scene
 
 import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch import games as batch_games
+from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
+from gamms.strategies.travel import IN_CORE
 
 MAPS = Path(__file__).parents[1] / "reference"
 TEAMS = ("red", "blue", "green")
@@ -27,10 +32,10 @@ def core_plays(monkeypatch):
 def in_arrays(monkeypatch):
     """Return a function that makes a batch of a scenario which arrays play."""
 
-    def made(scenario, *args, **kwargs):
+    def made(game, *args, **kwargs):
         with monkeypatch.context() as patch:
             patch.setattr(gamms.core, "is_compiled", False)
-            return scenario.batch(*args, **kwargs)
+            return game.batch(*args, **kwargs)
 
     return made
 
@@ -164,3 +169,177 @@ def test_games_in_the_core_are_those_in_arrays(part, in_arrays):
     number_of_games = 240 if Path(gamms.core.turn.__file__).suffix != ".py" else 40
     for number in range(part, number_of_games, 4):
         check(number, in_arrays)
+
+
+def names_in_docs(row):
+    """Return the names in the cell "in the core" of a row of the table in docs/batches.md."""
+    page = (Path(__file__).parents[2] / "docs" / "batches.md").read_text(encoding="utf-8")
+    table = page.partition("### What the compiled core plays")[2]
+    line = next(line for line in table.splitlines() if line.startswith(f"| {row} |"))
+    return set(re.findall(r"`(\w+)`", line.split("|")[2]))
+
+
+def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
+    assert names_in_docs("strategies") == {one.__name__ for one in IN_CORE}
+    assert names_in_docs("rules") == set(FORMS)
+
+
+GRID = scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}])
+EVERY_RULE = [
+    {"rule": "gamms.rules.territory:published", "with": {"nodes": {0: "red", 24: "blue"}}},
+    {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "territory": "territory"}},
+    {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}},
+    {"rule": "respawn", "with": {"teams": "blue"}},
+    {"rule": "none_left", "with": {"team": "red"}},
+    "last_team",
+    {"rule": "time_limit", "with": {"turns": 9}},
+]
+OTHERWISE = {
+    "speeds": {"teams": {"red": {"count": 2, "strategy": WALK, "speed": 2}, "blue": {"count": 2, "strategy": WALK}}},
+    "metres": {"settings": {"speed_unit": "metres"}},
+    "anywhere": {"settings": {"legal": "any"}},
+    "order": {"settings": {"order": [["red"], ["blue"]]}},
+    "deeds": {"settings": {"deeds": {"scan": {}}}},
+    "channels": {"channels": {"radio": {"range_m": 3.0}}},
+    "hops": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}]},
+    "reach": {"rules": [{"rule": "reach", "with": {"team": "red", "nodes": 24}}]},
+    "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
+    "strategy": {
+        "teams": {
+            "red": {"count": 2, "strategy": {"function": "gamms.strategies:goto", "with": {"target": 3}}},
+            "blue": {"count": 2},
+        }
+    },
+}
+
+
+def test_games_of_all_rules_in_the_docs_are_in_the_core():
+    with GRID.replace(rules=EVERY_RULE, conflicts={"capacity": 2}).batch(2) as games:
+        assert is_in_core(games)
+        games.run()
+        assert games.detached == {}
+
+
+@pytest.mark.parametrize("change", OTHERWISE.values(), ids=OTHERWISE)
+def test_games_with_anything_else_are_in_arrays(change):
+    with GRID.replace(**change).batch(2) as games:
+        assert games.is_in_arrays
+        assert not is_in_core(games)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 5, 64])
+def test_any_number_of_threads_plays_the_same_games(threads):
+    with GRID.batch(5) as games, GRID.batch(5) as others:
+        games.run(threads=threads)
+        others.run()
+        assert text_of(games) == text_of(others)
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, "2", None, True])
+def test_threads_are_a_number_from_1(threads):
+    with GRID.batch(2) as games, pytest.raises((BadType, BadValue), match="threads"):
+        games.run(threads=threads)
+
+
+def test_games_that_are_elsewhere_are_played_with_threads_too():
+    with GRID.batch(2, one_by_one=True) as games, GRID.batch(2) as others:
+        games.run(threads=2)
+        others.run()
+        assert plain(games.result(1)) == plain(others.result(1))
+
+
+def test_an_action_that_is_not_legal_is_refused_before_a_game_is_played():
+    with GRID.batch(2) as games:
+        counts = games.observe("red").counts
+        with pytest.raises(BadValue, match=r"team 'red': action 5 of agent 'red_\d' in game 0, turn 0, is not the"):
+            games.step({"red": np.full_like(counts, 5)})
+        assert games.turn.tolist() == [0, 0]
+        games.step({"red": np.full_like(counts, 5)}, on_illegal="stay")
+        assert games.turn.tolist() == [1, 1]
+
+
+def test_a_deed_that_is_not_declared_is_refused():
+    with GRID.batch(2) as games, pytest.raises(UnknownName, match="scan"):
+        games.step({"red": {"deeds": {"scan": True}}})
+
+
+def test_a_territory_that_is_not_published_is_missed_in_the_first_turn(in_arrays):
+    rule = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "territory": "nowhere"}}
+    scenario = GRID.replace(rules=[rule])
+    with scenario.batch(2) as games, in_arrays(scenario, 2) as others:
+        messages = []
+        for one in (games, others):
+            with pytest.raises(UnknownName) as error:
+                one.run()
+            messages.append([str(error.value), error.value.__notes__])
+        assert messages[0] == messages[1]
+
+
+def test_loaded_games_go_on_from_there(in_arrays):
+    with GRID.batch(3) as games, in_arrays(GRID, 3) as others:
+        for one in (games, others):
+            one.step()
+            one.step()
+            columns = {name: np.roll(column, 1, axis=0) for name, column in one.columns().items()}
+            one.load(columns, 5, {"red": np.array([1.0, 0.0, 2.0])})
+            one.run()
+        assert text_of(games) == text_of(others)
+        for one in (games, others):
+            one.reset([1])
+            one.run()
+        assert text_of(games) == text_of(others)
+
+
+@pytest.mark.parametrize("turns", [0, 3])
+def test_rollouts_go_on_from_a_running_game(in_arrays, turns):
+    with GRID.replace(rules=EVERY_RULE).build(seed=4) as ctx:
+        for _ in range(turns):
+            ctx.game.step()
+        with ctx.game.batch(4, seed=2) as games, in_arrays(ctx.game, 4, seed=2) as others:
+            assert is_in_core(games)
+            assert not is_in_core(others)
+            for one in (games, others):
+                one.run()
+            assert text_of(games) == text_of(others)
+
+
+def test_a_recording_is_that_of_the_game_that_is_played_alone(tmp_path):
+    alone, in_batch = tmp_path / "alone.ggr", tmp_path / "batch.ggr"
+    GRID.play(seed=6, record=alone)
+    with GRID.batch(3, seed=5) as games:
+        games.run()
+        games.record(1, in_batch)
+    assert in_batch.read_bytes() == alone.read_bytes()
+
+
+def test_actions_that_were_given_are_recorded(tmp_path):
+    with GRID.batch(2, record=True) as games:
+        games.step({"red": games.observe("red").counts - 1})
+        games.run()
+        games.record(1, tmp_path / "game.ggr")
+        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+            assert recording.turns == 12
+            state = recording.state(12)
+            nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
+        assert nodes == {name: agent["node"] for name, agent in games.result(1).agents.items()}
+
+
+def test_games_go_on_where_ctrl_c_has_stopped_them(monkeypatch):
+    monkeypatch.setattr(batch_games, "_AT_ONCE_IN_CORE", 1)
+    with GRID.batch(3) as games, GRID.batch(3) as others:
+        played = games._engine.play_in_core
+        turns = []
+
+        def play(*given):
+            turns.append(played(*given))
+            if len(turns) == 4:
+                raise KeyboardInterrupt
+            return turns[-1]
+
+        games._engine.play_in_core = play
+        with pytest.raises(KeyboardInterrupt):
+            games.run()
+        assert games.turn.tolist() == [4, 4, 4]
+        games.run()
+        others.run()
+        assert text_of(games) == text_of(others)

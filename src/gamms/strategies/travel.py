@@ -130,8 +130,9 @@ offer_form(stay, _stay_in_arrays)
 offer_form(random_walk, _walk_in_arrays)
 for _one in (stay, random_walk):
     setattr(_one, FLIES, True)
-setattr(stay, CORE_FORM, moves.STAY)
-setattr(random_walk, CORE_FORM, moves.RANDOM_WALK)
+IN_CORE = {stay: moves.STAY, random_walk: moves.RANDOM_WALK}  # strategies that the core plays in batches
+for _one, _number in IN_CORE.items():
+    setattr(_one, CORE_FORM, _number)
 
 
 @shown_as_called

@@ -2,7 +2,8 @@
 
 `games.py` is the front; read it first. A batch plays in arrays (`arrays.py`) where strategies, rules and conflicts of
 the game have an array form or can be called in the middle, and one game after the other (`one_by_one.py`) elsewhere;
-both give the same games; `why_not.py` says which. `turn.py` is what array forms of rules get, played by
+both give the same games; `why_not.py` says which. Games of which every part is in `gamms.core` are played there, from
+`in_core.py`. `turn.py` is what array forms of rules get, played by
 `moves_of_turn.py`, `view.py` what those of strategies get: `sight.py` says whom sensors show them, `reports.py`
 from the air, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `routes.py` knows how far it is,
 `routes_of_maps.py` where roads are closed, and `flows.py` what spreads. `columns.py` has who plays, `state.py` what a
