@@ -87,6 +87,16 @@ def random_rules(rng, teams, nodes):
         if territory is not None and rng.random() < 0.6:
             with_["territory"] = territory
         rules.append({"rule": "capture_flag", "with": with_})
+    if rng.random() < 0.3:
+        goals = {team: rng.sample(nodes, rng.randint(1, 3)) for team in rng.sample(teams, rng.randint(1, len(teams)))}
+        reach = {"team": goals, "score": rng.choice([0, 1, 2.5]), "passing": rng.random() < 0.6}
+        if len(goals) == 1:
+            ((team, goal),) = goals.items()
+            reach |= {"team": team, "nodes": goal} | winner_of(rng, teams)
+        rules.append({"rule": "reach", "with": reach})
+    if rng.random() < 0.3:
+        arrive = {"team": rng.choice(teams), "nodes": rng.sample(nodes, 2), "passing": rng.random() < 0.6}
+        rules.append({"rule": "arrive", "with": arrive | {"score": rng.choice([0, 1, 0.5])}})
     if rng.random() < 0.4:
         given = {"after": rng.randint(1, 3), "times": rng.choice([None, 1, 2]), "teams": rng.choice([None, teams[0]])}
         rules.append({"rule": "respawn", "with": given})
@@ -189,6 +199,8 @@ EVERY_RULE = [
     {"rule": "gamms.rules.territory:published", "with": {"nodes": {0: "red", 24: "blue"}}},
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "territory": "territory"}},
     {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}},
+    {"rule": "reach", "with": {"team": "red", "nodes": 12}},
+    {"rule": "arrive", "with": {"team": "blue", "nodes": [3, 4]}},
     {"rule": "respawn", "with": {"teams": "blue"}},
     {"rule": "none_left", "with": {"team": "red"}},
     "last_team",
@@ -202,7 +214,7 @@ OTHERWISE = {
     "deeds": {"settings": {"deeds": {"scan": {}}}},
     "channels": {"channels": {"radio": {"range_m": 3.0}}},
     "hops": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}]},
-    "reach": {"rules": [{"rule": "reach", "with": {"team": "red", "nodes": 24}}]},
+    "starts": {"rules": [{"rule": "reach", "with": {"team": "red", "nodes": "starts of blue"}}]},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
     "strategy": {
         "teams": {

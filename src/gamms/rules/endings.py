@@ -12,12 +12,12 @@ from gamms.context import Context
 from gamms.core import rules as core
 from gamms.core.rules import Rule as CoreRule
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making
+from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, reason_of_goals
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.in_core import in_core
+from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import living_teams, turn_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import IAgent, NodeId, Rule
@@ -175,6 +175,9 @@ def reach(
         drawer=render_goals,
         teams=named,
         array_form=in_arrays,
+        core_form=in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
+        if _are_nodes(goals) and fits_core(score)
+        else None,
     )
 
 
@@ -224,6 +227,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
         drawer=render_goals,
         teams=list(goals),
         array_form=in_arrays,
+        core_form=in_core("arrive", team, goal, points) if _are_nodes(goals) and fits_core(points) else None,
     )
 
 
@@ -294,6 +298,11 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         array_form=in_arrays,
         core_form=in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner),
     )
+
+
+def _are_nodes(goals: Mapping[Any, frozenset[int] | str]) -> bool:
+    """Return whether goals are nodes, rather than where agents began, which differs from game to game."""
+    return not any(isinstance(goal, str) for goal in goals.values())
 
 
 def _none_in_play(team: Team) -> str:
@@ -415,7 +424,7 @@ def _goal_of(nodes: frozenset[int], team: Hashable) -> Mapping[int, Hashable]:
 def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
     """Return the reason of the end when these teams have reached their goals, and the winner."""
     won = there[0] if winner is ITS_TEAM else winner
-    return f"{' and '.join(map(str, there))} reached the goal", won if len(there) == 1 else None
+    return reason_of_goals(there), won if len(there) == 1 else None
 
 
 def _arrive_in_arrays(

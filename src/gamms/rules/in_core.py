@@ -181,6 +181,47 @@ def none_left(team: Hashable, reason: str, winner: object, making: Making) -> ru
     return rules.NoneLeft(making.games, making.events, number, team=making.team(team), winner=_code(winner))
 
 
+def reach(
+    goals: Mapping[Hashable, Collection[int]], winner: object, score: float, passing: bool, making: Making
+) -> rules.Rule:
+    """Make `gamms.rules.reach`, of goals that are nodes; the winner is `ONE_THAT_SHOWS` or a team."""
+    roster = making.state.roster
+    is_goal = np.zeros((making.state.streets.num_nodes, len(roster.teams)), np.int64)
+    order = []
+    for team, nodes in goals.items():
+        number = making.team(team)
+        if number >= 0:
+            order.append(number)
+            is_goal[making.rows(nodes), number] = 1
+    number = making.number(PlayedRule(bool(score), isinstance(score, float), winner=winner))
+    return rules.Reach(
+        making.games,
+        making.events,
+        number,
+        goals=flat(is_goal, np.int64),
+        ground=making.plays(None),
+        order=flat(np.array(order, np.int64), np.int64),
+        at_end=not passing,
+        winner=rules.WINNERS["its team" if winner is ONE_THAT_SHOWS else "nobody"],
+        points=score,
+    )
+
+
+def arrive(team: Hashable, goal: Collection[int], points: float, making: Making) -> rules.Rule:
+    """Make `gamms.rules.arrive`, of a goal of nodes."""
+    is_goal = np.zeros(making.state.streets.num_nodes, np.int64)
+    is_goal[making.rows(goal)] = 1
+    return rules.Arrive(
+        making.games,
+        making.events,
+        making.number(PlayedRule(True, isinstance(points, float))),
+        team=making.team(team),
+        goals=flat(is_goal, np.int64),
+        ground=making.plays(None),
+        points=points,
+    )
+
+
 def last_team(making: Making) -> rules.Rule:
     """Make `gamms.rules.last_team`."""
     number = making.number(PlayedRule(reason="last team"))
@@ -202,6 +243,7 @@ def _code(winner: object) -> int:
 
 
 FORMS: Mapping[str, Callable[..., rules.Rule]] = {
-    one.__name__: one for one in (tag, capture_flag, respawn, time_limit, none_left, last_team, published)
+    one.__name__: one
+    for one in (tag, capture_flag, reach, arrive, respawn, time_limit, none_left, last_team, published)
 }
 """The rules that the core plays in batches, by name."""

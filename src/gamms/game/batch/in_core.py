@@ -4,7 +4,7 @@
 `gamms.core.moves` knows it, a rule a function that makes what `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ from gamms.ir.obstacles import BoolArray
 
 CORE_FORM = "core_form"  # an attribute of strategies and rules
 ONE_THAT_SHOWS = "a winner that the core finds"
-_END = rules.KINDS.index("end")
+_REACH, _END = rules.KINDS.index("reach"), rules.KINDS.index("end")
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
 
@@ -38,7 +38,8 @@ class PlayedRule(NamedTuple):
         is_scored: whether each of its events scores for the team of the agent.
         has_floats: whether the points are no integers.
         flags: the teams whose flags it has, by number.
-        reason, winner, truncated: of the end of a game; the winner may be `ONE_THAT_SHOWS`.
+        reason, winner, truncated: of the end of a game; the winner may be `ONE_THAT_SHOWS`. Without a reason, it is
+            that teams have reached their goals.
     """
 
     is_scored: bool = False
@@ -97,10 +98,19 @@ class Making:
         """Return which agents are of these teams, 1 or 0; None: of any."""
         return flat(self.state.roster.plays_for(teams), np.int64)
 
+    def rows(self, nodes: Collection[int]) -> IntArray:
+        """Return the rows of nodes, given their ids."""
+        return self.state.streets.rows(sorted(nodes))
+
     def team(self, team: Hashable) -> int:
         """Return the number of a team; -1: no agent plays for it."""
         teams = self.state.roster.teams
         return teams.index(team) if team in teams else -1
+
+
+def reason_of_goals(teams: Iterable[Hashable]) -> str:
+    """Return the reason of the end of a game in which these teams have reached their goals."""
+    return f"{' and '.join(map(str, teams))} reached the goal"
 
 
 def ints(number: int) -> Any:  # memoryviews are not subscriptable
@@ -289,9 +299,18 @@ class CoreGames:
             who = played.winner
             if who is ONE_THAT_SHOWS:
                 who = None if winner < 0 else state.roster.teams[winner]
-            how = {"reason": played.reason, "winner": who, "truncated": played.truncated}
+            reason = played.reason or self._reason_of_goals(noted, row)
+            how = {"reason": reason, "winner": who, "truncated": played.truncated}
             state.over[game] = joined_end(state.over[game], how)
         state.events.take(noted.those(~is_end))
+
+    def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
+        """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
+        teams, first = self._state.roster.teams, end
+        while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
+            first -= 1
+        members = self._state.roster.team_of[noted.agents[first:end]].tolist()
+        return reason_of_goals(dict.fromkeys(teams[number] for number in members))
 
     def _note_scores(self, noted: CoreEvents, played: Sequence[PlayedRule]) -> None:
         """Take scores, and in which order they were first set."""
