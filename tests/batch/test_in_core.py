@@ -1,5 +1,6 @@
 """Batches of which every part is in the core: the same games as in arrays and alone, with any number of threads."""
 
+import functools
 import json
 import re
 from pathlib import Path
@@ -355,3 +356,35 @@ def test_games_go_on_where_ctrl_c_has_stopped_them(monkeypatch):
         games.run()
         others.run()
         assert text_of(games) == text_of(others)
+
+
+@pytest.mark.parametrize("number", [-2, 6, 10**9, -(2**63)])
+def test_numbers_of_agents_that_are_loaded_are_those_of_agents(number):
+    rule = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+    with GRID.replace(rules=[rule]).batch(2) as games:
+        games.step()
+        columns = games.columns()
+        carriers = columns[("capture_flag", "flags"), "carriers"]
+        carriers[:] = 5
+        games.load(columns, 1)
+        games.step()
+        carriers[1, 0] = number
+        games.load(columns, 1)
+        with pytest.raises(BadValue, match="from -1 to 5"):
+            games.step()
+
+
+def test_a_strategy_with_an_array_form_of_its_own_is_asked_for_that():
+    @functools.wraps(gamms.strategies.random_walk)
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    @gamms.array_strategy(of=last)
+    def last_in_arrays(view):
+        return view.counts - 1
+
+    with GRID.batch(2, strategies={"red": last}) as games:
+        assert games.is_in_arrays
+        assert not is_in_core(games)
+        games.run()
+        assert plain(games.result(1)) == plain(GRID.play(seed=1, strategies={"red": last}))

@@ -105,6 +105,7 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
     state, roster, streets = making.state, making.state.roster, making.state.streets
     kept = state.keep(("capture_flag", flags.key), flags.start_of(roster))
+    making.agents_in.append(kept["carriers"])
     base = streets.rows([*flags.bases.values()])
     number_of = {team: making.team(team) for team in flags.bases}
     home = np.full(len(roster.teams), -1)

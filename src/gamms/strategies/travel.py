@@ -11,8 +11,7 @@ from gamms.arguments import as_array, as_context, as_count, as_float, as_int, si
 from gamms.context import Context
 from gamms.core import moves
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import FLIES, flies
-from gamms.game.batch.in_core import CORE_FORM
+from gamms.game.batch.forms import CORE_FORM, FLIES, flies
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray

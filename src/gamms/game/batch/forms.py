@@ -12,6 +12,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _FORM = "array_form"  # the attribute of a scalar form that has its array form
 BEGINS = "begin_arrays"  # that of a scalar form which has `begins`, see `array_rule` and `array_strategy`
+CORE_FORM = "core_form"  # that of strategies and rules which the core plays in batches, see `in_core.py`
 FLIES = "flies"  # of strategies, or of forms: whether the form is for agents that fly, too
 
 
@@ -36,7 +37,8 @@ def form_declared(
                 f"Declare one form, or define {as_code(of)} again before."
             )
         of.__dict__[_FORM] = as_function_of(form, f"What {decorator}(of=…) declares", argument, most)
-        of.__dict__.pop(BEGINS, None)
+        for name in (BEGINS, CORE_FORM):  # of what it was copied from
+            of.__dict__.pop(name, None)
         of.__dict__.update({} if begins is None else {BEGINS: begins})
         return form
 

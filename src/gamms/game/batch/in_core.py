@@ -14,6 +14,7 @@ from gamms import core
 from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame, decider_of
+from gamms.game.batch.forms import CORE_FORM
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
@@ -23,8 +24,8 @@ from gamms.game.settings import as_called
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
 
-CORE_FORM = "core_form"  # an attribute of strategies and rules
 ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END = rules.KINDS.index("reach"), rules.KINDS.index("end")
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
@@ -58,6 +59,7 @@ class Making:
         games, events, steps, pieces: see `gamms.core.rules`.
         nodes, times, lengths: the columns of the steps.
         rules: of the numbers that events have, what they are of.
+        agents_in: columns of numbers of agents that are kept, -1 for none; they may have been loaded.
     """
 
     def __init__(self, state: GameArrays, games: rules.Games) -> None:
@@ -83,6 +85,7 @@ class Making:
             pieces[5],
         )
         self.rules: list[PlayedRule] = []
+        self.agents_in: list[IntArray] = []
 
     def number(self, *played: PlayedRule) -> int:
         """Return the first of the numbers of a rule, one for each of its parts."""
@@ -207,15 +210,16 @@ class CoreGames:
         """
         state, games = self._state, len(self._until)
         is_given = np.zeros(len(self._decides_by), np.bool_) if given is None else given[1]
+        while len(self._made) < threads:
+            self._made.append(self._player())
         self._deciding[:] = np.where(is_given, moves.GIVEN, self._decides_by)
         if given is not None:
             self._given[:] = given[0]
+        self._refuse_unknown_agents()
         self._until[:] = until
         self._over[:] = ~state.is_going
         for number, team in enumerate(state.roster.teams):
             self._score[:, number] = state.scores.get(team, 0.0)
-        while len(self._made) < threads:
-            self._made.append(self._player())
         bounds = [games * part // threads for part in range(threads + 1)]
         parts = zip(self._made, bounds, bounds[1:], strict=False)
         if threads == 1:
@@ -228,6 +232,13 @@ class CoreGames:
         for _, making in self._made:
             self._read(making)
         state.now.clear()
+
+    def _refuse_unknown_agents(self) -> None:
+        """Refuse numbers that rules have kept, or that were loaded, and that are those of no agents."""
+        agents = len(self._decides_by)
+        for column in self._made[0][1].agents_in:
+            if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
+                raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
 
     def _player(self) -> tuple[turn.Player, Making]:
         """Make what one more thread plays with."""
