@@ -165,7 +165,8 @@ def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
         part: what is copied.
         memo: what takes the place of which objects there, by `id()`, see `copy.deepcopy`; it gets the copy.
     """
-    twin = memo[id(part)] = object.__new__(type(part))
+    kind = type(part)
+    twin = memo[id(part)] = kind.__new__(kind)
     twin.__setstate__(deepcopy(part.__getstate__(), memo))  # type: ignore[arg-type] # of an object with slots
     return twin
 

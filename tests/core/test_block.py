@@ -1,6 +1,7 @@
 """A block of games: columns by agent, team and game, room for more of them, copies of rows; loops over agents."""
 
 from array import array
+from copy import deepcopy
 
 import pytest
 from hypothesis import given
@@ -56,10 +57,10 @@ def test_a_column_has_the_game_as_its_first_axis():
 def test_the_memory_is_moved_seldom_as_agents_come_one_by_one():
     block, moves = Block(COLUMNS), 0
     for _ in range(1000):
-        before = block.array("node").obj
+        before = block.numbers["node"]
         block.add(1)
-        moves += block.array("node").obj is not before
-    assert moves < 30
+        moves += block.numbers["node"] is not before
+    assert moves < 20
 
 
 def test_a_copy_of_a_game_leaves_out_what_is_not_copied():
@@ -90,6 +91,25 @@ def test_a_block_of_another_size_takes_a_game_with_its_size():
 def test_there_is_no_column_of_another_name():
     with pytest.raises(KeyError, match="mass"):
         Block(COLUMNS).row("mass")
+
+
+def test_rows_that_are_free_have_initial_numbers_again():
+    block = Block(COLUMNS)
+    block.add(3)
+    block.row("node")[:] = array(INT64, [4, 5, 6])
+    block.close_up([0])
+    block.add(1)
+    assert block.row("node").tolist() == [5, 6, 0]
+
+
+def test_a_block_can_be_copied_with_all_its_games():
+    block = Block(COLUMNS, games=2)
+    block.add(2)
+    block.row("node", 1)[1] = 7
+    twin = deepcopy(block)
+    block.row("node", 1)[0] = 6
+    assert twin.row("node", 1).tolist() == [0, 7]
+    assert twin.add(1) == 2
 
 
 @given(data=st.data())

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 from gamms import kernels
 from gamms.agent.carried import carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
+from gamms.core.agents import AgentView
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, ReservedName, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.graph import FloatArray
-from gamms.ir.journal import CLOSED
 from gamms.ir.schema import NUMBERS, SETTABLE, Column
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -58,12 +58,12 @@ class _Derived:
         return self if agent is None else self._value_of(agent)
 
 
-class BaseAgent(ContextPart, IAgent):
+class BaseAgent(AgentView, ContextPart, IAgent):
     """An agent of any kind; a subclass says where it begins, where it is and how it acts."""
 
-    # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
-    # because setting an attribute asks whether a strategy is running (benchmarks: the loop).
-    __slots__ = "_block", "_carried", "_ctx", "_last", "_near", "_phase", "_row", "_sensor_list", "_shared", "strategy"
+    # NOTE: the last state is in a list, because setting an attribute asks whether a strategy is running (benchmarks:
+    # loop). The caller's attributes are in __dict__.
+    __slots__ = ()
 
     _called = "agent"
 
@@ -84,6 +84,10 @@ class BaseAgent(ContextPart, IAgent):
     def __repr__(self) -> str:
         """Name the agent and where it stands."""
         return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
+
+    def __getstate__(self) -> object:
+        """Return its attributes; without this, compiled classes refuse to be copied."""
+        return super().__getstate__()
 
     def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
@@ -221,30 +225,6 @@ class BaseAgent(ContextPart, IAgent):
         """
         self.strategy = strategy
 
-    def get_state(self) -> State:
-        """Sense; return a fresh dict with `curr_pos` and `sensor`, or the last one after the end of the context."""
-        if self._phase.agent is not None:
-            self._phase.refuse("call agent.get_state")
-        block = self._block
-        if block.journal is CLOSED:
-            return self._last[0] or self._state_of(self._held_data())
-        node = block.node[self._row]
-        if block.progress[self._row] is not None:
-            state: State = {"curr_pos": node, "sensor": self.sense()}
-            self._last[0] = state
-            return state
-        sensed = {}
-        for name, last, kind, look in self._carried:
-            if look is None:
-                last[0] = seen = [*self._near[node]]
-                sensed[name] = kind, seen
-            else:
-                look.sense(node)
-                sensed[name] = look.type, last[0]
-        state = {"curr_pos": node, "sensor": sensed}
-        self._last[0] = state
-        return state
-
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Ask all sensors; return name -> (kind, data), as `get_state` has it under `sensor`."""
@@ -255,26 +235,6 @@ class BaseAgent(ContextPart, IAgent):
             (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
             sensed[name] = sensor.type, last[0]
         return sensed
-
-    def set_state(self) -> None:
-        """Do what `state['action']` says; do nothing after the end of the context."""
-        if self._phase.agent is not None:
-            self._phase.refuse("call agent.set_state")
-        block = self._block
-        if block.journal is CLOSED:
-            return
-        try:
-            action = self._last[0]["action"]
-        except KeyError:
-            raise MissingKey(
-                f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to "
-                f"{self._ACTION}."
-            ) from None
-        # NOTE: a plain node id comes first: it is every move of most games (benchmarks: the loop).
-        if type(action) is int and action in self._near:
-            block.move(self._row, action)
-        else:
-            self._act(action)
 
     def step(self) -> None:
         """Sense, decide and move; do nothing after the end of the context.
@@ -305,7 +265,7 @@ class BaseAgent(ContextPart, IAgent):
 
     @property
     def _is_closed(self) -> bool:
-        return self._block.journal is CLOSED
+        return self._block.is_closed
 
     def _begin(self, ctx: IContext, block: AgentBlock, attributes: Iterable[str]) -> IGraph:
         """Begin as a view of a row that a subclass adds to a block; check the names of attributes; return the graph."""
@@ -347,6 +307,15 @@ class BaseAgent(ContextPart, IAgent):
     def _live_in(self, block: AgentBlock) -> None:
         """Move into a row of another block: that of the context, or a new one to leave it; sensors stay."""
         self._row, self._block = block.take_over(self._block, self._row), block
+
+    def _last_state(self) -> Any:
+        return self._last[0] or self._state_of(self._held_data())
+
+    def _refuse_without_action(self) -> None:
+        raise MissingKey(
+            f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to "
+            f"{self._ACTION}."
+        ) from None
 
     def _state_of(self, sensed: dict[str, Any]) -> State:
         """Return a state with these results of sensors."""
@@ -586,7 +555,8 @@ class AerialAgent(BaseAgent, IAerialAgent):
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
         """Sense; return a fresh dict with `curr_pos`, `quat` and `sensor`."""
         if self._is_closed:
-            return self._last[0] or self._state_of(self._held_data())
+            last: AerialState = self._last_state()
+            return last
         sensed = self.sense()
         self._last[0] = state = self._state_of(sensed)
         return state

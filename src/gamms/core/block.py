@@ -43,55 +43,64 @@ class Block:
         games: how many.
 
     Attributes:
-        columns: as given.
+        columns: name -> column.
         games: as given.
         sizes: axis -> how many rows each game has in use.
+        numbers: name -> all numbers of a column, those of rows that are free too, (games * rows * width,): the memory
+            itself, until the block grows. Free rows have the initial number.
     """
 
     def __init__(self, columns: Sequence[BlockColumn], games: int = 1) -> None:
-        self.columns = tuple(columns)
+        self.columns = {one.name: one for one in columns}
         self.games = games
         self.sizes = {"agent": 0, "team": 0, "game": 1}
         self._room = {"agent": 0, "team": 0, "game": 1}
-        self._bytes = {one.name: self._filled(one, games) for one in self.columns}
+        self.numbers = {one.name: self._filled(one) for one in columns}
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        """Return what a copy is made of."""
+        memory = {name: bytearray(numbers) for name, numbers in self.numbers.items()}
+        return [*self.columns.values()], self.games, self.sizes.copy(), self._room.copy(), memory
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """Become a copy."""
+        columns, self.games, self.sizes, self._room, memory = state
+        self.columns = {one.name: one for one in columns}
+        self.numbers = {name: _view(one, self.columns[name].code) for name, one in memory.items()}
 
     def array(self, name: str) -> memoryview[Any]:
         """Return a column of all games with the rows that are free, (games, rows) or (games, rows, width).
 
         It is the memory itself, until the block grows. A column of the game is (games,) or (games, width).
         """
-        column = self._column(name)
+        column = self.columns[name]
         shape = [self.games, self._room[column.axis], column.width]
         if column.width == 1:
             shape.pop()
         if column.axis == "game":
             del shape[1]
-        return _view(self._bytes[name], column.code, shape)
+        numbers = self.numbers[name]
+        return numbers.cast("B").cast(column.code, shape) if len(numbers) else numbers  # type: ignore[call-overload]
 
     def row(self, name: str, game: int = 0) -> memoryview[Any]:
         """Return the rows in use of a column in one game, (rows * width,): the memory itself, until the block grows."""
-        column = self._column(name)
-        numbers = _view(self._bytes[name], column.code)
+        column = self.columns[name]
         first = game * self._room[column.axis] * column.width
-        return numbers[first : first + self.sizes[column.axis] * column.width]
+        return self.numbers[name][first : first + self.sizes[column.axis] * column.width]
 
     def add(self, count: int, axis: str = "agent") -> int:
         """Add rows of an axis to every game, which have the initial numbers; return the first of them."""
         first = self.sizes[axis]
-        room = self._room[axis]
-        if first + count > room:
-            self._grow(axis, max(first + count, room + room // 2))
+        if first + count > self._room[axis]:
+            self._grow(axis, max(first + count, 2 * first))
         self.sizes[axis] = first + count
-        for column in self.columns:
-            if column.axis == axis:
-                self._reset(column, first, count)
         return first
 
     def close_up(self, gone: Sequence[int], axis: str = "agent") -> None:
         """Remove rows of an axis, ascending, from every game."""
-        for column in self.columns:
-            for game in range(self.games if column.axis == axis else 0):
-                _close_up(self.row(column.name, game), gone, column.width)
+        for column in self._on(axis):
+            for game in range(self.games):
+                _close_up(self.row(column.name, game), gone, column)
         self.sizes[axis] -= len(gone)
 
     def copy_row(self, source: int, target: int, of: Block | None = None) -> None:
@@ -104,75 +113,64 @@ class Block:
         """
         block = self if of is None else of
         for axis, size in block.sizes.items():
-            if size > self.sizes[axis]:
+            if size < self.sizes[axis]:
+                self.close_up(range(size, self.sizes[axis]), axis)
+            elif size > self.sizes[axis]:
                 self.add(size - self.sizes[axis], axis)
-            self.sizes[axis] = size
-        for column in self.columns:
-            if column.is_copied:
-                self.row(column.name, target)[:] = block.row(column.name, source)
-            else:
-                self._reset(column, 0, self.sizes[column.axis], target)
+        for name, column in self.columns.items():
+            numbers = self.row(name, target)
+            numbers[:] = block.row(name, source) if column.is_copied else _initial(column, len(numbers))
 
     def copied(self, game: int = 0) -> Block:
         """Return a block of one game, which is a copy of one of these."""
-        copy = Block(self.columns)
+        copy = Block([*self.columns.values()])
         copy.copy_row(game, 0, self)
         return copy
 
-    def _column(self, name: str) -> BlockColumn:
-        for column in self.columns:
-            if column.name == name:
-                return column
-        raise KeyError(name)
+    def _on(self, axis: str) -> list[BlockColumn]:
+        """Return the columns of an axis."""
+        return [column for column in self.columns.values() if column.axis == axis]
 
-    def _filled(self, column: BlockColumn, games: int) -> bytearray:
-        """Return the memory of a column in which all rows have the initial number."""
-        numbers = column.width * self._room[column.axis] * games
-        return _bytes_of(column) * numbers
+    def _filled(self, column: BlockColumn) -> memoryview[Any]:
+        """Return the numbers of a column in which all rows have the initial number."""
+        return _initial(column, self.games * self._room[column.axis] * column.width)
 
     def _grow(self, axis: str, room: int) -> None:
         """Have room for so many rows of an axis."""
-        before = dict(self._room)
+        before = self._room[axis]
         self._room[axis] = room
-        for column in self.columns:
-            if column.axis == axis:
-                old = self._bytes[column.name]
-                new = bytearray(calcsize(column.code) * column.width * room * self.games)
-                step = len(old) // self.games
-                for game in range(self.games if before[axis] else 0):
-                    first = game * (len(new) // self.games)
-                    new[first : first + step] = old[game * step : (game + 1) * step]
-                self._bytes[column.name] = new
-
-    def _reset(self, column: BlockColumn, first: int, count: int, game: int | None = None) -> None:
-        """Give rows the initial numbers, in one game or in all."""
-        initial = _view(_bytes_of(column) * (count * column.width), column.code)
-        for one in range(self.games) if game is None else (game,):
-            self.row(column.name, one)[first * column.width : (first + count) * column.width] = initial
+        for column in self._on(axis):
+            numbers = self._filled(column)
+            for game in range(self.games):
+                first, old = game * room * column.width, game * before * column.width
+                step = before * column.width
+                numbers[first : first + step] = self.numbers[column.name][old : old + step]
+            self.numbers[column.name] = numbers
 
 
-def _view(memory: bytearray, code: str, shape: Sequence[int] | None = None) -> memoryview[Any]:
-    """Return memory as numbers of a format, in one dimension or in a shape."""
-    numbers: memoryview[Any] = memoryview(memory).cast(code)  # type: ignore[call-overload] # which knows literals only
-    return numbers if shape is None or not memory else numbers.cast("B").cast(code, shape)  # type: ignore[call-overload]
-
-
-def _bytes_of(column: BlockColumn) -> bytearray:
-    """Return the memory of one initial number."""
-    memory = bytearray(calcsize(column.code))
-    _view(memory, column.code)[0] = column.initial
-    return memory
-
-
-def _close_up(numbers: memoryview[Any], gone: Sequence[int], width: int) -> None:
-    """Move rows of `width` numbers forward to the places of rows that are gone."""
-    size = len(numbers) // width
-    target = gone[0] * width if gone else 0
+def _close_up(numbers: memoryview[Any], gone: Sequence[int], column: BlockColumn) -> None:
+    """Move rows forward to the places of rows that are gone, and free those at the end."""
+    size = len(numbers) // column.width
+    target = gone[0] * column.width if gone else len(numbers)
     for i, row in enumerate(gone):
-        first = (row + 1) * width
-        last = (gone[i + 1] if i + 1 < len(gone) else size) * width
+        first = (row + 1) * column.width
+        last = (gone[i + 1] if i + 1 < len(gone) else size) * column.width
         numbers[target : target + last - first] = numbers[first:last]
         target += last - first
+    numbers[target:] = _initial(column, len(numbers) - target)
+
+
+def _initial(column: BlockColumn, count: int) -> memoryview[Any]:
+    """Return the initial number of a column so many times."""
+    memory = bytearray(calcsize(column.code))
+    _view(memory, column.code)[0] = column.initial
+    return _view(memory * count, column.code)
+
+
+def _view(memory: bytearray, code: str) -> memoryview[Any]:
+    """Return memory as numbers of a format."""
+    numbers: memoryview[Any] = memoryview(memory).cast(code)  # type: ignore[call-overload] # which knows literals only
+    return numbers
 
 
 # -- loops over the agents of one game ----------------------------------------------------------------------------

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from gamms.core.agents import AgentColumns
 from gamms.core.block import INT64, Block, move_rows
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop
 from gamms.ir.graph import NodeFinder
-from gamms.ir.journal import CLOSED, PLAIN, Journal
+from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.progress import Progress
 from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLACES
 
@@ -28,11 +29,12 @@ PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 
 
 _COLUMNS = {column.name: column for column in AGENT_COLUMNS}
 _NUMBERS = [column.name for column in IN_GAMES]
+_SHOWN = [name for name in _NUMBERS if name not in AgentColumns.__slots__]
 _LISTS = [name for name in BY_ROW if name not in _NUMBERS]
 _PLACES = [column.name for column in PLACES if column.name in _LISTS]
 
 
-class AgentBlock:
+class AgentBlock(AgentColumns):
     """Agents, one row each in the order of their creation, and the verbs that change them.
 
     What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
@@ -70,16 +72,15 @@ class AgentBlock:
     """
 
     __slots__ = (
-        *(*BY_ROW, "_changed", "_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "copied"),
-        *("flyers", "games", "graph", "has_teams", "inactive", "journal", "placed", "removed", "rows", "structure"),
-        *("travellers", "trusts_nodes", "under_way"),
+        *(name for name in BY_ROW if name not in AgentColumns.__slots__),
+        *("_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "copied", "flyers", "games"),
+        *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "travellers", "trusts_nodes"),
+        "under_way",
     )
 
     names: list[str]
     teams: list[Any]
     kind: memoryview[int]
-    node: memoryview[int]
-    previous: memoryview[int]
     heading: list[tuple[float, float] | None]
     position: list[Position | None]
     previous_position: list[Position | None]
@@ -125,15 +126,18 @@ class AgentBlock:
 
     def _show(self) -> None:
         """Let the columns of numbers be views of the agents that there are now."""
-        for name in _NUMBERS:
-            setattr(self, name, self.games.row(name))
+        row = self.games.row
+        self.show(row("node"), row("previous"))
+        for name in _SHOWN:
+            setattr(self, name, row(name))
 
     def __len__(self) -> int:
         return len(self.names)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but the views of numbers, which cannot be copied."""
-        return {name: getattr(self, name) for name in self.__slots__ if name not in _NUMBERS}
+        names = {*self.__slots__, "_changed", "journal", "progress"}.difference(_NUMBERS)
+        return {name: getattr(self, name) for name in sorted(names)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Become a copy."""
@@ -233,35 +237,18 @@ class AgentBlock:
 
     # -- verbs --------------------------------------------------------------------------------------------------
 
-    def move(self, row: int, node: int) -> None:
-        """Move an agent on the ground; the node it was on is its previous one."""
-        # NOTE: every move of the paper's loop (benchmarks: loop, recording).
-        journal = self.journal
-        if journal is not PLAIN:
-            if not journal.is_silent:
-                log = journal.log
-                log.append(journal.ids[row])
-                log.append(node)
-            elif journal is CLOSED:
-                return
-        column = self.node
-        self.previous[row] = column[row]
-        column[row] = node
-        self._changed.add(row)
-
     def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
         """Move many agents on the ground; one that stays keeps its previous node."""
-        journal = self.journal
-        if journal is CLOSED:
+        if self.is_closed:
             return
         if 2 * len(rows.rows) > len(self.node):
             self._have_all_changed = True
         else:
             self._changed |= rows.as_set
         ends = as_ids(nodes)
-        before = () if journal.is_silent else rows.of(self.node)
+        before = rows.of(self.node) if self.is_noting else ()
         moved = move_rows(self.node, self.previous, rows.buffer, ends)
-        if not journal.is_silent and moved:
+        if self.is_noting and moved:
             self._note_moves(rows, before, ends, moved)
 
     def _note_moves(self, rows: Selection, before: Sequence[int], ends: memoryview[int], moved: int) -> None:
@@ -280,9 +267,9 @@ class AgentBlock:
 
     def set(self, row: int, column: str, value: object) -> None:
         """Set the value of an agent in one of the columns of `schema.CHANGE_EVENTS`, and note it."""
-        journal = self.journal
-        if journal is CLOSED:
+        if self.is_closed:
             return
+        journal = self.journal
         getattr(self, column)[row] = value
         if _COLUMNS[column].is_watched:
             self._changed.add(row)
@@ -294,7 +281,7 @@ class AgentBlock:
             (self.inactive.discard if value else self.inactive.add)(row)
         if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
             self.set_progress(row, None)
-        if not journal.is_silent:
+        if self.is_noting:
             event = CHANGE_EVENTS[column]
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
@@ -314,7 +301,7 @@ class AgentBlock:
         if self.progress[row] != progress:
             self.progress[row] = progress
             self._follow_progress(row)
-            if not self.journal.is_silent:
+            if self.is_noting:
                 self.journal.progressed.add(self.journal.ids[row])
 
     def _follow_progress(self, row: int) -> None:
@@ -329,9 +316,9 @@ class AgentBlock:
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:
         """Move a flyer to `(x, y, z)`, map units, above a node; None: above the nearest one in the graph."""
-        journal = self.journal
-        if journal is CLOSED:
+        if self.is_closed:
             return
+        journal = self.journal
         self.previous[row] = self.nearest(row)
         before = self.previous_position[row] = self.position[row]
         if node is not None:
@@ -341,16 +328,15 @@ class AgentBlock:
         self.position[row] = position
         self.placed.add(row)
         self._changed.add(row)
-        if not journal.is_silent:
+        if self.is_noting:
             journal.flew(row, self.nearest(row), position)
 
     def turn(self, row: int, quat: Quat) -> None:
         """Turn a flyer."""
-        journal = self.journal
-        if journal is not CLOSED:
+        if not self.is_closed:
             self.quat[row] = quat
-            if not journal.is_silent:
-                journal.turned(row, quat)
+            if self.is_noting:
+                self.journal.turned(row, quat)
 
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing (used by replay and by batches)."""
@@ -368,7 +354,7 @@ class AgentBlock:
 
         In a graph without nodes it is the one of before.
         """
-        if self.journal is not CLOSED:
+        if not self.is_closed:
             self._renew_flyer_nodes()
             if row in self._unlocated:
                 self._locate(row)
@@ -376,7 +362,7 @@ class AgentBlock:
 
     def locate(self) -> None:
         """Find the nodes of all flyers."""
-        if not self.flyers or self.journal is CLOSED:
+        if not self.flyers or self.is_closed:
             return
         self._renew_flyer_nodes()
         if self._unlocated:  # NOTE: a set that was large takes long to go through, empty as it is

@@ -22,9 +22,11 @@ class Journal:
             reader sets it to 0.
         progressed: the numbers of agents whose progress along an edge was set; the reader empties it.
         is_silent: whether it notes nothing; `log`, `flew`, `turned` and `attributed` are then not to be used.
+        is_closed: whether the context has ended, so that agents are no longer changed.
     """
 
     is_silent: bool = False
+    is_closed: bool = False
 
     def __init__(self, names: list[str]) -> None:
         self.log: Log = []
@@ -123,5 +125,11 @@ class _Silent(Journal):
         pass
 
 
+class _Closed(_Silent):
+    """Notes nothing, because nothing is changed any more."""
+
+    is_closed = True
+
+
 PLAIN = _Silent([])  # agents are changed and nothing is noted
-CLOSED = _Silent([])  # the context has ended: agents are no longer changed
+CLOSED = _Closed([])  # the context has ended: agents are no longer changed

@@ -22,7 +22,7 @@ from gamms.ir.events import (
     records_of,
 )
 from gamms.ir.graph import IntArray
-from gamms.ir.journal import Muted
+from gamms.ir.journal import Journal, Muted
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps, sensed
@@ -325,7 +325,7 @@ class LiveAgents(AgentsState):
 
     def note(self, kind: int, data: Plain) -> None:
         """Note an event of the recording, with the numbers that agents have in the journal."""
-        journal = self._block.journal
+        journal: Journal = self._block.journal
         if journal.is_silent:
             return
 

@@ -1,0 +1,29 @@
+cimport cython
+
+ctypedef long long i64
+
+
+cdef class AgentColumns:
+    cdef public object node, previous
+    cdef public list progress
+    cdef public set _changed
+    cdef public bint is_closed, is_noting
+    cdef object _journal
+    cdef i64[::1] _nodes, _origins
+
+    @cython.locals(log=list, ids=list)
+    cdef int _move(self, Py_ssize_t row, i64 node) except -1
+    cdef i64 _node_of(self, Py_ssize_t row) except? -1
+
+
+cdef class AgentView:
+    cdef public object _phase, _ctx, _near, strategy, _sensor_list, _shared
+    cdef public AgentColumns _block
+    cdef public Py_ssize_t _row
+    cdef public tuple _carried
+    cdef public list _last
+
+    @cython.locals(block=AgentColumns, row=Py_ssize_t, node=i64, seen=list, sensed=dict, state=dict)
+    cpdef get_state(self)
+    @cython.locals(block=AgentColumns)
+    cpdef set_state(self)

@@ -1,0 +1,165 @@
+# cython: binding=False, auto_pickle=False
+"""Agents of one game: the columns that each of their moves reads and writes, and agents as views of one row.
+
+The loop of a program over its agents asks `get_state` and `set_state` of each, which read nothing else than what is
+here. What is rare (agents on edges, actions that are no nodes, errors) is left to methods of the subclasses.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class AgentColumns:
+    """Columns of the agents of one game, and their moves; a subclass has the other columns and verbs.
+
+    Attributes:
+        node, previous: (agents,) the ids of nodes.
+        progress: (agents,) where on an edge an agent is; None: on its node.
+        journal: how moves are noted.
+        is_closed: whether nothing changes any more, as the journal says.
+        is_noting: whether the journal notes moves.
+    """
+
+    __slots__ = ("_changed", "_journal", "_nodes", "_origins", "is_closed", "is_noting", "node", "previous", "progress")
+
+    node: memoryview[int]
+    previous: memoryview[int]
+    progress: list[Any]
+    is_closed: bool
+    is_noting: bool
+    _changed: set[int]
+
+    @property
+    def journal(self) -> Any:
+        """How it writes: plainly, noting what it writes, or not at all."""
+        return self._journal
+
+    @journal.setter
+    def journal(self, journal: Any) -> None:
+        self._journal = journal
+        self.is_closed = journal.is_closed
+        self.is_noting = not journal.is_silent
+
+    def show(self, node: memoryview[int], previous: memoryview[int]) -> None:
+        """Let these be the nodes and the previous nodes of the agents that there are now."""
+        self.node = node
+        self.previous = previous
+        self._nodes = node
+        self._origins = previous
+
+    def move(self, row: int, node: int) -> None:
+        """Move an agent on the ground; the node it was on is its previous one."""
+        if not self.is_closed:
+            self._move(row, node)
+
+    def _move(self, row: int, node: int) -> int:
+        if row < 0 or row >= len(self._nodes):
+            raise IndexError(f"There is no agent in row {row}.")
+        if self.is_noting:
+            journal = self._journal
+            log = journal.log
+            ids = journal.ids
+            log.append(ids[row])
+            log.append(node)
+        self._origins[row] = self._nodes[row]
+        self._nodes[row] = node
+        self._changed.add(row)
+        return 0
+
+    def _node_of(self, row: int) -> int:
+        if row < 0 or row >= len(self._nodes):
+            raise IndexError(f"There is no agent in row {row}.")
+        return self._nodes[row]
+
+
+class AgentView:
+    """An agent: a view of a row of columns, with sensors and a strategy.
+
+    Attributes:
+        _phase: in which part of a turn the context is; its `agent` is not None while agents decide.
+        _block: the columns.
+        _row: of the agent in these.
+        _near: node id -> the nodes that are legal from there.
+        _carried: the sensors, each as `(name, data, type, look)`; without a look, `data` gets the legal nodes.
+        _last: a list of the state that it was given last.
+    """
+
+    __slots__ = (
+        "_block",
+        "_carried",
+        "_ctx",
+        "_last",
+        "_near",
+        "_phase",
+        "_row",
+        "_sensor_list",
+        "_shared",
+        "strategy",
+    )
+
+    _phase: Any
+    _block: Any
+    _row: int
+    _near: Any
+    _carried: tuple[Any, ...]
+    _last: list[Any]
+
+    def get_state(self) -> Any:
+        """Sense; return a fresh dict with `curr_pos` and `sensor`, or the last one after the end of the context."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call agent.get_state")
+        block = self._block
+        if block.is_closed:
+            return self._last_state()
+        row = self._row
+        node = block._node_of(row)
+        if block.progress[row] is not None:
+            state = {"curr_pos": node, "sensor": self.sense()}
+            self._last[0] = state
+            return state
+        sensed = {}
+        for name, last, kind, look in self._carried:
+            if look is None:
+                seen = [*self._near[node]]
+                last[0] = seen
+                sensed[name] = (kind, seen)
+            else:
+                look.sense(node)
+                sensed[name] = (look.type, last[0])
+        state = {"curr_pos": node, "sensor": sensed}
+        self._last[0] = state
+        return state
+
+    def set_state(self) -> None:
+        """Do what `state['action']` says; do nothing after the end of the context."""
+        if self._phase.agent is not None:
+            self._phase.refuse("call agent.set_state")
+        block = self._block
+        if block.is_closed:
+            return
+        try:
+            action = self._last[0]["action"]
+        except KeyError:
+            self._refuse_without_action()
+        # NOTE: a plain node id comes first: it is every move of most games (benchmarks: the loop).
+        if type(action) is int and action in self._near:
+            block._move(self._row, action)
+        else:
+            self._act(action)
+
+    def sense(self) -> dict[str, Any]:
+        """Ask all sensors; return name -> (kind, data)."""
+        raise NotImplementedError
+
+    def _last_state(self) -> Any:
+        """Return the state of an agent of a context that has ended."""
+        raise NotImplementedError
+
+    def _refuse_without_action(self) -> None:
+        """Raise that the strategy has set no action."""
+        raise NotImplementedError
+
+    def _act(self, action: object) -> None:
+        """Do what an action that is no plain node id says."""
+        raise NotImplementedError
