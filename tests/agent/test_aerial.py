@@ -126,7 +126,7 @@ def test_the_node_is_the_nearest_one_also_after_the_graph_has_changed(ctx, kite)
     assert kite.current_node_id == 20
     assert ctx.agent.positions.node_ids.tolist() == [20]
     graph.update_node({"id": 20, "x": 9.0})
-    assert ctx.agent.positions.by_node == {4: {0}}
+    assert ctx.agent.positions.node_ids.tolist() == [4]
     graph.remove_node(4)
     assert ctx.agent.positions.node_ids.tolist() == [5]
     assert kite.get_state()["sensor"]["near"][1][0] == 5
@@ -387,7 +387,7 @@ def test_an_agent_whose_sensor_refuses_it_is_not_created(ctx, camera, anna):
     with pytest.raises(ValueError, match="'bert' does not fly"):
         ctx.agent.create_agent("bert", start_node_id=0, sensors=["near", "other", "camera"])
     assert list(ctx.agent.agents) == ctx.agent.positions.names == ["anna"]
-    assert ctx.agent.positions.by_node == {4: {0}}
+    assert ctx.agent.positions.node_ids.tolist() == [4]
     assert (near._owner, other._owner, camera._owner) == ("anna", None, None)
     assert anna.get_state()["sensor"]["near"][1][0] == 4
     assert ctx.agent.create_agent("bert", start_node_id=0, sensors=["other"]).current_node_id == 0
@@ -427,7 +427,6 @@ def test_after_the_end_a_flyer_rests(ctx, kite):
     kite.position, kite.quat, kite.orientation, kite.current_node_id = (9, 9, 9), (0, 1, 0, 0), (0, 1), 99
     assert where(kite) == before == ((0.0, 0.1, 5.0), (2.0, 2.0, 5.0), (1.0, 0.0, 0.0, 0.0), 0, 8)
     assert ctx.agent.positions.node_ids.tolist() == [0]
-    assert ctx.agent.positions.by_node == {0: {0}}
 
 
 def test_after_the_end_a_flyer_that_never_looked_hands_out_where_it_is(ctx, kite):

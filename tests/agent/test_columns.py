@@ -94,39 +94,15 @@ def test_a_row_can_be_copied_into_another_block(columns):
     assert Positions(other).node_ids.tolist() == [103]
 
 
-def where(positions):
-    """Node -> names."""
-    rows_at = positions.by_node
-    assert all(rows_at.values())
-    assert positions.rows_on([*rows_at, 0]) == sorted(row for rows in rows_at.values() for row in rows)
-    return {node: sorted(positions.names[row] for row in rows) for node, rows in rows_at.items()}
-
-
-def test_rows_are_found_by_the_node_they_stand_on(columns, positions):
-    remove_all_but(columns, "a0", "a1", "a2")
-    assert where(positions) == {100: ["a0"], 101: ["a1"], 102: ["a2"]}
-    for row in (0, 2):
-        columns.move(row, 101)
-    assert where(positions) == {101: ["a0", "a1", "a2"]}
-    columns.set(1, "node", 7)
+def test_arrays_follow_moves_and_agents_that_come_and_go(columns, positions):
+    _ = positions.node_ids
+    for node in (7, 8):
+        columns.move(3, node)
+        assert positions.node_ids[3] == node
     columns.add("new", 7)
-    assert where(positions) == {101: ["a0", "a2"], 7: ["a1", "new"]}
-
-
-def test_arrays_and_rows_by_node_do_not_take_changes_away_from_each_other(columns, positions):
-    _ = positions.node_ids, positions.by_node
-    columns.move(3, 7)
-    assert where(positions)[7] == ["a3"]
-    assert positions.node_ids[3] == 7
-    columns.move(3, 8)
-    assert positions.node_ids[3] == 8
-    assert where(positions)[8] == ["a3"]
-
-
-def test_rows_are_found_by_node_once_others_are_closed_up(columns, positions):
-    _ = positions.by_node
+    assert positions.node_ids.tolist() == list(columns.node)
     remove_all_but(columns, "a5", "a2")
-    assert where(positions) == {105: ["a5"], 102: ["a2"]}
+    assert positions.node_ids.tolist() == [102, 105]
 
 
 def test_every_subscriber_reads_its_own_log_of_changes(columns):
@@ -158,13 +134,11 @@ def test_versions_say_what_kind_of_thing_has_changed(columns):
     assert all(now != then for now, then in zip(versions(), faster, strict=True))
 
 
-def test_an_agent_that_is_not_alive_stands_on_no_node(columns, positions):
-    _ = positions.by_node
+def test_an_agent_that_is_not_alive_is_not_among_the_living(columns, positions):
     columns.set(2, "alive", value=False)
-    assert 102 not in positions.by_node
     assert (2 in positions.living, list(positions.inactive), positions.nodes[2]) == (False, [2], 102)
     columns.set(2, "alive", value=True)
-    assert where(positions)[102] == ["a2"]
+    assert 2 in positions.living
 
 
 def test_a_closed_block_is_not_written_to(columns):
@@ -281,28 +255,14 @@ def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, late
     positions = Positions(block)
     for verb, *given_to_it in verbs:
         getattr(block, verb)(*given_to_it)
-    before, values, rows_at, placed = read(block), block.values(), positions.by_node, block.placed.copy()
+    before, values, nodes, placed = read(block), block.values(), positions.node_ids.tolist(), block.placed.copy()
     copy.take_all(block)
     for verb, *given_to_it in later:
         getattr(block, verb)(*given_to_it)
     assert read(copy) == before
     block.restore(values, has_structure=False)
-    assert (read(block), positions.by_node, block.placed) == (before, rows_at, placed)
+    assert (read(block), positions.node_ids.tolist(), block.placed) == (before, nodes, placed)
     assert block.inactive == {row for row, lives in enumerate(before["alive"]) if not lives}
-
-
-@given(verbs=st.lists(VERBS | st.just(("look",)), max_size=12))
-def test_agents_are_found_by_name_in_the_order_of_their_creation(verbs):
-    block = AgentBlock()
-    for row in range(6):
-        block.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
-    positions = Positions(block)
-    for verb, *given_to_it in [*verbs, ("look",)]:
-        if verb == "look":
-            living = [row for row in range(6) if row not in block.inactive]
-            assert list(positions.by_name.items()) == [(block.names[row], block.node[row]) for row in living]
-        else:
-            getattr(block, verb)(*given_to_it)
 
 
 def test_a_deletion_is_noted_by_name_and_the_rows_of_others_as_they_are_then():

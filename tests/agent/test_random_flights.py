@@ -94,7 +94,7 @@ class Sky(RuleBasedStateMachine):
     def ask_who_stands_where(self):
         positions, slow = self.engine.positions, IAgentEngine.positions.fget(self.engine)
         assert positions.names == slow.names == list(self.model)
-        assert positions.by_node == slow.by_node
+        assert positions.node_ids.tolist() == slow.node_ids.tolist()
         assert positions.nodes == slow.nodes
 
     @rule()

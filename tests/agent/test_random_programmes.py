@@ -95,9 +95,7 @@ class AgentEngineMachine(RuleBasedStateMachine):
     def ask_who_stands_where(self):
         positions = self.ctx.agent.positions
         assert positions.names == list(self.model)
-        rows = {row: node for node, there in positions.by_node.items() for row in there}
-        assert [rows[row] for row in sorted(rows)] == [record[0] for record in self.model.values()]
-        assert sum(map(len, positions.by_node.values())) == len(rows)
+        assert positions.node_ids.tolist() == [record[0] for record in self.model.values()]
 
     @rule()
     def sense(self):

@@ -20,9 +20,14 @@ def scenario_of(number):
     if walks:  # compiled, the core plays a batch of these, and arrays do not
         is_metric = False
         team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:random_walk"}
+    elif rng.random() < 0.5:  # agents that look around go along one edge in a turn
+        is_metric = False
+        team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:chase", "sensors": ["near", "eyes"]}
+    eyes = {"type": rng.choice(["agent_range", "agent_arc"]), "sensor_range": rng.choice([0.0, 10.0, 25.0, 1e300])}
     tag = {"taggers": "red", "tagged": "blue", "then": rng.choice(["respawn", "eliminate"])} | rng.choice(NEARNESS)
     return Scenario(
         max_turns=8,
+        sensors={"near": {"type": "neighbor"}, "eyes": eyes},
         map={"grid": {"width": rng.randint(3, 5), "height": 3}},
         teams={"red": team, "blue": team},
         rules=[

@@ -75,7 +75,7 @@ CASES = {
     ("draws", "fill_bits"): rows(U64, I64),
 }
 
-PLAYED = {"agents", "conflicts", "contacts", "moves", "rules", "turn"}
+PLAYED = {"agents", "ask", "conflicts", "contacts", "moves", "rules", "sight", "turn"}
 
 
 @cache

@@ -17,10 +17,10 @@ ctx.agent.create_agent("j", start_node_id=0, home=0, energy=7)
 
 
 def strategy(state: gamms.typing.State) -> None:
-    state["action"] = "north"  # type: ignore[typeddict-item]
-    state["acton"] = 3  # type: ignore[typeddict-unknown-key]
+    state["action"] = "north"  # type: ignore[call-overload]
+    state["acton"] = 3  # type: ignore[call-overload]
     state["legal"].append(3)  # type: ignore[attr-defined]
-    state["action"] = state["current_node"]  # type: ignore[typeddict-item]
+    state["action"] = state["current_node"]  # type: ignore[call-overload]
     state["action"] = state["curr_pos"] + state["turn"]
     state["outbox"].append({"channel": "radio", "to": "red", "text": "hello"})  # type: ignore[typeddict-item,typeddict-unknown-key]
     state["outbox"].append({"channel": "radio", "to": "red", "body": [message["turn"] for message in state["inbox"]]})
@@ -41,7 +41,7 @@ def rule(ctx: gamms.Context) -> None:
 
 
 def flying(state: gamms.typing.AerialState) -> None:
-    state["action"] = 3  # type: ignore[typeddict-item]
+    state["action"] = 3  # type: ignore[call-overload]
 
 
 ctx.agent.create_agent("k", start_node_id=0, strategy=flying)  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import hypot
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from gamms import kernels
 from gamms.agent.carried import carried
@@ -319,7 +319,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     def _state_of(self, sensed: dict[str, Any]) -> State:
         """Return a state with these results of sensors."""
-        return {"curr_pos": self.current_node_id, "sensor": sensed}
+        return cast("State", {"curr_pos": self.current_node_id, "sensor": sensed})
 
     def _held_data(self) -> dict[str, Any]:
         """Return what the sensors hold without having been asked; a sensor of the caller's may have nothing yet."""
@@ -562,7 +562,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
         return state
 
     def _state_of(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
-        return {"curr_pos": self.position, "quat": self.quat, "sensor": sensed}
+        return cast("AerialState", {"curr_pos": self.position, "quat": self.quat, "sensor": sensed})
 
     def _act(self, action: object) -> None:
         position, quat = flight(self._block, self._row, action)

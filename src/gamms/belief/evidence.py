@@ -336,7 +336,7 @@ def required(state: State | AerialState, key: str) -> Any:
             f"A belief needs state[{key!r}]. ctx.game puts it there; in a loop of your own, set name, team, turn and "
             "memory, a dict that you keep for the agent."
         )
-    return state[key]  # type: ignore[literal-required] # one of those above
+    return state[key]  # type: ignore[call-overload] # one of those above
 
 
 def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:

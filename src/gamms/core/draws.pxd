@@ -3,7 +3,7 @@ cimport cython
 ctypedef unsigned long long u64
 ctypedef long long i64
 
-cdef u64 MASK, GAMMA, FACTOR_1, FACTOR_2, SIP_0, SIP_1, SIP_2, SIP_3, EIGHT_BYTES
+cdef u64 MASK, GAMMA, FACTOR_1, FACTOR_2, SIP_0, SIP_1, SIP_2, SIP_3, EIGHT_BYTES, MOST
 
 cpdef u64 mix(u64 bits) noexcept nogil
 cpdef u64 rotated(u64 bits, int places) noexcept nogil
@@ -31,3 +31,23 @@ cdef class Choices:
 
 @cython.locals(row=i64, bits=u64)
 cdef int choose(Choices choices, i64 begin, i64 number, i64 turn) except -1 nogil
+cdef class Turns:
+    cdef readonly object clock
+    cdef readonly i64 turn, begun, seeds
+
+    @cython.locals(turn=i64)
+    cdef i64 _catch_up(self) except? -1
+
+
+cdef class StreamOfTurns:
+    cdef Turns _turns
+    cdef i64 _begun, _count, _seeds
+    cdef u64 _key, _first
+
+    @cython.locals(turns=Turns, begun=i64)
+    cdef int _seek(self) except -1
+    cdef u64 _next(self) except? 1
+    @cython.locals(bound=u64)
+    cpdef object below(self, object n)
+    @cython.locals(count=Py_ssize_t, place=Py_ssize_t)
+    cpdef object choice(self, object options)

@@ -15,6 +15,8 @@ draws of other agents.
 
 from __future__ import annotations
 
+from typing import Any
+
 MASK = 0xFFFFFFFFFFFFFFFF
 GAMMA = 0x9E3779B97F4A7C15
 FACTOR_1 = 0xBF58476D1CE4E5B9
@@ -24,6 +26,7 @@ SIP_1 = 0x646F72616E646F6D
 SIP_2 = 0x6C7967656E657261
 SIP_3 = 0x7465646279746573
 EIGHT_BYTES = 0x0800000000000000
+MOST = 0x100000000  # that `below` takes
 
 
 def mix(bits: int) -> int:
@@ -131,3 +134,120 @@ def choose(choices: Choices, begin: int, number: int, turn: int) -> int:
         bits = bits_at(turn_key(choices.keys[row], turn), 0)
         choices.chosen[row] = below(bits, choices.counts[row])
     return 0
+
+
+class Turns:
+    """The turns of a game, as keyed draws follow them.
+
+    Args:
+        clock: its `turn` counts.
+
+    Attributes:
+        clock: as given.
+        turn: the last turn in which something was drawn.
+        begun: how often a turn has begun, with one seed or another; what was drawn in another has no effect.
+        seeds: how often a seed was given.
+    """
+
+    def __init__(self, clock: Any) -> None:
+        self.clock = clock
+        self.turn = -1
+        self.begun = 0
+        self.seeds = 0
+
+    def catch_up(self) -> int:
+        """Begin the turn that the clock says, if it is another one; return `begun`."""
+        return self._catch_up()
+
+    def _catch_up(self) -> int:
+        turn: int = self.clock.turn
+        if turn != self.turn:
+            self.turn = turn
+            self.begun += 1
+        return self.begun
+
+    def restart(self) -> None:
+        """Let draws follow from another seed from now on, also in this turn."""
+        self.seeds += 1
+        self.turn = -1
+
+
+class StreamOfTurns:
+    """Draws of one name, which begin anew in each turn.
+
+    A subclass has `first_key`, which returns the `first_key` of the name by the seed of now, and `refuse_bound`, which
+    raises an error about an argument of `below`.
+
+    Args:
+        turns: of the game.
+    """
+
+    def __init__(self, turns: Turns) -> None:
+        self._turns = turns
+        self._begun = -1  # of the turns when it drew last
+        self._count = 0  # how much it has drawn in that turn
+        self._key = 0  # of that turn
+        self._seeds = -1  # of the turns when `_first` was found
+        self._first = 0
+
+    def mark(self) -> int | None:
+        """Return how much was drawn in this turn, for `go_to`; None: nothing."""
+        turns = self._turns
+        return self._count if self._begun == turns.begun and turns.turn == turns.clock.turn else None
+
+    def go_to(self, mark: int | None) -> None:
+        """Go on from a mark of this turn."""
+        self._begun = -1
+        if mark is not None:
+            self._seek()
+            self._count = mark
+
+    def _seek(self) -> int:
+        """Begin the stream of this turn, if it is another one."""
+        turns = self._turns
+        begun = turns._catch_up()
+        if begun != self._begun:
+            if turns.seeds != self._seeds:
+                self._first = self.first_key()  # type: ignore[attr-defined] # of a subclass
+                self._seeds = turns.seeds
+            self._key = turn_key(self._first, turns.turn)
+            self._begun = begun
+            self._count = 0
+        return 0
+
+    def _next(self) -> int:
+        self._seek()
+        self._count += 1
+        return bits_at(self._key, self._count - 1)
+
+    def bits(self) -> int:
+        """Return 64 random bits."""
+        return self._next()
+
+    def random(self) -> float:
+        """Return a number in [0, 1)."""
+        return fraction(self._next())
+
+    def below(self, n: Any) -> Any:
+        """Return an integer from 0 to `n - 1`, each as likely.
+
+        Raises:
+            BadValue: `n` is not between 1 and 2 ** 32.
+        """
+        if not 1 <= n <= MOST:
+            self.refuse_bound(n)  # type: ignore[attr-defined] # of a subclass
+        if type(n) is int:
+            bound = n
+            return below(self._next(), bound)
+        return (self._next() >> 32) * n >> 32
+
+    def choice(self, options: Any) -> Any:
+        """Return one of the options, each as likely.
+
+        Raises:
+            BadValue: there is none.
+        """
+        count = len(options)
+        if count < 1:
+            self.refuse_bound(count)  # type: ignore[attr-defined] # of a subclass
+        return options[below(self._next(), count)]

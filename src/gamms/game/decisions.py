@@ -1,6 +1,6 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
-from collections.abc import Awaitable, Callable, Hashable, Iterator, Mapping, MutableSequence, Sequence
+from collections.abc import Awaitable, Callable, Hashable, Mapping, MutableSequence, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
+from gamms.core.ask import ask_each
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import FactsOf
@@ -24,7 +25,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
 from gamms.readonly import locked
 from gamms.text import shown
-from gamms.typing.sensor_engine import Carried
+from gamms.typing.game import State as AgentState
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -200,6 +201,8 @@ class Decisions:
         staying: the slots of those that stay where they are; None: not known, compare starts and ends.
     """
 
+    make = AgentState  # of a template
+
     __slots__ = (
         *("_copiers", "_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
         *("observe", "slots", "starts", "state", "staying", "written"),
@@ -264,71 +267,9 @@ class Decisions:
             starts: the nodes that these are on.
             near: the nodes that are legal along one edge.
         """
-        turn, shared, phase = self.state.turn, self.state.team_memories, self._phase
-        ends = self.ends_to_write() if self.ends is self.starts else self.ends  # NOTE: as a call, 1 % of ten agents
-        asked = zip(part.asked, starts, part.individuals, strict=True)
-        self.staying = staying = []
-        looks = self._looks(part, starts) if part.has_looks else ()
-        for i, here, (agent, strategy, template, key, kind, result, last) in asked:
-            if template is None:
-                self.ask(i, None)
-                continue
-            # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
-            legal = near[here]
-            if key is not None:
-                result[0] = seen = [*legal]
-                sensed = {key: (kind, seen)}
-            else:
-                sensed = self._look(result, here, legal, looks) if result else {}
-            last[0] = state = template.copy()
-            state["curr_pos"] = here
-            state["sensor"] = sensed
-            state["turn"], state["legal"] = turn, legal
-            state["team_memory"] = self.team_memory(template["team"]) if shared else {}
-            phase.agent = agent
-            try:
-                answer = strategy(state)
-                if answer is not None and hasattr(type(answer), "__await__"):
-                    self.wait_for(i, state, answer)
-                    continue
-                action = state["action"]
-            except Exception as error:  # noqa: BLE001 - a strategy is the caller's code
-                self.fail(i, state, error)
-                continue
-            if type(action) is int and action in legal:
-                ends[i] = action
-                if action == here:
-                    staying.append(i)
-            else:
-                self.take(i, state)
-            mine = state.get("team_memory")
-            if mine or (shared and template["team"] in shared):
-                self.note(i, mine)
-
-    def _looks(self, part: Part, starts: Sequence[int]) -> list[Iterator[Any]]:
-        """Return what sensors of individuals show that look alike, of one agent after the other."""
-        # NOTE: to go on with those that look alike takes half of calling each (benchmarks: peers).
-        return [
-            sensors[0].sense_each(sensors, [starts[place] for place in places])
-            for sensors, places in part.looks(self._phase.sensor_changes)
-        ]
-
-    def _look(
-        self, carried: Sequence[Carried], here: int, legal: Sequence[int], looks: Sequence[Iterator[Any]]
-    ) -> dict[str, Any]:
-        """Return what the sensors of an agent sense at its node, by their names."""
-        sensed: dict[str, Any] = {}
-        self._phase.agent = None
-        for key, result, kind, look in carried:
-            if kind is None:
-                look.sense(here)
-                sensed[key] = look.type, result[0]
-            elif look is None:
-                result[0] = seen = [*legal]
-                sensed[key] = kind, seen
-            else:
-                sensed[key] = kind, next(looks[look])
-        return sensed
+        looks = part.looks(self._phase.sensor_changes) if part.has_looks else ()
+        shared = [sensor.shared_look() for sensor in looks] if self._phase.moment is not None else [None for _ in looks]
+        ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, starts, near, shared)
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Ask the plan of a team, with the states of its agents."""

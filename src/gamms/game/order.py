@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
+from gamms.core.ask import Sensing
 from gamms.core.block import count_moves
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
@@ -22,7 +23,7 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import Carried, ISensor
+from gamms.typing.sensor_engine import ISensor
 
 
 class Commanded:
@@ -72,8 +73,9 @@ class Part:
     Attributes:
         members: as given, all written out.
         asked: the indices of the slots of agents that no plan decides for.
-        individuals: what a usual turn needs of each of these, see `AgentSlot.asked`; none where there are channels or a
-            time budget, or agents of a team share no memory.
+        individuals: what a usual turn needs of each of these; none where there are channels or a time budget, or agents
+            of a team share no memory.
+        sensors, numbers: of each of these its sensors, and the index of its slot.
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
@@ -97,8 +99,10 @@ class Part:
         )
         are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.individuals = [slot.asked for slot in asked] if are_usual else []
-        self._slots, self.has_looks = asked, any(one[3] is None and one[5] for one in self.individuals)
-        self._looks = list[tuple[list[ISensor], list[int]]]()
+        self.sensors = [one.sensors for one in self.individuals]
+        self.numbers = [*self.asked] if are_usual else []
+        self.has_looks = any(look.sensor is not None for sensors in self.sensors for look in sensors)
+        self._looks = list[Any]()
         self._looked_at: int | None = None  # the version of how sensors are set for which these are known
         self.is_usual = len(self.individuals) == len(self.members) > 0 and self.see_world_only
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
@@ -170,21 +174,19 @@ class Part:
         self.paced = [i for i in slots.paced if i in mine]
         return asked
 
-    def looks(self, version: int) -> list[tuple[list[ISensor], list[int]]]:
-        """Return the sensors of individuals that look alike, and the places of their agents in `individuals`.
-
-        There these sensors are a type and the number of those that look alike, without what they have seen last.
+    def looks(self, version: int) -> list[Any]:
+        """Return one sensor of individuals for all that look alike; the numbers of these are in `sensors` from then on.
 
         Args:
             version: of how sensors are set.
         """
         if self._looked_at != version:
-            alike = dict[Hashable, tuple[int, list[ISensor], list[int]]]()
-            for place, (agent, strategy, template, key, kind, carried, last) in enumerate(self.individuals):
-                if template is not None and key is None and carried:
-                    sensors = tuple([_grouped(one, alike, place) for one in self._slots[place].carried])
-                    self.individuals[place] = agent, strategy, template, key, kind, sensors, last
-            self._looked_at, self._looks = version, [group[1:] for group in alike.values()]
+            first = dict[Hashable, tuple[int, ISensor]]()
+            self.sensors = [
+                one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
+                for one in self.individuals
+            ]
+            self._looked_at, self._looks = version, [sensor for _, sensor in first.values()]
         return self._looks
 
     def of_ground(self, values: Any) -> Any:
@@ -394,16 +396,13 @@ class TurnOrder:
         self._blocked = np.zeros(0 if are_few else agents, np.int32)
 
 
-def _grouped(one: Carried, alike: dict[Hashable, tuple[int, list[ISensor], list[int]]], place: int) -> Carried:
-    """Add a sensor that an agent carries to those that look alike, if there may be such."""
-    name, _, _, look = one
-    key = getattr(look, "looks_alike", None)
-    if key is None:
+def _numbered(one: Sensing, first: dict[Hashable, tuple[int, ISensor]]) -> Sensing:
+    """Return a sensor that an agent carries with the number of those that look alike, if there may be such."""
+    key = getattr(one.sensor, "looks_alike", None)
+    if key is None or not hasattr(one.sensor, "shared_look"):
         return one
-    number, sensors, places = alike.setdefault(key, (len(alike), [], []))
-    sensors.append(look)
-    places.append(place)
-    return name, None, look.type, number
+    number, _ = first.setdefault(key, (len(first), one.sensor))
+    return Sensing(one.name, one.last, one.sensor.type, one.sensor, number)
 
 
 def left_out(name: str, team: Hashable) -> BadValue:

@@ -1,16 +1,17 @@
 """Random numbers of the agents of a game, which follow from the turn."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from copy import copy, deepcopy
 from functools import wraps
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, NoReturn, Self, TypeVar
 
 import numpy as np
 from numpy.random import Generator, Philox
 
 from gamms import kernels
 from gamms.arguments import as_array, as_one_shape
+from gamms.core.draws import StreamOfTurns, Turns
 from gamms.errors import BadValue
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -19,9 +20,6 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 
 T = TypeVar("T")
-_DRAWN_AHEAD, _MOST_TURNS_AHEAD = 2048, 256  # numbers in a block of `DrawTable`, and turns
-_NO_PLACE = 1 << 62  # in a `DrawTable`
-_ONE_DIGIT = 1 << 30  # less than that
 
 
 class _Moment(NamedTuple):
@@ -30,41 +28,22 @@ class _Moment(NamedTuple):
     turn: int
 
 
-class DrawTable:
-    """The first draws of the agents of a game in this turn and in those that follow, worked out in blocks of turns.
+class DrawTable(Turns):
+    """What the draws of the agents of a game follow from: its seed and its turn.
 
     Args:
         seed: of the game.
         clock: its `turn` counts: the state of the game, or the moment at which a copy was made.
 
     Attributes:
-        seed, clock: as given.
-        turn: that to which `row` belongs.
-        begun: how often a turn has begun, with this seed or an earlier one; what was drawn in another has no effect.
-        row: the first draws in that turn, of the agents in the order in which they were added before it.
+        seed: as given.
     """
 
-    # NOTE: 50 ns for each number; one by one they take 850 ns (benchmarks: turns).
-
-    __slots__ = ("_begin", "_names", "_of_names", "_rows", "begun", "clock", "row", "seed", "turn")
+    __slots__ = ("seed",)
 
     def __init__(self, seed: int, clock: GameState | _Moment) -> None:
-        self.seed, self.clock = seed, clock
-        self.turn, self.begun, self.row = -1, 0, list[int]()
-        self._names: list[str] = []
-        self._begin = 0  # the first turn of the block
-        self._rows: BitArray = np.empty(
-            (0, 0), np.uint64
-        )  # the draws of each, as an array: lists would be searched for garbage
-        self._of_names = 0  # how many agents those are of
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def add(self, name: str) -> int:
-        """Add an agent; returns its place in the rows of later turns."""
-        self._names.append(name)
-        return len(self._names) - 1
+        super().__init__(clock)
+        self.seed = seed
 
     def first_key(self, name: str) -> int:
         """Return what the draws of an agent follow from, see `kernels.first_key`."""
@@ -72,28 +51,8 @@ class DrawTable:
 
     def rekey(self, seed: int) -> None:
         """Let all draws follow from another seed from now on."""
-        self.seed, self.turn, self.row, self._of_names = seed, -1, [], 0
-
-    def catch_up(self) -> int:
-        """Begin the turn that the clock says, if it is another one; return `begun`."""
-        if self.turn != self.clock.turn:
-            self.begin_turn(self.clock.turn)
-        return self.begun
-
-    def begin_turn(self, turn: int) -> None:
-        """Set `row` to the first draws in a turn."""
-        self.begun += 1
-        at, count = turn - self._begin, len(self._names)
-        if count and not (0 <= at < len(self._rows) and self._of_names == count):
-            turns = max(1, min(_MOST_TURNS_AHEAD, _DRAWN_AHEAD // count))
-            purpose = np.array([kernels.purpose_key(self.seed, "agent")], np.uint64)
-            first = kernels.first_key_rows(purpose, kernels.name_keys(self._names))
-            keys = kernels.turn_key_rows(first, np.arange(turn, turn + turns)[:, None])
-            self._begin, self._of_names, at = turn, count, 0
-            self._rows = kernels.bits_at_rows(keys, 0)
-        self.turn = turn
-        if count:
-            self.row = self._rows[at].tolist()
+        self.seed = seed
+        self.restart()
 
 
 class _CopiedTable(DrawTable):
@@ -115,25 +74,23 @@ class _CopiedTable(DrawTable):
         return self._first
 
 
-class Draws:
+class Draws(StreamOfTurns):
     """The keyed draws of one agent: `state["draw"]`.
 
     Draw number k of a turn follows from the seed, the agent's name, the turn and k alone (`kernels.draws`), so no other
-    agent's draws change it. Each agent has draws of its own; what `choice` takes a fraction of a microsecond for takes
-    NumPy's generators seven.
+    agent's draws change it. Each agent has draws of its own.
 
     Args:
         table: of the game.
         name: of the agent.
     """
 
-    __slots__ = ("_begun", "_clock", "_count", "_key", "_keyed", "_name", "_place", "_table")
+    __slots__ = ("_name", "_table")
 
     def __init__(self, table: DrawTable, name: str) -> None:
-        self._table, self._clock, self._name = table, table.clock, name
-        self._begun, self._count = -1, 0  # of the table when it drew last, and how much in that turn
-        self._keyed, self._key = -1, 0  # of the table, and the key of that turn
-        self._place = _NO_PLACE  # in the rows of the table, once it has drawn
+        super().__init__(table)
+        self._table = table
+        self._name = name
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A copy goes on by itself from here: the game stays where it is.
@@ -149,72 +106,15 @@ class Draws:
 
     @property
     def _point(self) -> tuple[int, str, int, int]:
-        return self._table.first_key(self._name), self._name, self._clock.turn, self.mark() or 0
+        return self.first_key(), self._name, self._table.clock.turn, self.mark() or 0
 
-    def mark(self) -> int | None:
-        """Return how much was drawn in this turn, for `go_to`; None: nothing."""
-        table = self._table
-        return self._count if self._begun == table.begun and table.turn == self._clock.turn else None
+    def first_key(self) -> int:
+        """Return what the draws follow from with the seed of now."""
+        return self._table.first_key(self._name)
 
-    def go_to(self, mark: int | None) -> None:
-        """Go on from a mark of this turn."""
-        self._begun = -1 if mark is None else self._table.catch_up()
-        self._count = mark or 0
-
-    def bits(self) -> int:
-        """Return 64 random bits."""
-        table = self._table
-        if table.turn != self._clock.turn:
-            table.begin_turn(self._clock.turn)
-        if self._begun == table.begun:
-            count = self._count
-            self._count = count + 1
-            return kernels.bits_at(self._key_now(), count)
-        self._begun, self._count = table.begun, 1
-        if self._place < len(table.row):
-            return table.row[self._place]
-        if self._place == _NO_PLACE:
-            self._place = table.add(self._name)
-        return kernels.bits_at(self._key_now(), 0)
-
-    def _key_now(self) -> int:
-        table = self._table
-        if self._keyed != table.begun:
-            self._keyed, self._key = table.begun, kernels.turn_key(table.first_key(self._name), table.turn)
-        return self._key
-
-    def random(self) -> float:
-        """Return a number in [0, 1)."""
-        return kernels.fraction(self.bits())
-
-    def below(self, n: int) -> int:
-        """Return an integer from 0 to `n - 1`, each as likely.
-
-        Raises:
-            BadValue: `n` is not between 1 and 2 ** 32.
-        """
-        # NOTE: `bits` for the first draw of a turn, and `kernels.below`, in line; Python compares integers of one digit
-        # faster (benchmarks: 5 against 5 by reset).
-        table = self._table
-        if table.turn == self._clock.turn and self._begun != table.begun and 0 < n < _ONE_DIGIT:
-            try:
-                bits = table.row[self._place]
-            except IndexError:  # it has not drawn in an earlier turn
-                pass
-            else:
-                self._begun, self._count = table.begun, 1
-                return (bits >> 32) * n >> 32
-        if not 1 <= n <= 1 << 32:
-            raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
-        return (self.bits() >> 32) * n >> 32
-
-    def choice(self, options: Sequence[T]) -> T:
-        """Return one of the options, each as likely.
-
-        Raises:
-            BadValue: there is none.
-        """
-        return options[self.below(len(options))]
+    def refuse_bound(self, n: object) -> NoReturn:
+        """Raise BadValue for an `n` of `below` that is too small or too large."""
+        raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
 
 
 class ArrayDraws:

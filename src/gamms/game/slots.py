@@ -3,11 +3,12 @@
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 from gamms import kernels
 from gamms.arguments import as_range
+from gamms.core.ask import Individual, Sensing
 from gamms.errors import GammsError
 from gamms.game.facts import FactsOf, PrivateForks
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
@@ -23,9 +24,7 @@ from gamms.typing.agent_engine import Departure, IAgent, TurnAccess
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import SensorType
 
-_MOST_SHARED = 32  # instances, after which their table has places for no more keys
 _FEW_MADE = 16  # where fewer than one in so many slots are made, their names are looked up
-_FEW_GONE = 64  # agents of which a table of draws may have the draws after they have gone
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
 
@@ -85,7 +84,7 @@ class AgentSlot:
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
-        self._asked: tuple[Any, ...] | None = None
+        self._asked: Individual | None = None
         self.foreign = [name for name, last, *_ in self.carried if type(last) is not list]
         looks = [look for *_, look in self.carried if look is not None]
         self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
@@ -119,48 +118,37 @@ class AgentSlot:
         return self._template
 
     @property
-    def asked(self) -> tuple[Any, ...]:
-        """What a usual turn needs of it, in one flat tuple.
-
-        The agent, its strategy and its template; the name, type and last result of its only sensor if that just copies
-        the neighbourhood, else None, None and its sensors; its last state. There is no template if it is not plain, or
-        has no strategy.
-        """
-        # NOTE: flat, as each object more is read from memory where agents are many (benchmarks: turns).
+    def asked(self) -> Individual:
+        """What a usual turn needs of it."""
         agent = self.agent
-        if self._asked is None or self._asked[1] is not agent.strategy:
+        if self._asked is None or self._asked.strategy is not agent.strategy:
             template = self.template if self.is_plain and agent.strategy is not None else None
-            sensors: tuple[Any, ...] = None, None, self.carried
-            if len(self.carried) == 1 and self.carried[0][-1] is None:
-                name, result, kind, _ = self.carried[0]
-                sensors = name, kind, result
-            self._asked = (agent, agent.strategy, template, *sensors, self.last)
+            sensors = tuple([Sensing(*one) for one in self.carried])
+            self._asked = Individual(agent, agent.strategy, template, sensors, self.last)
         return self._asked
 
     def _new_template(self) -> dict[str, Any]:
         state, _, facts, settings = self._made_of
-        return _with_shared_keys(
-            {
-                "curr_pos": None,
-                **({"quat": None} if self.flies else {}),
-                **({"edge": None, "offset_m": 0.0, "xy": None} if self.travels else {}),
-                **({"time": 0.0} if settings.decide == "arrival" else {}),
-                "sensor": None,
-                "name": self.name,
-                "team": self.team,
-                "turn": 0,
-                "legal": (),
-                "draw": self.draws,
-                "rng": self.rng,
-                "memory": state.memory_of(self.name),
-                **({"team_memory": None} if settings.team_memory else {}),
-                "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
-                "blocked": self._why_blocked(),
-                "fork": self.fork,
-                **({"deeds": settings.deeds} if settings.deeds else {}),
-                **({"inbox": [], "outbox": []} if settings.channels else {}),
-            }
-        )
+        return {
+            "curr_pos": None,
+            **({"quat": None} if self.flies else {}),
+            **({"edge": None, "offset_m": 0.0, "xy": None} if self.travels else {}),
+            **({"time": 0.0} if settings.decide == "arrival" else {}),
+            "sensor": None,
+            "name": self.name,
+            "team": self.team,
+            "turn": 0,
+            "legal": (),
+            "draw": self.draws,
+            "rng": self.rng,
+            "memory": state.memory_of(self.name),
+            **({"team_memory": None} if settings.team_memory else {}),
+            "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
+            "blocked": self._why_blocked(),
+            "fork": self.fork,
+            **({"deeds": settings.deeds} if settings.deeds else {}),
+            **({"inbox": [], "outbox": []} if settings.channels else {}),
+        }
 
     def show_blocked(self) -> None:
         """Let its state say why its last action was not done, as the game knows it now."""
@@ -359,7 +347,7 @@ class SlotMaker:
         """
         agents, seed, block, table = self._ctx.agent, self._ctx.seed, self._ctx.agent.block, self._table
         are_lazy, made, since = isinstance(before, LazySlots), made_slots(before), None
-        if table is None or version is None or len(table) > 2 * len(made) + _FEW_GONE:
+        if table is None or version is None:
             table, made = DrawTable(seed, self._state), ()
         elif are_lazy == block.has_teams:
             since = block.structure.since(version)
@@ -417,36 +405,6 @@ def restart_draws(slots: Iterable[AgentSlot]) -> None:
 def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:
     """Return the slots that were made so far."""
     return slots.made() if isinstance(slots, LazySlots) else slots
-
-
-@cache
-def _layout(keys: tuple[str, ...]) -> dict[str, Any]:
-    """Return a dict of these keys, whose copies share one table of them; of other keys it is another one.
-
-    It is of a class of its own: in one for all, the keys of later kinds of games would find no place in its table.
-    A table has places for keys to come, of which each instance takes one away: dicts of many instances are smallest.
-    """
-    kind: Any = type("_Layout", (), {})
-    first = kind()
-    for key in (*keys, "action"):
-        setattr(first, key, None)
-    for _ in range(_MOST_SHARED):
-        instance = kind()
-    for key in keys:
-        setattr(instance, key, None)
-    layout: dict[str, Any] = instance.__dict__
-    return layout
-
-
-def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
-    """Return an equal dict whose copies share one table of keys, with a place for the action.
-
-    Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
-    those of 1,000 agents would not stay in the cache (benchmarks: turns).
-    """
-    shared = _layout(tuple(template)).copy()
-    shared.update(template)
-    return shared
 
 
 def _speed(agent: IAgent) -> float | None:

@@ -30,7 +30,7 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import Departure, IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import IConflicts, Move
+from gamms.typing.game import AerialState, IConflicts, Move, State
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -192,7 +192,7 @@ class TurnEngine:
     ) -> dict[str, Any]:
         """Return the state of an agent, to be asked for a decision, which sees this from where it is."""
         block, row, game = self._ctx.agent.block, slot.row, decisions.state
-        state = slot.template.copy()
+        state: dict[str, Any] = (AerialState if slot.flies else State)(slot.template)
         state["sensor"] = sensed
         if slot.flies:
             state["curr_pos"], state["quat"] = block.position[row], block.quat[row]

@@ -1,6 +1,6 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
 from math import inf, pi
 from typing import Any, cast
@@ -9,6 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_float, as_ids, as_int, as_numbers, as_range
+from gamms.core import sight
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
@@ -18,7 +19,7 @@ from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged, sen
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.nearby import memory_of
-from gamms.sensor.sensor import Heading, Sensor, of_data
+from gamms.sensor.sensor import ALL_AROUND, Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import (
     FULL_CIRCLE,
@@ -36,7 +37,6 @@ from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
-ALL_AROUND: Heading = (0.0, 0.0)
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 _FEW = 24  # agents: more are compared as arrays
 _MANY = 256  # looks at neighbours, from which on they are read from arrays of all edges
@@ -212,19 +212,9 @@ class MapSensor(GroundSensor):
         last[1] = (place, radius, fov, heading)
 
     @refused_while_deciding
-    def sense_each(self, sensors: Sequence[Any], node_ids: Sequence[int]) -> Iterator[Any]:
-        """Look with sensors that look alike, with one whenever the next is asked for, and yield what each sees."""
-        # NOTE: without the calls of `sense`, which take as long as the copies (benchmarks: peers).
-        phase, moment, radius, fov = self._phase, self._phase.moment, self.range, self.fov
-        known = {} if moment is None else self._memory.views.known(radius)
-        for sensor, node_id in zip(sensors, node_ids, strict=True):
-            last, seen = sensor._last, known.get(node_id)
-            if seen is None or phase.moment is not moment:
-                sensor.sense(node_id)
-            else:
-                last[0] = {"nodes": seen[0].copy(), "edges": seen[1].copy()}
-                last[1] = (node_id, radius, fov, ALL_AROUND)
-            yield last[0]
+    def shared_look(self) -> sight.Views:
+        """Return what those that look alike have seen, for as long as agents decide."""
+        return sight.Views(self._memory.views.known(self.range), (self.range, self.fov, ALL_AROUND))
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
@@ -363,15 +353,16 @@ class AgentSensor(DetectingSensor, GroundSensor):
         radius, fov, last = self.range, self.fov, self._last
         heading = ALL_AROUND if fov == FULL_CIRCLE else self.heading()
         look, notice, nearby = None, self._notice, self._memory.nearby
+        own = self._owner if self._at is None else None
         if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
-            data = nearby.by_name(place, radius)
+            data = nearby.by_name(place, radius, own)
         else:
             positions, rows, look = self._found(place, heading)
             data = positions.found(rows)
             if positions.travellers and (look is None or not self.notice.has_errors):
                 data.update(nearby.on_edges(positions, rows))
-        if self._owner is not None and self._at is None:
-            data.pop(self._owner, None)
+            if own is not None:
+                data.pop(own, None)
         if look is not None and self.notice.has_errors:
             data = self._report(look, node_id, data)
         last[0], last[1] = data, (place, radius, fov, heading)
@@ -382,19 +373,9 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return super().looks_alike if self._notice is None or self._notice.reports_all else None
 
     @refused_while_deciding
-    def sense_each(self, sensors: Sequence[Any], node_ids: Sequence[int]) -> Iterator[Any]:
-        """Look with sensors that look alike, with one whenever the next is asked for, and yield what each sees."""
-        phase, moment, radius, fov = self._phase, self._phase.moment, self.range, self.fov
-        known = {} if moment is None else self._memory.nearby.known_by_name(radius, len(sensors))
-        for sensor, node_id in zip(sensors, node_ids, strict=True):
-            last, found = sensor._last, known.get(node_id)
-            if found is None or phase.moment is not moment:
-                sensor.sense(node_id)
-            else:
-                last[0] = data = found.copy()
-                data.pop(sensor._owner, None)
-                last[1] = (node_id, radius, fov, ALL_AROUND)
-            yield last[0]
+    def shared_look(self) -> sight.Sight | None:
+        """Return what finds the agents around those that look alike, for as long as they decide; None: nothing does."""
+        return self._memory.nearby.shared_look(self.range)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are positions in `names`. `data` stays as it is."""
@@ -404,9 +385,9 @@ class AgentSensor(DetectingSensor, GroundSensor):
             ids, reports = as_ids(node_ids, "node_ids"), list[dict[str, int]]()
             reports_all = self._notice is None or self._notice.reports_all
             if heading == ALL_AROUND and reports_all and not self._is_occluded and self._at is None:
-                positions, pairs = self._memory.nearby.near_nodes(ids, self.range)
-                if pairs is not None:
-                    return _paired(positions, *pairs, looks=len(ids), own=own)
+                nearby = self._memory.nearby
+                found = [nearby.within(id, self.range) for id in ids]
+                return _listed(self.ctx.agent.positions, [rows for _, rows in found], own)
             for id in ids:
                 positions, rows, look = self._found(self.place(id), heading)
                 seen = positions.found(rows)
@@ -553,13 +534,11 @@ def _edges_of(views: list[View]) -> Sensed:
     return sensed_arrays([view.edge_ids for view in views])
 
 
-def _paired(positions: Positions, looks_at: IntArray, rows: IntArray, *, looks: int, own: str | None) -> Sensed:
-    """Return pairs of looks and rows of agents as what was sensed, but for one agent."""
+def _listed(positions: Positions, found: list[list[int]], own: str | None) -> Sensed:
+    """Return the rows of the agents that each look has found as what was sensed, but for one agent."""
     names = tuple(positions.names)
-    if own is not None and own in names:
-        is_other = rows != names.index(own)
-        looks_at, rows = looks_at[is_other], rows[is_other]
-    offsets = np.searchsorted(looks_at, np.arange(looks + 1))
+    left_out = names.index(own) if own is not None and own in names else -1
+    offsets, rows = ragged([[row for row in some if row != left_out] for some in found])
     return Sensed(offsets, rows, names=names, places=positions.node_ids[rows])
 
 

@@ -3,8 +3,7 @@
 `Memory` is all that the built-in sensors of a context share.
 """
 
-from collections.abc import Callable, Collection, Mapping
-from itertools import count
+from collections.abc import Collection, Iterable
 from math import inf
 from typing import NamedTuple
 
@@ -12,27 +11,24 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_int
+from gamms.core import sight
 from gamms.deciding import phase_of
 from gamms.errors import UnknownName
 from gamms.ir.columns import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
-from gamms.sensor.views import Place, Views, ViewsPastObstacles, coordinates, on_ground
+from gamms.sensor.sensor import ALL_AROUND
+from gamms.sensor.views import FULL_CIRCLE, Place, Views, ViewsPastObstacles, coordinates, on_ground
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, PassedNode
 
-_MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
 _SLACK = 1e-6  # map units: boxes are compared with this tolerance, because places on an edge are rounded
-_SHARE = 8  # of agents that look: where so many did, the others will, too
-_SEVERAL_AGENTS = 32  # so many are found for all that look
-_MANY_AGENTS = 128  # so many are looked up by node
-_MOST_COMPARED = 1000  # agents whose places are compared at the first look from a place
-_MOST_RANGES = 64  # at which looks are counted
-_MOST_PLACES = 1 << 16  # looked from once that are remembered
-_FAR = 1e150  # of which squares are infinite
-_WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
+_MOST_COMPARED = 1000  # agents: with more, looks in space between two moves look up only those that are near
+_MOST_RADII = 64  # for which agents are kept in cells
+_MOST_NODES = 1 << 20  # whose places are remembered
+_SHARE_MOVED = 8  # where one agent in so many has moved, all are entered again
 _LOOKS_OF_SOME = 8  # questions of looks in space between two moves, from which on the places of all agents are found
 _LOOKS_WITHOUT_CELLS = 8  # of those in space at one moment: with fewer, looking at all is cheaper than making cells
 
@@ -59,6 +55,12 @@ class PlacesOfNodes(dict[int, tuple[float, float]]):
         place = self[node] = coordinates(self._ctx, node)
         return place
 
+    def renew(self, nodes: Iterable[int]) -> None:
+        """Forget all nodes but some, which are entered at once (KeyError)."""
+        self.clear()
+        ids = [*dict.fromkeys(nodes)]
+        self.update(zip(ids, map(tuple, self._ctx.graph.graph.positions(ids).tolist()), strict=True))
+
 
 class NearbyAgents:
     """The agents of one context, as sensors find them.
@@ -67,9 +69,8 @@ class NearbyAgents:
         places_of_nodes: where nodes are; valid after a question of who is near.
     """
 
-    def __init__(self, ctx: IContext, views: Views) -> None:
+    def __init__(self, ctx: IContext) -> None:
         self._ctx, self._phase = ctx, phase_of(ctx)
-        self._views = views
         self._graph: IGraph | None = None
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._places: FloatArray | None = None
@@ -80,17 +81,14 @@ class NearbyAgents:
         self._moved: tuple[Positions | None, int] = (None, 0)  # when agents moved last
         self._looks_since = 0  # of those in space
         self._travellers = Travellers(ctx)
-        self._positions: Positions | None = None  # of which the looks are
-        self._version = 0  # of them
+        self._positions: Positions | None = None  # of which the cells are
+        self._moved_since: ChangeLog | None = None
+        self._version = 0  # of these
         self._moment: object = None  # in which it was looked whether they are still so
-        self._looks: dict[float, LooksAtRange] = {}
-        self._checked: tuple[Positions | None, int | None] = (None, None)  # that no agent is on a removed node
-        self._revision: int | None = None  # of the graph that the discs are of
-        self._discs: dict[float, dict[Place, Collection[int] | None]] = {}
-        self._looked_from: set[tuple[float, Place]] = set()  # once, by range: no disc is remembered yet
-        self._ids: dict[int, int] = {}  # one object per id
+        self._revision: int | None = None  # of the graph
         self.places_of_nodes = PlacesOfNodes(ctx)
-        self._kept = 0
+        self._agents = sight.Places(self.places_of_nodes)
+        self._sights: dict[float, sight.Sight] = {}
 
     def places(self) -> FloatArray:
         """Return where all agents are (agents, 2); those on an edge are between its ends.
@@ -165,11 +163,11 @@ class NearbyAgents:
 
     def _living_above(self, positions: Positions, x: float, y: float, radius: float) -> IntArray:
         reach = kernels.widened(radius)
-        ids = self._ctx.graph.graph.nodes_near(x, y, reach).ids.tolist()
+        rows = self._sight(reach).rows(x, y)
         flyers, inactive = positions.flyers, positions.inactive
         is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
         flying = [row for row in flyers[is_near].tolist() if row not in inactive]
-        return np.array(sorted({*positions.rows_on(ids), *flying}), np.int64)
+        return np.array(sorted({*rows, *flying}), np.int64)
 
     def xy(self, rows: list[int]) -> FloatArray:
         """Return where some agents are on the map (rows, 2)."""
@@ -182,49 +180,34 @@ class NearbyAgents:
             xy[i] = self._travellers.place(positions, row) or xy[i]
         return xy
 
-    def by_name(self, place: Place, radius: float) -> dict[str, int]:
-        """Return a fresh dict of the living agents within a radius of a place: name -> what is reported of it."""
-        if radius < inf:
-            # NOTE: most looks of most games end here, and most of these are of a moment in which others have looked
-            # (benchmarks: peers).
-            moment, positions = self._phase.moment, self._positions
-            if moment is None or moment is not self._moment or positions is None:
-                positions = self._catch_up()
-            looks = self._looks.get(radius)
-            if looks is None or looks.version != self._version:
-                looks = self._looks_at(radius)
-            if looks.is_frequent and type(place) is int:
-                known = looks.by_name or looks.name_all(radius, positions, self.places)
-                if place in known:
-                    looks.count += 1
-                    return known[place].copy()
-            rows = self._rows_within(positions, looks, place, radius)
-            nodes = positions.found(rows)
-        else:
-            if not isinstance(place, tuple) and not self._ctx.graph.graph.has_node(place):
-                raise UnknownName("node", place)
-            positions, revision, rows = self._ctx.agent.positions, self._ctx.graph.graph.revision, None
-            if (positions, revision) != self._checked or revision is None:
-                self._xy_of(positions)  # which finds agents on removed nodes
-                self._checked = positions, revision
-            nodes = dict(positions.by_name)
-        if positions.travellers:
-            on_edges = sorted(set(positions.travellers) - set(positions.inactive)) if rows is None else rows
-            nodes.update(self.on_edges(positions, on_edges))
+    def by_name(self, place: Place, radius: float, own: str | None) -> dict[str, int]:
+        """Return a fresh dict of the living agents within a radius of a place: name -> what is reported of it.
+
+        Args:
+            place: where it looks from.
+            radius: map units.
+            own: the name of an agent that is left out.
+        """
+        # NOTE: most looks of most games end here (benchmarks: peers).
+        moment, positions = self._phase.moment, self._positions
+        if moment is None or moment is not self._moment or positions is None:
+            positions = self._catch_up()
+        if not positions.travellers:
+            looks = self._sights.get(radius)
+            found = self._sight(radius) if looks is None else looks
+            if type(place) is int:
+                return found.seen_from(place, own or "")
+            x, y = self._coordinates_of(place)
+            return found.by_name(x, y, own or "")
+        rows = self._rows_within(positions, place, radius)
+        nodes = positions.found(rows)
+        nodes.update(self.on_edges(positions, rows))
+        nodes.pop(own or "", None)
         return nodes
 
-    def known_by_name(self, radius: float, looks: int) -> Mapping[int, dict[str, int]]:
-        """Return what `by_name` returns of nodes with an agent, for so many looks; none where it is not worth its cost.
-
-        To be called while agents decide, and valid as long as nothing changes.
-        """
-        if radius == inf:
-            return {}
-        positions, counted = self._catch_up(), self._looks_at(radius)
-        if not counted.is_frequent:
-            return {}
-        counted.count += looks
-        return counted.by_name or counted.name_all(radius, positions, self.places)
+    def shared_look(self, radius: float) -> sight.Sight | None:
+        """Return what finds agents around nodes until one moves; None where some are on edges."""
+        return None if self._catch_up().travellers else self._sight(radius)
 
     def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
         """Return what is reported of those agents that are on edges, by their names."""
@@ -239,109 +222,73 @@ class NearbyAgents:
             UnknownName (KeyError): there is no such node, or an agent stands on one that was removed.
         """
         positions = self._catch_up()
-        if radius == inf:
-            if type(place) is not int or place not in self.places_of_nodes:
-                self._checked_place(place)
-            return positions, positions.living_rows
-        return positions, self._rows_within(positions, self._looks_at(radius), place, radius)
+        return positions, self._rows_within(positions, place, radius)
 
-    def _rows_within(self, positions: Positions, looks: "LooksAtRange", place: Place, radius: float) -> list[int]:
-        looks.count += 1
-        if looks.is_frequent and type(place) is int:
-            around = looks.look_from_all(radius, positions, self.places)
-            if place in around:
-                return around[place]
-        try:
-            disc = self._discs[radius][place]
-        except (KeyError, TypeError):  # not known, or not hashable
-            disc = self._new_disc(self._checked_place(place), radius, len(positions.names))
-        if disc is None:
-            return self._compared(place, radius)
-        rows = positions.rows_on(disc)
-        looks.found += len(rows)
+    def _rows_within(self, positions: Positions, place: Place, radius: float) -> list[int]:
+        x, y = self._coordinates_of(place)
+        rows = self._sight(radius).rows(x, y)
         if positions.travellers:
-            rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
+            rows = sorted([*rows, *self._travellers.within(positions, (x, y), radius)])
         return rows
 
-    def near_nodes(self, ids: list[int], radius: float) -> tuple[Positions, tuple[IntArray, IntArray] | None]:
-        """Return where agents are, and those near nodes; see `near_places`."""
-        positions, xy = self._catch_up(), self.places()
-        here = xy if ids == [*positions.nodes] and not positions.travellers else self._ctx.graph.graph.positions(ids)
-        return positions, near_places(here, radius, positions, xy)
+    def _coordinates_of(self, place: Place) -> tuple[float, float]:
+        if isinstance(place, tuple):
+            return coordinates(self._ctx, place)
+        return self.places_of_nodes[place if type(place) is int else as_int(place, "The id of a node")]
+
+    def _sight(self, radius: float) -> sight.Sight:
+        found = self._sights.get(radius)
+        if found is None:
+            if len(self._sights) >= _MOST_RADII:
+                self._sights.clear()
+            found = self._sights[radius] = sight.Sight(self._agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
+        return found
 
     def _catch_up(self) -> Positions:
-        """Forget what is no longer so, and return where agents are."""
+        """Enter where agents are now, and return it."""
         moment = self._phase.moment
         if moment is not None and moment is self._moment and self._positions is not None:
             return self._positions
         graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
         revision, positions = graph.revision, self._ctx.agent.positions
-        if revision != self._revision or revision is None:
-            self._forget(revision)
-        if positions is not self._positions:
-            self._looks.clear()
-        self._positions, self._version, self._moment = positions, positions.version, moment
+        self._moment = None
+        if revision != self._revision or revision is None or positions is not self._positions:
+            self._revision = None  # until all are entered
+            if positions is not self._positions:
+                self._positions = positions
+                self._moved_since = positions.subscribe()
+            self._enter_all(positions, is_new=True)
+            self._revision = revision
+        elif positions.version != self._version:
+            rows, count = self._moved_since.take(), len(positions.names)  # type: ignore[union-attr] # of these positions
+            if rows is None or count != self._agents.count or _SHARE_MOVED * len(rows) > count:
+                self._enter_all(positions, is_new=len(self.places_of_nodes) > _MOST_NODES)
+            else:
+                self._enter(positions, rows)
+        self._version, self._moment = positions.version, moment
         return positions
 
-    def _looks_at(self, radius: float) -> "LooksAtRange":
-        """Return the looks at a range since agents have moved, come or gone."""
-        looks = self._looks.get(radius)
-        if looks is None:
-            if len(self._looks) >= _MOST_RANGES:
-                self._looks.clear()
-            looks = self._looks[radius] = LooksAtRange()
-        if looks.version != self._version:
-            looks.renew(self._version, len(self._positions.names))  # type: ignore[union-attr] # known by now
-        return looks
+    def _enter_all(self, positions: Positions, *, is_new: bool) -> None:
+        nodes = np.asarray(positions.nodes).tolist()
+        try:
+            if is_new:
+                self.places_of_nodes.renew(nodes)
+            self._agents.fill(list(positions.names), nodes)
+        except UnknownName:
+            self._revision = None
+            self._xy_of(positions)  # which says whose node it is
+            raise
+        for row in {*positions.inactive, *positions.travellers}:
+            self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
+        for one in self._sights.values():
+            one.is_built = False
 
-    def _checked_place(self, place: Place) -> Place:
-        known = place if isinstance(place, tuple) else as_int(place, "The id of a node")
-        coordinates(self._ctx, known)  # it is there
-        return known
-
-    def _forget(self, revision: int | None) -> None:
-        self.places()  # which finds agents on removed nodes
-        self._revision, self._kept = revision, 0
-        self._looks.clear()
-        self._discs.clear()
-        self._looked_from.clear()
-        self._ids.clear()
-        self.places_of_nodes.clear()
-
-    def _new_disc(self, place: Place, radius: float, agents: int) -> Collection[int] | None:
-        """Return the ids of the nodes in a disc; None where it does not pay to know them."""
-        # NOTE: a search for nodes takes as long as some looks at all places, where these are known since agents last
-        # moved (benchmarks: OCCLUDED_AGENT).
-        are_known = self._revision is not None and self._key == (self._positions, self._version, self._revision)
-        if are_known and agents <= _MOST_COMPARED and (radius, place) not in self._looked_from:
-            if len(self._looked_from) >= _MOST_PLACES:
-                self._looked_from.clear()
-            self._looked_from.add((radius, place))
-            return None
-        seen = self._views.known(radius).get(place)
-        if seen is None:
-            x, y = coordinates(self._ctx, place)
-            ids = self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
-        else:
-            ids = [*seen.nodes]
-        # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
-        # (benchmarks: 1,000 agents in Helsinki). Few agents are looked up in the set.
-        are_many = agents >= _MANY_AGENTS
-        disc = tuple([self._ids.setdefault(id, id) for id in ids]) if are_many else {*ids}
-        kept = disc if len(disc) <= _WIDE else None
-        if self._kept > _MOST_IDS:
-            self._discs.clear()
-            self._kept = 0
-        self._discs.setdefault(radius, {})[place] = kept
-        self._kept += 16 + len(kept or ())
-        return kept
-
-    def _compared(self, place: Place, radius: float) -> list[int]:
-        xy, living = self.places(), self._ctx.agent.positions.living
-        dx, dy = (xy[living] - coordinates(self._ctx, place)).T
-        with np.errstate(over="ignore"):  # infinitely far away is far away
-            rows: list[int] = living[dx * dx + dy * dy <= radius * radius].tolist()
-        return rows
+    def _enter(self, positions: Positions, rows: Collection[int]) -> None:
+        nodes, sights = positions.nodes, list(self._sights.values())
+        for row in rows:
+            self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
+            for one in sights:
+                one.move(row)
 
     def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
         """Return where the nodes are that some agents are on, or have passed last (rows, 2); None: of all."""
@@ -354,92 +301,11 @@ class NearbyAgents:
             raise UnknownName(f"node under agent {name!r}:", int(nodes[lost])) from None
 
 
-class LooksAtRange:
-    """The looks at one range at a version of where agents are.
-
-    Where there were many before, who is around each node with an agent on it is worked out at once. In the paper's
-    loop, in which each agent moves after its look, there never are (benchmarks: where it broke).
-
-    Attributes:
-        version: of where agents are; see `Positions`.
-        count: how many looks there were.
-        found: how many agents were found.
-        is_frequent: whether `around` is worth its cost.
-        around: node id -> the rows of the living agents within the range, ascending; None: not worked out.
-        by_name: node id -> name -> node id, of the same agents; None: not worked out.
-    """
-
-    __slots__ = ("_pairs", "around", "by_name", "count", "found", "is_frequent", "version")
-
-    def __init__(self) -> None:
-        self.version = self.count = self.found = 0
-        self.is_frequent = False
-        self._pairs: tuple[list[int], list[int], list[int]] | None = None
-        self.around: dict[int, list[int]] | None = None
-        self.by_name: dict[int, dict[str, int]] | None = None
-
-    def renew(self, version: int, agents: int) -> None:
-        """Begin to count again, now that agents have moved."""
-        looks, found = self.count, self.found
-        are_many = agents >= _SEVERAL_AGENTS and looks * _SHARE >= agents
-        self.is_frequent = are_many and found * agents <= looks * _MOST_IDS
-        self.version, self.count, self.found = version, 0, 0
-        self._pairs = self.around = self.by_name = None
-
-    def look_from_all(
-        self, radius: float, positions: Positions, places: Callable[[], FloatArray]
-    ) -> dict[int, list[int]]:
-        """Return `around`; `places` gives where agents are (agents, 2)."""
-        if self.around is None:
-            nodes, numbers, rows = self._pairs_of_all(radius, positions, places)
-            ends = np.searchsorted(numbers, np.arange(len(nodes) + 1)).tolist()
-            self.around = {node: rows[i:end] for node, i, end in zip(nodes, ends, ends[1:], strict=False)}
-        return self.around
-
-    def name_all(
-        self, radius: float, positions: Positions, places: Callable[[], FloatArray]
-    ) -> dict[int, dict[str, int]]:
-        """Return `by_name`; `places` gives where agents are (agents, 2)."""
-        if self.by_name is None:
-            nodes, numbers, rows = self._pairs_of_all(radius, positions, places)
-            found: list[dict[str, int]] = [{} for _ in nodes]
-            names, node_of = positions.names, positions.nodes
-            for i, row in zip(numbers, rows, strict=True):
-                found[i][names[row]] = node_of[row]
-            self.by_name = dict(zip(nodes, found, strict=True))
-        return self.by_name
-
-    def _pairs_of_all(
-        self, radius: float, positions: Positions, places: Callable[[], FloatArray]
-    ) -> tuple[list[int], list[int], list[int]]:
-        """Return the nodes with an agent, and pairs of the number of one of them and the row of an agent around it."""
-        if self._pairs is None:
-            xy, row_on = places(), dict(zip(positions.nodes, count(), strict=False))
-            found = near_places(xy if len(row_on) == len(xy) else xy[list(row_on.values())], radius, positions, xy)
-            if found is None:
-                self._pairs = [], [], []
-            else:
-                self._pairs = [*row_on], found[0].tolist(), found[1].tolist()
-            self.found += len(self._pairs[1])
-        return self._pairs
-
-
-def near_places(
-    here: FloatArray, radius: float, positions: Positions, xy: FloatArray
-) -> tuple[IntArray, IntArray] | None:
-    """Return the living agents within a radius of places (places, 2), as numbers of places and rows, ascending.
-
-    None: an agent is on an edge, or it is too far for arrays. `xy` says where agents are (agents, 2).
-    """
-    squares = sum(float(np.vdot(each, each)) for each in ((xy,) if here is xy else (xy, here)))
-    if positions.travellers or not squares + radius * radius < _FAR * _FAR:
-        return None
-    living = positions.living if positions.inactive else None
-    # NOTE: in rows of their own, as subtracting columns of a table copies them (benchmarks: peers).
-    there = kernels.Area(*(xy if living is None else xy[living]).T.copy())
-    parts = [*kernels.near_each_other(kernels.Area(*here.T.copy()), there, radius)]
-    at, rows = parts[0] if len(parts) == 1 else [np.concatenate(part) for part in zip(*parts, strict=True)]
-    return at, rows if living is None else living[rows]
+def _is_on_node(positions: Positions, row: int) -> bool:
+    """Whether an agent lives and is not on an edge."""
+    if row in positions.inactive:
+        return False
+    return row not in positions.travellers or positions.on_edge(row) is None
 
 
 class Travellers:
@@ -530,7 +396,7 @@ class Memory:
     def __init__(self, ctx: IContext) -> None:
         self.views = Views(ctx)
         self.views_past_obstacles = ViewsPastObstacles(ctx)
-        self.nearby = NearbyAgents(ctx, self.views)
+        self.nearby = NearbyAgents(ctx)
 
 
 def memory_of(ctx: IContext) -> Memory:

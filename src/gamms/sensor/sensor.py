@@ -16,6 +16,7 @@ from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
 Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
+ALL_AROUND: Heading = (0.0, 0.0)
 
 R = TypeVar("R")
 S = TypeVar("S", bound="Sensor")

@@ -50,7 +50,7 @@ class Observer:
         return self._seen[places]
 
     def _look(self, agent: IAgent) -> str:
-        return repr(as_sorted(dict(agent.get_state())))
+        return repr(as_sorted(agent.get_state().copy()))
 
     def is_reliable(self, agent: int) -> bool:
         """Return whether the sensors of an agent show what is there, without chance, noise and delay."""

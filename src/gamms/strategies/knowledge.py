@@ -71,7 +71,7 @@ def required(state: State | AerialState, key: str, caller: str) -> Any:
         raise MissingKey(
             f"{caller} needs state[{key!r}]. ctx.game puts it there; in a loop of your own, {_WAYS_OUT[key]}."
         )
-    return state[key]  # type: ignore[literal-required] # the keys of `_WAYS_OUT`
+    return state[key]  # type: ignore[call-overload] # the keys of `_WAYS_OUT`
 
 
 def drawn_fraction(state: State | AerialState, caller: str) -> float:

@@ -80,7 +80,7 @@ def random_walk(state: State | AerialState) -> None:
     except AttributeError:
         raise _no_state(state, "random_walk") from None
     if draw is not None and legal and state.get("edge") is None:  # the usual one first: it is asked most often
-        state["action"] = legal[draw.below(len(legal))]  # type: ignore[arg-type] # a flyer has no legal nodes
+        state["action"] = legal[draw.below(len(legal))]
     elif is_aerial(state):
         angle = 2.0 * pi * drawn_fraction(state, "random_walk")
         state["action"] = (cos(angle), sin(angle), 0.0)

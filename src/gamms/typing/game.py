@@ -2,10 +2,23 @@
 
 import re
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NotRequired, Protocol, TypedDict, TypeVar
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Generic,
+    Literal,
+    NamedTuple,
+    NotRequired,
+    Protocol,
+    TypedDict,
+    TypeVar,
+    overload,
+)
 
 import numpy as np
 
+from gamms.core.ask import Key
 from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain
@@ -17,6 +30,8 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
+Where = TypeVar("Where")  # where an agent is
+Wish = TypeVar("Wish")  # what it may do
 
 NodeId = int | np.integer[Any]
 """What is taken for the id of a node; what is given back is an int."""
@@ -168,9 +183,26 @@ class ChannelOptions(TypedDict, total=False):
     eavesdroppers: Any  # as for `teams`, of agents, too
 
 
-class _GameKeys(TypedDict, total=False):
-    """What `ctx.game` adds to the state of every agent; `agent.get_state()` alone does not."""
+class _AgentState(dict[str, Any], Generic[Where, Wish]):
+    """What the states of all agents have in common."""
 
+    __slots__ = ()
+
+    curr_pos: Where
+    """The id of the node that the agent is on; of one in the air `(x, y, z)`, map units."""
+    sensor: dict[str, tuple[SensorType, Any]]
+    """Name -> kind of sensor, and what it has sensed; `docs/sensors.md` has the shape for each kind."""
+    legal: Sequence[int]
+    """The ids of the nodes that the agent may move to, its own first; on an edge its ends, then what lies beyond. Of an
+    agent in the air `()`: it is not bound to nodes."""
+    edge: tuple[int, int, int] | None
+    """In games by metres: the edge it is on, as the ids of the nodes it leads from and to and its own, or None."""
+    offset_m: float
+    """In games by metres: how far from the source of its edge it is, map units; 0.0 on a node."""
+    xy: tuple[float, float]
+    """In games by metres: where on the map it is."""
+    time: float
+    """Where agents decide at each arrival: how much of the turn is over, from 0 to 1."""
     name: str
     """The agent's name."""
     team: Any  # any value that can be a key of a dict
@@ -199,48 +231,94 @@ class _GameKeys(TypedDict, total=False):
     """The messages that have arrived for it; only where the game has channels."""
     outbox: list[OutgoingMessage]
     """What it sends: append to it; only where the game has channels."""
+    action: Wish | None
+    """What the agent does, such as the id of a node, or `(dx, dy, dz)` in the air: set by the strategy."""
+
+    @property
+    def sensors(self) -> dict[str, Any]:
+        """Name -> what the sensor has sensed, without its kind; a fresh dict."""
+        return {name: data for name, (_, data) in self["sensor"].items()}
+
+    if TYPE_CHECKING:  # the keys have the types of the attributes
+
+        @overload  # type: ignore[override] # no other key is there
+        def __getitem__(self, key: Literal["curr_pos"], /) -> Where: ...
+        @overload
+        def __getitem__(self, key: Literal["quat"], /) -> Quat: ...
+        @overload
+        def __getitem__(self, key: Literal["sensor"], /) -> dict[str, tuple[SensorType, Any]]: ...
+        @overload
+        def __getitem__(self, key: Literal["legal"], /) -> Sequence[int]: ...
+        @overload
+        def __getitem__(self, key: Literal["edge"], /) -> tuple[int, int, int] | None: ...
+        @overload
+        def __getitem__(self, key: Literal["offset_m", "time"], /) -> float: ...
+        @overload
+        def __getitem__(self, key: Literal["xy"], /) -> tuple[float, float]: ...
+        @overload
+        def __getitem__(self, key: Literal["name"], /) -> str: ...
+        @overload
+        def __getitem__(self, key: Literal["team"], /) -> Any: ...
+        @overload
+        def __getitem__(self, key: Literal["turn"], /) -> int: ...
+        @overload
+        def __getitem__(self, key: Literal["draw"], /) -> Draws: ...
+        @overload
+        def __getitem__(self, key: Literal["rng"], /) -> "Generator": ...
+        @overload
+        def __getitem__(self, key: Literal["memory", "team_memory"], /) -> dict[Any, Any]: ...
+        @overload
+        def __getitem__(self, key: Literal["facts"], /) -> Mapping[str, Any]: ...
+        @overload
+        def __getitem__(self, key: Literal["blocked"], /) -> str | None: ...
+        @overload
+        def __getitem__(self, key: Literal["fork"], /) -> PrivateForks: ...
+        @overload
+        def __getitem__(self, key: Literal["deeds"], /) -> Mapping[str, Mapping[str, Any]]: ...
+        @overload
+        def __getitem__(self, key: Literal["inbox"], /) -> list[Message]: ...
+        @overload
+        def __getitem__(self, key: Literal["outbox"], /) -> list[OutgoingMessage]: ...
+        @overload
+        def __getitem__(self, key: Literal["action"], /) -> Wish | None: ...
+        def __getitem__(self, key: str, /) -> Any: ...
+        @overload  # type: ignore[override] # as above
+        def __setitem__(self, key: Literal["action"], value: Wish | None, /) -> None: ...
+        @overload
+        def __setitem__(self, key: Literal["memory", "team_memory"], value: dict[Any, Any], /) -> None: ...
+        @overload
+        def __setitem__(self, key: Literal["outbox"], value: list[OutgoingMessage], /) -> None: ...
+        def __setitem__(self, key: str, value: Any, /) -> None: ...
 
 
-class State(_GameKeys):
+class State(_AgentState[int, Action]):
     """What an agent on the ground knows when it decides: the argument of its strategy.
 
-    `curr_pos` and `sensor` are always there. The others are put there by `ctx.game`.
+    It is a dict, and what is in it are attributes, too: `state.legal` is `state["legal"]`. An attribute of a key that is
+    not there raises AttributeError. Only `state.action` can be set.
+
+    `curr_pos` and `sensor` are always there, also in the plain dict that `agent.get_state()` returns, which has keys
+    alone. The others are put there by `ctx.game`.
     """
 
-    curr_pos: int
-    """The id of the node that the agent is on."""
-    sensor: dict[str, tuple[SensorType, Any]]
-    """Name -> kind of sensor, and what it has sensed; `docs/sensors.md` has the shape for each kind."""
-    legal: NotRequired[Sequence[int]]
-    """The ids of the nodes that the agent may move to, its own first; on an edge its ends, then what lies beyond."""
-    edge: NotRequired[tuple[int, int, int] | None]
-    """In games by metres: the edge it is on, as the ids of the nodes it leads from and to and its own, or None."""
-    offset_m: NotRequired[float]
-    """In games by metres: how far from the source of its edge it is, map units; 0.0 on a node."""
-    xy: NotRequired[tuple[float, float]]
-    """In games by metres: where on the map it is."""
-    time: NotRequired[float]
-    """Where agents decide at each arrival: how much of the turn is over, from 0 to 1."""
-    action: NotRequired[Action | None]
-    """What the agent does: set by the strategy."""
+    __slots__ = ()
+
+    node: int
+    """The id of the node that the agent is on: `state["curr_pos"]`."""
 
 
-class AerialState(_GameKeys):
-    """What an aerial agent knows when it decides: the argument of its strategy."""
+class AerialState(_AgentState[Position, tuple[float, float, float] | FloatArray | AerialAction]):
+    """What an aerial agent knows when it decides: the argument of its strategy; see `State`."""
 
-    curr_pos: Position
-    """`(x, y, z)`, map units."""
+    __slots__ = ()
+
     quat: Quat
     """How the agent is turned: `(w, x, y, z)` of length 1."""
-    time: NotRequired[float]
-    """Where agents decide at each arrival: how much of the turn is over, from 0 to 1."""
-    sensor: dict[str, tuple[SensorType, Any]]
-    """Name -> kind of sensor, and what it has sensed."""
-    legal: NotRequired[Sequence[int]]
-    """`()`: an aerial agent is not bound to nodes."""
-    action: NotRequired[tuple[float, float, float] | FloatArray | AerialAction]
-    """What the agent does, such as `(dx, dy, dz)`: set by the strategy."""
 
+
+for _class in (_AgentState, State, AerialState):
+    for _name in _class.__annotations__:
+        setattr(_class, _name, Key("curr_pos" if _name == "node" else _name))
 
 Strategy = Callable[[State], None]
 """Decides for an agent on the ground: it reads the state and sets `state["action"]`."""

@@ -85,7 +85,7 @@ class ISensor(ABC):
     # -- may override -------------------------------------------------------------------------------------------
 
     sees_world_only: bool = False  # whether it looks at nothing but the graph and the agents
-    looks_alike: Hashable = None  # equal for those whose looks `sense_each` may share now; None: it looks by itself
+    looks_alike: Hashable = None  # equal for built-in ones that share what they know now; None: it looks by itself
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes: exactly what `sense` would see from each of them.

@@ -1,0 +1,33 @@
+cimport cython
+
+from gamms.core.sight cimport Sight, Views
+
+cdef extern from "Python.h":
+    cpdef dict as_dict "Py_NewRef" (object value)
+
+@cython.final
+cdef class Key:
+    cdef readonly str name
+
+
+@cython.final
+cdef class Sensing:
+    cdef readonly object name, last, kind, sensor
+    cdef readonly int number
+
+
+@cython.final
+cdef class Individual:
+    cdef readonly object agent, strategy, template, team
+    cdef readonly tuple sensors
+    cdef readonly list last
+
+
+@cython.locals(sight=Sight, views=Views, view=tuple, data=dict)
+cdef dict look_around(object known, Sensing look, object here)
+@cython.locals(sensed=dict, seen=list, look=Sensing)
+cdef dict sense_all(tuple carried, object phase, object moment, object alike, object here, object legal)
+@cython.locals(staying=list, sensed=dict, state=dict, one=Individual, place=Py_ssize_t, has_memories=bint)
+cpdef int ask_each(
+    object answers, object phase, list individuals, list sensors, list slots, object starts, object near, object alike
+) except -1

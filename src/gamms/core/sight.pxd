@@ -1,0 +1,69 @@
+cimport cython
+
+ctypedef long long i64
+
+cdef extern from "math.h":
+    cpdef double fabs(double x) noexcept nogil
+
+cdef double LEAST, MOST, SCALE, MOST_CELLS, SLACK
+cdef i64 FACTOR_X, FACTOR_Y, MANY, MOST_KEPT
+
+
+@cython.final
+cdef class Places:
+    cdef readonly object at
+    cdef readonly list names, nodes
+    cdef readonly i64 count
+    cdef readonly double[::1] x, y
+    cdef readonly signed char[::1] is_seen
+
+    @cython.locals(row=i64, count=i64, place=tuple)
+    cpdef int fill(self, list names, list nodes) except -1
+
+
+@cython.final
+cdef class Sight:
+    cdef readonly Places places
+    cdef readonly tuple view
+    cdef public bint is_built
+    cdef bint is_endless
+    cdef double radius, scale, square, size
+    cdef i64 room, mask, kept
+    cdef dict everyone, known
+    cdef int[::1] first, after, before, cell_x, cell_y, found
+
+    cpdef int build(self) except -1
+    @cython.locals(x=double[::1], y=double[::1], greatest=double, row=i64, entry=i64)
+    cdef int _enter_all(self) except -1 nogil
+    cdef int _forget(self) except -1
+    cpdef int move(self, i64 row) except -1
+    @cython.locals(entry=i64, other=i64)
+    cdef int _enter(self, i64 row) except -1 nogil
+    @cython.locals(after=i64, before=i64)
+    cdef int _leave(self, i64 row) except -1 nogil
+    @cython.locals(place=double, cell=i64)
+    cdef i64 _cell(self, double value) noexcept nogil
+    cdef i64 _entry(self, i64 cell_x, i64 cell_y) noexcept nogil
+    @cython.locals(
+        count=i64, row=i64, xs=double[::1], ys=double[::1], middle_x=i64, middle_y=i64, cell_x=i64, cell_y=i64,
+        dx=double, dy=double
+    )
+    cdef Py_ssize_t _find(self, double x, double y) except -1 nogil
+    @cython.locals(gap=i64, place=i64, row=i64, hole=i64)
+    cdef int _sort(self, i64 count) except -1 nogil
+    @cython.locals(names=list, nodes=list, data=dict, place=i64, row=i64, name=str)
+    cdef dict _named(self, i64 count, str own)
+    cpdef dict by_name(self, double x, double y, str own)
+    @cython.locals(count=i64, place=i64)
+    cpdef list rows(self, double x, double y)
+    @cython.locals(place=tuple, found=dict, data=dict, count=i64)
+    cpdef dict seen_from(self, object node, str own)
+
+
+@cython.final
+cdef class Views:
+    cdef readonly object known
+    cdef readonly tuple view
+
+
+cdef i64 as_cell(double place) noexcept nogil

@@ -1,0 +1,86 @@
+"""Who is near, in cells of a grid, against a comparison with all agents."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamms.core.sight import Places, Sight
+
+LARGE = 1.7e308
+COORDINATES = st.one_of(
+    st.integers(-4, 4).map(float),
+    st.floats(-100.0, 100.0),
+    st.floats(-LARGE, LARGE),
+    st.sampled_from([0.0, -0.0, 5e-324, 1e-160, -1e-150, 1e150, -1e150, LARGE, -LARGE]),
+)
+RADII = st.one_of(
+    st.integers(0, 5).map(float), st.floats(0.0, LARGE), st.sampled_from([1e-200, 1e-150, 1e150, 1e200, math.inf])
+)
+NODES = st.lists(st.tuples(COORDINATES, COORDINATES), min_size=1, max_size=12)
+
+
+def is_near(here, there, radius):
+    """Compare squares, of numbers that are brought to a size at which these are neither zero nor infinite."""
+    scale = 2.0**600 if radius <= 1e-150 else 2.0**-600 if radius >= 1e150 else 1.0
+    dx, dy = ((a - b) * scale for a, b in zip(there, here, strict=True))
+    return dx * dx + dy * dy <= radius * scale * (radius * scale)
+
+
+def sight_of(at, nodes, radius):
+    places = Places(at)
+    places.fill([f"a{row}" for row in range(len(nodes))], list(nodes))
+    return places, Sight(places, radius, ())
+
+
+@given(places=NODES, radius=RADII, data=st.data())
+def test_those_within_the_radius_are_found_in_the_order_of_their_rows(places, radius, data):
+    at = dict(enumerate(places))
+    node = st.sampled_from(sorted(at))
+    nodes = data.draw(st.lists(node, max_size=30))
+    columns, sight = sight_of(at, nodes, radius)
+    are_seen = [True] * len(nodes)
+    for row, end, is_seen in data.draw(st.lists(st.tuples(st.integers(0, 29), node, st.booleans()), max_size=8)):
+        here = data.draw(node)
+        near = [i for i, one in enumerate(nodes) if are_seen[i] and is_near(at[here], at[one], radius)]
+        assert sight.rows(*at[here]) == near
+        assert list(sight.seen_from(here, "a1").items()) == [(f"a{i}", nodes[i]) for i in near if i != 1]
+        if row < len(nodes):
+            columns.put(row, end, is_seen=is_seen)
+            sight.move(row)
+            nodes[row], are_seen[row] = end, is_seen
+
+
+@given(radius=st.floats(1e-3, 1e3), far=st.floats(-1e9, 1e9), angle=st.floats(0.0, 6.3))
+def test_the_rim_is_found_wherever_cells_begin(radius, far, angle):
+    here = far, -far
+    there = far + radius * math.cos(angle), -far + radius * math.sin(angle)
+    _, sight = sight_of({0: here, 1: there}, [0, 1], radius)
+    assert sight.rows(*here) == [0, 1][: 1 + is_near(here, there, radius)]
+
+
+def test_many_agents_are_found_in_order_from_one_cell_and_from_many():
+    at = {i: (float(i % 40), float(i // 40)) for i in range(1600)}
+    nodes = [i * 7 % 1600 for i in range(1600)]
+    for radius in (0.0, 1.0, 15.0, 100.0, math.inf):
+        _, sight = sight_of(at, nodes, radius)
+        near = [row for row, node in enumerate(nodes) if is_near(at[820], at[node], radius)]
+        assert sight.rows(*at[820]) == near
+        assert [*sight.seen_from(820, "nobody")] == [f"a{row}" for row in near]
+
+
+def test_agents_that_come_are_found_once_all_are_entered_again():
+    places, sight = sight_of({0: (0.0, 0.0)}, [0], 1.0)
+    assert sight.seen_from(0, "") == {"a0": 0}
+    places.fill([f"b{row}" for row in range(50)], [0] * 50)
+    sight.is_built = False
+    assert [*sight.seen_from(0, "b7")] == [f"b{row}" for row in range(50) if row != 7]
+
+
+def test_a_node_that_is_not_there_is_an_error():
+    places, sight = sight_of({0: (0.0, 0.0)}, [0], 1.0)
+    with pytest.raises(KeyError):
+        sight.seen_from(1, "")
+    with pytest.raises(KeyError):
+        places.fill(["a0"], [1])

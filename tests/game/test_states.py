@@ -1,0 +1,113 @@
+"""States: dicts whose keys are attributes, too."""
+
+import copy
+import json
+import pickle
+
+import msgspec
+import pytest
+
+from gamms.agent import AgentType
+from gamms.plain import to_plain
+from gamms.readonly import copied, frozen
+from gamms.typing import AerialState, State
+
+
+@pytest.fixture
+def seen(grid):
+    """The state of an agent with two sensors in a game, and what its strategy has read of it."""
+    found = {}
+
+    def strategy(state):
+        found["state"] = state
+        found["read"] = state.node, state.legal, state.turn, state.name, state.team, state.sensors, state.sensor
+        state.action = state.legal[1]
+
+    with grid() as ctx:
+        near = ctx.sensor.create_sensor("near", "neighbor")
+        eyes = ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=100.0)
+        ctx.agent.create_agent("b", start_node_id=2)
+        ctx.agent.create_agent("a", start_node_id=0, team="red", strategy=strategy, sensors=[near, eyes])
+        ctx.game.step()
+        found["node"] = ctx.agent.get_agent("a").current_node_id
+        yield found
+
+
+def test_the_keys_of_a_state_are_attributes(seen):
+    state = seen["state"]
+    assert type(state) is State
+    node, legal, turn, name, team, sensors, sensor = seen["read"]
+    assert (node, legal, turn, name, team) == (0, state["legal"], 0, "a", "red")
+    assert sensors == {"near": list(legal), "eyes": {"b": 2}}
+    assert sensor is state["sensor"]
+    for key in ("draw", "rng", "memory", "team_memory", "facts", "blocked", "fork"):
+        assert getattr(state, key) is state[key]
+
+
+def test_an_action_may_be_set_as_an_attribute(seen):
+    assert seen["node"] == seen["state"]["action"] == seen["state"].action == seen["state"].legal[1]
+
+
+@pytest.mark.parametrize("name", ["legal", "node", "team_memory", "sensors", "nonsense"])
+def test_nothing_else_can_be_set(seen, name):
+    before = dict(seen["state"])
+    with pytest.raises(AttributeError):
+        setattr(seen["state"], name, 3)
+    assert seen["state"] == before
+
+
+def test_an_attribute_of_a_key_that_is_not_there_names_those_that_are():
+    state = State(curr_pos=3, sensor={})
+    with pytest.raises(AttributeError, match=r"no 'legal'\. Its keys are: curr_pos, sensor"):
+        _ = state.legal
+    assert not hasattr(state, "action")
+    assert not hasattr(state, "nonsense")
+    assert getattr(state, "inbox", None) is None
+
+
+def test_a_state_is_copied_and_written_as_a_dict_is():
+    state = State(curr_pos=3, sensor={"near": (1, [3, 4])}, legal=(3, 4))
+    plain = dict(state)
+    assert state == plain
+    assert type(state.copy()) is type(state | {}) is dict
+    for twin in (copy.copy(state), copy.deepcopy(state), pickle.loads(pickle.dumps(state)), copied(state)):
+        assert (type(twin), twin, twin.legal) == (State, plain, (3, 4))
+        assert twin is not state
+    assert json.dumps(state) == json.dumps(plain)
+    assert msgspec.msgpack.encode(state) == msgspec.msgpack.encode(plain)
+    assert to_plain(state) == to_plain(plain)
+    assert frozen(state) == frozen(plain)
+
+
+def test_a_flyer_has_a_place_and_no_node(grid):
+    found = []
+
+    def strategy(state):
+        found.append(state)
+        state.action = (1.0, 0.0, 0.0)
+
+    with grid() as ctx:
+        ctx.agent.create_agent("kite", type=AgentType.AERIAL, start_node_id=0, speed=1.0, strategy=strategy)
+        ctx.game.step()
+    (state,) = found
+    assert type(state) is AerialState
+    assert (state.curr_pos, state.quat, hasattr(state, "node")) == (state["curr_pos"], state["quat"], False)
+
+
+def test_a_state_may_be_remembered(grid):
+    turns = []
+
+    def strategy(state):
+        known = state.memory.setdefault("states", [])
+        turns.append([one.turn for one in known])
+        known.append(state)
+        state.action = state.draw.choice(state.legal)
+
+    with grid() as ctx:
+        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
+        ctx.game.run(2)
+        before = ctx.game.snapshot()
+        ctx.game.step()
+        ctx.game.restore(before)
+        ctx.game.step()
+    assert turns == [[], [0], [0, 1], [0, 1]]
