@@ -24,12 +24,13 @@ from gamms.belief.evidence import (
     required,
     turns_in,
 )
-from gamms.belief.filter import Filter, by_node, weighed
+from gamms.belief.filter import by_node
 from gamms.belief.ground import Ground, ground_of
-from gamms.belief.motion import Chain, Motion, as_motion, random_walk
+from gamms.belief.motion import Motion, as_motion, chain_of, evidence_of, random_walk
 from gamms.belief.reach import Reach
 from gamms.context import Context
-from gamms.ir.graph import FloatArray
+from gamms.core import belief as core
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IAgent
 from gamms.typing.game import AerialState, State
@@ -43,6 +44,10 @@ _MOST_BYTES = 1 << 27  # about: of what was worked out, for one map
 _MARK = 16  # of so many turns, one is kept
 _FAINT = 0.01  # of the highest probability: less is not drawn
 _CAN_BE, _DARK = (150, 110, 190), 384  # a colour, and the sum of a grey in the middle
+
+Found = tuple[int, int, float]  # the row of a node, that at the end of the edge, and metres from the node
+_UNSEEN: Found = (core.IS_UNSEEN, core.IS_ANYWHERE_ON_NODE, 0.0)
+_NOTHING: tuple[IntArray, FloatArray] = (np.zeros(0, np.int64), np.zeros(0))  # that a look covers
 
 Moving = Callable[[FloatArray, int], FloatArray]  # to a turn
 Looking = Callable[[FloatArray, int, list[Observation]], FloatArray]  # in a turn
@@ -144,12 +149,12 @@ class Belief:
             if lines:
                 names, speeds = tuple(targets[line] for line in lines), [(paces[line] or 0.0) * turns for line in lines]
                 labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), has_pace and in_metres)
-                found[lines] = (labels > -np.inf).T
+                found[lines] = labels > -np.inf
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
 
     def _reached(self, targets: tuple[str, ...], speeds: list[float], in_metres: bool) -> FloatArray:
-        """Return labels (nodes, targets) of what targets can have reached; see `Reach`."""
+        """Return labels (targets, nodes) of what targets can have reached; see `Reach`."""
         ground = ground_of(self._ctx.graph.columns())
         closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
@@ -209,19 +214,18 @@ class Belief:
     def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None) -> FloatArray:
         """Return how probable each node is (targets, nodes), of targets that go equally far in a turn."""
         ground = ground_of(self._ctx.graph.columns())
-        filter = Filter(self._ctx, model, names, metres=metres)
+        chain = chain_of(model, ground, metres)
 
         def move(masses: FloatArray, _: int) -> FloatArray:
-            filter.masses = masses
-            filter.predict()
-            return filter.masses
+            return chain.predicted(masses, model.steps)
 
         def look(masses: FloatArray, _: int, seen: list[Observation]) -> FloatArray:
-            return weighed(filter.chain, masses, likelihoods(ground, filter.chain, names, seen, metres or 0.0))[0]
+            found: FloatArray = chain.observed(masses[None], *_observed(ground, names, seen, metres or 0.0))[0][0]
+            return found
 
         key = ("probable", ground.digest, names, model.name, model.steps, metres)
-        filter.masses = self._folded(key, filter.masses, move, look)
-        return filter.probabilities()
+        start = np.tile(chain.shares / ground.size, (len(names), 1))
+        return chain.of_nodes(self._folded(key, start, move, look))
 
     def _folded(self, key: object, start: FloatArray, move: Moving, look: Looking) -> FloatArray:
         """Return what turns and observations make of a start, from the last turn to which that is known.
@@ -252,57 +256,48 @@ class Belief:
         return value
 
 
-def likelihoods(
-    ground: Ground, chain: Chain, targets: Sequence[str], seen: list[Observation], metres: float
-) -> FloatArray:
-    """Return how probable the observations of a turn are, (states, targets), for each state that a target may be in.
+def _observed(
+    ground: Ground, targets: Sequence[str], seen: list[Observation], metres: float
+) -> tuple[core.Evidence, IntArray]:
+    """Return the observations of a turn as `Chain.observed` takes them.
 
     A look rules out a part of an edge only where it covers what lies between both ends of it, and the edge is straight.
     `metres` is how far the targets go in a turn: those that were seen within it were not so far when it began.
     """
-    columns, missed_by = ground.columns, list[tuple[Look, FloatArray]]()
-    between = np.flatnonzero(chain.edges >= 0)
-    edges = chain.edges[between]
-    is_bent = np.isin(edges, np.fromiter(columns.polylines, np.int64, len(columns.polylines)))
-    for look in (look for one in seen for look in one.looks):
-        missed = np.ones(ground.size)
-        if look.node_ids is None:
-            missed -= look.detection
-        else:
-            rows = ground.rows(look.node_ids)
-            missed[rows[rows >= 0]] -= np.broadcast_to(look.detection, rows.shape)[rows >= 0]
-        of_states = missed[chain.rows]
-        covered = np.maximum(of_states[between], missed[columns.targets[edges]])
-        is_open = is_bent & (look.node_ids is not None)
-        of_states[between] = np.where(is_open, 1.0, covered) if look.is_convex else 1.0
-        missed_by.append((look, of_states))
-    shown = [tuple(name not in look.not_shown for look, _ in missed_by) for name in targets]
-    kinds, values = dict.fromkeys(shown), np.empty((len(chain.rows), len(targets)))
-    for kind in kinds:  # of most targets all looks say something
-        product = np.prod([of_states for (_, of_states), is_shown in zip(missed_by, kind, strict=True) if is_shown], 0)
-        which = slice(None) if len(kinds) == 1 else [one == kind for one in shown]
-        values[:, which] = np.reshape(product, (-1, 1))
+    looks = [look for one in seen for look in one.looks]
+    covered = [_missed_by(ground, look) for look in looks]
+    ends = np.cumsum([0, *(len(rows) for rows, _ in covered)])
+    rows, missed = (np.concatenate(parts) for parts in zip(_NOTHING, *covered, strict=True))
+    shown = np.array([name not in look.not_shown for look in looks for name in targets], np.bool_)
     found = {name: (ground.row(node), one.places.get(name)) for one in seen for name, node in one.found.items()}
-    for column, name in enumerate(targets):
-        row, place = found.get(name, (-1, None))
-        if name in found:  # on a node that is gone it says nothing
-            values[:, column] = _is_at(ground, chain, row, place, metres) if row >= 0 else 1.0
-    return values
+    places = [_found_at(ground, *found[name], metres) if name in found else _UNSEEN for name in targets]
+    nodes, *on_edges = zip(*places, strict=True)
+    kinds = [_kind_of(look) for look in looks]
+    evidence = evidence_of(ends, (rows, missed), shown, np.array([nodes], np.int64), kinds, (on_edges[0], on_edges[1]))
+    return evidence, np.array([0, len(looks)])
 
 
-def _is_at(ground: Ground, chain: Chain, row: int, place: Place | None, metres: float) -> BoolArray:
-    """Return which states (states,) are those of a target that was seen; of parts of an edge, the nearest."""
-    is_there: BoolArray = chain.rows == row
+def _missed_by(ground: Ground, look: Look) -> tuple[IntArray, FloatArray]:
+    """Return the rows of the nodes that a look covers, and how probable it is that it misses an agent there."""
+    rows = np.arange(ground.size) if look.node_ids is None else ground.rows(look.node_ids)
+    is_there = rows >= 0
+    return rows[is_there], (1.0 - np.broadcast_to(look.detection, rows.shape))[is_there]
+
+
+def _kind_of(look: Look) -> int:
+    if not look.is_convex:
+        return core.LOOKS_AT_NODES
+    return core.LOOKS_ALONG_EDGES if look.node_ids is None else core.LOOKS_ALONG_STRAIGHT_EDGES
+
+
+def _found_at(ground: Ground, row: int, place: Place | None, metres: float) -> Found:
+    """Return the place of a target that was seen."""
+    if row < 0:
+        return core.IS_UNKNOWN, core.IS_ANYWHERE_ON_NODE, 0.0
     if place is None:
-        return is_there
-    is_there &= chain.edges < 0
-    if place.edge is not None:
-        end = ground.row(place.edge[1])
-        is_there |= (chain.rows == row) & (chain.edges >= 0) & (ground.columns.targets[chain.edges] == end)
+        return row, core.IS_ANYWHERE_ON_NODE, 0.0
     gone = place.time * metres if np.isfinite(metres) else 0.0
-    far = np.where(is_there, np.abs(chain.offsets_m - (place.offset_m - gone)), np.inf)
-    nearest: BoolArray = far == far.min()
-    return nearest
+    return row, -1 if place.edge is None else ground.row(place.edge[1]), place.offset_m - gone
 
 
 def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: bool = False) -> dict[str, Any]:

@@ -7,7 +7,8 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_known, as_mapping, as_numbers_of, as_range
 from gamms.belief.ground import Ground, ground_of
-from gamms.belief.motion import Chain, Motion, as_motion, chain_of
+from gamms.belief.motion import Chain, Motion, as_motion, chain_of, evidence_of
+from gamms.core import belief as core
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -40,29 +41,59 @@ class Masses:
         self._motion = motion
         if not ground.size:
             raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
-        self.masses: FloatArray = np.repeat(self.chain.shares[:, None] / ground.size, number, axis=1)
+        self._masses = np.tile(self.chain.shares / ground.size, (number, 1))  # (targets, states)
+
+    @property
+    def masses(self) -> FloatArray:
+        """(states, targets) how probable the states are; settable, see the class."""
+        masses: FloatArray = self._masses.T
+        return masses
+
+    @masses.setter
+    def masses(self, masses: FloatArray) -> None:
+        self._masses = np.ascontiguousarray(_as_weights(masses, "masses", self.masses.shape).T)
 
     def predict(self, turns: int = 1) -> None:
         """Let turns pass, in which the targets move by the model."""
-        for _ in range(as_count(turns, "turns", 0) * self._motion.steps):
-            self.masses = self.chain.transitions.sums(self.masses)
+        self._masses = self.chain.predicted(self._masses, as_count(turns, "turns", 0) * self._motion.steps)
 
     def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
-        self.masses, totals = weighed(self.chain, self.masses, _likelihoods(likelihoods, self.masses.shape))
+        of_states = _as_weights(likelihoods, "likelihoods", self.masses.shape)
+        found, totals, by_state = np.empty_like(self._masses), np.empty(len(self._masses)), np.empty(len(of_states))
+        chain, work, is_changed = (
+            self.chain.core,
+            self.chain.work_with(by_state),
+            (of_states != 1.0).any(axis=0).tolist(),
+        )
+        for target, before in enumerate(self._masses):
+            by_state[:] = of_states[:, target]
+            totals[target] = core.weigh(
+                chain, work, is_changed[target], kernels.buffer(before), 0, kernels.buffer(found[target]), 0
+            )
+        self._masses = found
         return totals
 
-    def _of_nodes(self) -> FloatArray:
-        """Return how probable each node is, (nodes, targets)."""
-        chain = self.chain
-        return self.masses if chain.are_nodes else chain.by_node.sums(self.masses)[: self._ground.size]
+    def _update(
+        self, looks: IntArray, seen: tuple[IntArray, FloatArray], found: IntArray, shown: BoolArray
+    ) -> FloatArray:
+        """Take in one look at nodes in each of some games, and where targets were found.
 
-    def _unseen(self, missed: FloatArray) -> FloatArray:
-        """Return how probable it is for each state that a target in it is not seen, by that of the nodes."""
-        on_nodes: BoolArray = self.chain.edges < 0
-        of_states = missed[self.chain.rows]
-        of_states[~on_nodes] = 1.0
-        return of_states
+        Args:
+            looks: (games + 1,) where the nodes of each begin, and at last where they end.
+            seen: their rows, and how probable it is that a target there is missed.
+            found: (games, targets) rows of nodes; -1: it was not found.
+            shown: (games, targets) whether the look says something about a target.
+
+        Returns:
+            (games, targets) how probable this was.
+        """
+        games, targets = found.shape
+        evidence = evidence_of(looks, seen, shown, found)
+        masses = self._masses.reshape(games, targets, len(self.chain.rows))
+        weighed, totals = self.chain.observed(masses, evidence, np.arange(games + 1))
+        self._masses = weighed.reshape(self._masses.shape)
+        return totals
 
 
 class Filter(Masses):
@@ -126,15 +157,11 @@ class Filter(Masses):
         rows = dict(
             zip(places, self._ground.known_rows(np.array(as_ids(places.values(), "found"), np.int64)), strict=True)
         )
-        missed = np.ones(self._ground.size)
-        np.multiply.at(missed, seen, 1.0 - chances)
-        likelihoods = np.repeat(self._unseen(missed)[:, None], len(self.targets), axis=1)
-        for column, name in enumerate(self.targets):
-            if name in rows:
-                likelihoods[:, column] = self.chain.rows == rows[name]
-            elif name in left_out:
-                likelihoods[:, column] = 1.0
-        return self.weigh_states(likelihoods)
+        places_of = np.array([[rows.get(name, core.IS_UNSEEN) for name in self.targets]], np.int64)
+        are_shown = np.array([[name not in left_out for name in self.targets]], np.bool_)
+        missed = 1.0 - np.broadcast_to(chances, seen.shape)
+        totals: FloatArray = self._update(np.array([0, len(seen)]), (seen, missed), places_of, are_shown)[0]
+        return totals
 
     def weigh(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each node.
@@ -149,17 +176,16 @@ class Filter(Masses):
         Raises:
             BadType, BadValue: the array has another shape, or a likelihood is negative, infinite or NaN.
         """
-        chain, shape = self.chain, (self._ground.size, self.masses.shape[1])
-        likelihoods = _likelihoods(likelihoods, shape)
-        of_states = likelihoods[chain.rows]
-        between = np.flatnonzero(chain.edges >= 0)
-        ends = self._ground.columns.targets[chain.edges[between]]
-        of_states[between] = np.maximum(of_states[between], likelihoods[ends])
+        shape = self._ground.size, self.masses.shape[1]
+        of_nodes = _as_weights(likelihoods, "likelihoods", shape)
+        of_states = of_nodes[self.chain.rows]
+        between = np.flatnonzero(self.chain.edges >= 0)
+        of_states[between] = np.maximum(of_states[between], of_nodes[self.chain.ends[between]])
         return self.weigh_states(of_states)
 
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
-        return self._of_nodes().T.copy()
+        return self.chain.of_nodes(self._masses)
 
     def probability(self, target: str) -> dict[int, float]:
         """Return node -> how probable it is that a target is there, without those where it cannot be.
@@ -209,26 +235,24 @@ class GamesFilter(Masses):
         Raises:
             BadType, BadValue: an array has another shape, `seen` has no probabilities, or `found` no rows of nodes.
         """
-        games, targets = self._shape
         chances = as_array(seen, "seen", "probabilities").astype(np.float64, copy=False)
-        found = None if found is None else as_array(found, "found", "integers")
-        not_shown = None if not_shown is None else as_array(not_shown, "not_shown", "booleans")
+        found = np.full(self._shape, core.IS_UNSEEN) if found is None else as_array(found, "found", "integers")
+        not_shown = (
+            np.zeros(self._shape, np.bool_) if not_shown is None else as_array(not_shown, "not_shown", "booleans")
+        )
         for name, given, shape in (
-            ("seen", chances, (games, self._ground.size)),
+            ("seen", chances, (self._shape[0], self._ground.size)),
             ("found", found, self._shape),
             ("not_shown", not_shown, self._shape),
         ):
-            if given is not None and given.shape != shape:
+            if given.shape != shape:
                 raise BadValue(f"{name} needs the shape {shape}, not {given.shape}.")
-        if found is not None and found.max(initial=-1) >= self._ground.size:
+        if found.max(initial=-1) >= self._ground.size:
             raise BadValue(f"found: there is no row {found.max()}: the map has {self._ground.size} nodes, from 0.")
-        likelihoods = np.repeat(self._unseen(1.0 - chances.T), targets, axis=1)
-        if not_shown is not None:
-            likelihoods[:, not_shown.ravel()] = 1.0
-        if found is not None:
-            there = np.flatnonzero(found.ravel() >= 0)
-            likelihoods[:, there] = self.chain.rows[:, None] == found.ravel()[there]
-        return self.weigh_states(likelihoods).reshape(self._shape)
+        at, rows = np.nonzero(chances)
+        looks = np.searchsorted(at, np.arange(self._shape[0] + 1))
+        places = np.maximum(found, core.IS_UNSEEN).astype(np.int64)
+        return self._update(looks, (rows, 1.0 - chances[at, rows]), places, ~not_shown)
 
     def reset(self, games: IntArray) -> None:
         """Begin some games again, by their numbers: their targets may be anywhere.
@@ -237,52 +261,22 @@ class GamesFilter(Masses):
             BadType, BadValue: these are no numbers of games.
         """
         games = as_numbers_of(games, "games", self._shape[0], "games").reshape(-1)
-        masses = self.masses.reshape(-1, *self._shape)
-        masses[:, games] = (self.chain.shares / self._ground.size)[:, None, None]
+        masses = self._masses.reshape(*self._shape, len(self.chain.rows))
+        masses[games] = self.chain.shares / self._ground.size
 
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (games, targets, nodes) with the nodes as in the columns."""
-        return self._of_nodes().T.reshape(*self._shape, self._ground.size).copy()
+        return self.chain.of_nodes(self._masses).reshape(*self._shape, self._ground.size)
 
 
-def _likelihoods(given: object, shape: tuple[int, ...]) -> FloatArray:
-    likelihoods: FloatArray = as_array(given, "likelihoods", "weights").astype(np.float64, copy=False)
-    if likelihoods.shape != shape:
-        raise BadValue(f"likelihoods need the shape {shape}, not {likelihoods.shape}.")
-    return likelihoods
+def _as_weights(given: object, name: str, shape: tuple[int, ...]) -> FloatArray:
+    weights: FloatArray = as_array(given, name, "weights").astype(np.float64, copy=False)
+    if weights.shape != shape:
+        raise BadValue(f"{name} need the shape {shape}, not {weights.shape}.")
+    return weights
 
 
 def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:
     """Return node -> probability for those that are more than 0."""
     rows = np.flatnonzero(probabilities)
     return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))
-
-
-def weighed(chain: Chain, masses: FloatArray, likelihoods: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return masses (states, targets) after observations, and how probable these were; see `Filter.update`."""
-    found, totals = np.empty_like(masses), np.ones(masses.shape[1])
-    for columns in kernels.column_blocks(masses):
-        block, by_state = found[:, columns], likelihoods[:, columns]
-        np.multiply(masses[:, columns], by_state, out=block)
-        is_changed = (by_state != 1.0).any(axis=0)
-        totals[columns] = sums = np.where(is_changed, _totals(block), 1.0)
-        for column in np.flatnonzero(sums == 0.0).tolist():
-            shares, possible = chain.shares, by_state[:, column]
-            # At first no target is on an edge; and perhaps no state is possible.
-            prior = next(one for one in (shares * possible, possible, shares) if one.any())
-            block[:, column] = prior
-            sums[column] = _totals(block[:, column : column + 1])[0]
-        block /= sums
-    return found, totals
-
-
-def _totals(masses: FloatArray) -> FloatArray:
-    """Return the sums of columns (columns,), the same bits for a column alone: halves are added up."""
-    while len(masses) > 1:
-        half = len(masses) // 2
-        added = masses[:half] + masses[half : 2 * half]
-        if len(masses) % 2:
-            added[0] += masses[-1]
-        masses = added
-    totals: FloatArray = masses[0].copy()
-    return totals

@@ -4,7 +4,7 @@ A model may have a part that is not seen, such as the goal of the target: then a
 with that part, and what is observed says something about both.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,8 +14,10 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_ids, as_mapping
 from gamms.belief.ground import Ground
+from gamms.core import belief as core
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing.game import NodeId
 
@@ -34,29 +36,125 @@ class Transitions(NamedTuple):
 
 
 class Chain:
-    """A Markov chain on a map, as it is computed with.
+    """A Markov chain on a map, as `gamms.core.belief` computes with it.
 
     Args:
         found: the chain.
+        ground: the map.
         parts: by metres, the edges and offsets of its states; see below.
 
     Attributes:
         rows, shares: see `Transitions`.
         edges: (states,) rows of the edges that the targets are on; -1: on the node.
         offsets_m: (states,) how far from the node; 0.0 on it.
-        transitions: the sums of what comes to each state.
+        ends: (states,) rows of the nodes at the ends of these edges; -1: on the node.
         are_nodes: whether each state is a node, in the same row.
-        by_node: the sums of the states on each node, in the first rows.
+        ways: where a step leads, as the core reads it.
+        core: the states, likewise.
     """
 
-    def __init__(self, found: Transitions, parts: tuple[IntArray, FloatArray] | None = None) -> None:
-        self.rows, self.shares, states = found.rows, found.shares, len(found.rows)
-        on_nodes = np.full(states, -1), np.zeros(states)
-        self.edges: IntArray = on_nodes[0] if parts is None else parts[0]
-        self.offsets_m: FloatArray = on_nodes[1] if parts is None else parts[1]
-        self.transitions = kernels.Arrivals(found.sources, found.targets, found.chances, states)
+    def __init__(self, found: Transitions, ground: Ground, parts: tuple[IntArray, FloatArray] | None = None) -> None:
+        self.rows, self.shares = found.rows, found.shares
+        states = len(found.rows)
         self.are_nodes = np.array_equal(found.rows, np.arange(states))
-        self.by_node = kernels.Arrivals(np.arange(states), found.rows, np.ones(states), states)
+        self.edges: IntArray = np.full(states, -1) if parts is None else parts[0]
+        self.offsets_m: FloatArray = np.zeros(states) if parts is None else parts[1]
+        self.ends: IntArray = np.full(states, -1)
+        between = np.flatnonzero(self.edges >= 0)
+        self.ends[between] = ground.columns.targets[self.edges[between]]
+        bent = np.fromiter(ground.columns.polylines, np.int64, len(ground.columns.polylines))
+        self.ways = core.Ways(
+            *map(kernels.buffer, kernels.ways_to(found.sources, found.targets, found.chances, states))
+        )
+        first_on, states_on = kernels.group_rows(found.rows, ground.size)
+        self.core = core.Chain(
+            kernels.buffer(self.shares),
+            kernels.buffer(first_on.astype(np.int32)),
+            kernels.buffer(states_on.astype(np.int32)),
+            kernels.buffer(self.ends),
+            kernels.buffer(np.isin(self.edges, bent).view(np.uint8)),
+            kernels.buffer(self.offsets_m),
+        )
+        self._nodes = ground.size
+
+    def make_work(self) -> core.Work:
+        """Return working memory for the functions of the core."""
+        return self.work_with(np.empty(len(self.rows)))
+
+    def work_with(self, likelihoods: FloatArray) -> core.Work:
+        """Return working memory that has its likelihoods in an array (states,)."""
+        sums, weighed, missed = np.empty(len(self.rows)), np.empty(len(self.rows)), np.ones(self._nodes)
+        return core.Work(*map(kernels.buffer, (likelihoods, sums, weighed, missed)))
+
+    def predicted(self, masses: FloatArray, steps: int) -> FloatArray:
+        """Return probabilities (targets, states) after some steps."""
+        found = np.empty_like(masses)
+        sums = kernels.buffer(np.empty(len(self.rows)))
+        core.predict(self.ways, sums, kernels.buffer(masses), 0, kernels.buffer(found), 0, len(masses), steps)
+        return found
+
+    def observed(self, masses: FloatArray, evidence: core.Evidence, looks: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return probabilities after what was observed in some games, and how probable that was.
+
+        Args:
+            masses: (games, targets, states)
+            evidence: of all games, with a finding for each.
+            looks: (games + 1,) where the looks of each game begin, and at last where they end.
+
+        Returns:
+            Arrays of the shapes (games, targets, states) and (games, targets).
+        """
+        games, targets, states = masses.shape
+        found, totals, work = np.empty_like(masses), np.empty((games, targets)), self.make_work()
+        values, out, bounds = kernels.buffer(masses), kernels.buffer(found), looks.tolist()
+        for game in range(games):
+            at, begin, end = game * targets * states, bounds[game], bounds[game + 1]
+            core.observe(self.core, evidence, work, values, at, out, at, begin, end, game, kernels.buffer(totals[game]))
+        return found, totals
+
+    def of_nodes(self, masses: FloatArray) -> FloatArray:
+        """Return how probable each node is, (targets, nodes), by probabilities (targets, states)."""
+        found = np.zeros((len(masses), self._nodes))
+        values, out = kernels.buffer(masses), kernels.buffer(found)
+        for target in range(len(masses)):
+            core.add_to_nodes(self.core, values, target * len(self.rows), out, target * self._nodes)
+        return found
+
+
+def evidence_of(
+    looks: IntArray,
+    covered: tuple[IntArray, FloatArray],
+    shown: BoolArray,
+    found: IntArray,
+    kinds: Sequence[int] | None = None,
+    places: tuple[Sequence[int], Sequence[float]] | None = None,
+) -> core.Evidence:
+    """Return what was observed of some targets, as the core reads it.
+
+    Args:
+        looks: (looks + 1,) where the nodes of each look begin, and at last where they end.
+        covered: their rows, and how probable it is that a target there is missed, (nodes,) each.
+        shown: (looks, targets) whether a look says something about a target.
+        found: (findings, targets) rows of nodes, or `core.IS_UNSEEN`, `core.IS_UNKNOWN`.
+        kinds: (looks,) what else a look covers, see `core.Evidence`; None: nothing.
+        places: of the findings, the rows of the ends of edges and metres, see there; None: any place on the nodes.
+    """
+    ends, offsets_m = (
+        (np.full(found.size, core.IS_ANYWHERE_ON_NODE), np.zeros(found.size)) if places is None else places
+    )
+    rows, missed = covered
+    along = np.full(len(looks) - 1, core.LOOKS_AT_NODES, np.uint8) if kinds is None else np.array(kinds, np.uint8)
+    return core.Evidence(
+        found.shape[-1],
+        kernels.buffer(looks),
+        kernels.buffer(rows),
+        kernels.buffer(missed),
+        kernels.buffer(along),
+        kernels.buffer(shown.view(np.uint8)),
+        kernels.buffer(found),
+        kernels.buffer(np.asarray(ends, np.int64)),
+        kernels.buffer(np.asarray(offsets_m, np.float64)),
+    )
 
 
 @dataclass(frozen=True)
@@ -150,7 +248,7 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
 def chain_of(motion: Motion, ground: Ground, metres: float | None = None) -> Chain:
     """Return the chain of a model on a map, made once; by metres in a turn, with the parts of edges."""
     found = motion.make(ground)
-    return Chain(found) if metres is None else _by_metres(found, ground, metres / motion.steps)
+    return Chain(found, ground) if metres is None else _by_metres(found, ground, metres / motion.steps)
 
 
 def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
@@ -160,7 +258,7 @@ def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
     """
     here, number = np.arange(len(found.rows)), len(found.rows)
     if step_m <= 0.0:
-        return Chain(found._replace(sources=here, targets=here, chances=np.ones(number)))
+        return Chain(found._replace(sources=here, targets=here, chances=np.ones(number)), ground)
     pairs, which = np.unique(found.sources * number + found.targets, return_inverse=True)
     chances = np.bincount(which, found.chances)
     sources, targets = pairs // number, pairs % number
@@ -180,7 +278,7 @@ def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
     )
     offsets = (parts - first[edge_of] + 1) * step_m
     places = np.concatenate((np.full(number, -1), edges[edge_of])), np.concatenate((np.zeros(number), offsets))
-    return Chain(longer, places)
+    return Chain(longer, ground, places)
 
 
 def _walk(ground: Ground, stay: float | None) -> Transitions:

@@ -16,6 +16,7 @@ import numpy as np
 from gamms import kernels
 from gamms.belief.evidence import Look, Observation, Place
 from gamms.belief.ground import Arc, Ground
+from gamms.core import belief as core
 from gamms.ir.graph import FloatArray, IntArray
 
 _ROUNDED = 1e-6  # of metres: by so much more than it was seen to, an agent may have gone
@@ -25,13 +26,13 @@ _LITTLE = 1e-9  # metres: more than nothing, so that edges without a length can 
 class _Edges(NamedTuple):
     """Edges that may have been open."""
 
-    arrivals: kernels.Arrivals  # with the costs of the edges
-    most_covered: FloatArray  # (nodes, 1) the most that an agent can have covered of an edge from there
+    ways: core.Ways  # with the costs of the edges
+    most_covered: FloatArray  # (nodes,) the most that an agent can have covered of an edge from there
     enough: float  # a speed by which every path is gone along in a turn
 
 
 class Reach:
-    """Which nodes some targets can have reached: labels (nodes, targets) that are moved from turn to turn.
+    """Which nodes some targets can have reached: labels (targets, nodes) that are moved from turn to turn.
 
     Args:
         ground: the map.
@@ -57,21 +58,19 @@ class Reach:
 
     def anywhere(self, turn: int) -> FloatArray:
         """Return labels of targets that can be on any node."""
-        return np.repeat(self._edges(turn).most_covered, len(self._speeds), axis=1)
+        return np.tile(self._edges(turn).most_covered, (len(self._speeds), 1))
 
     def advance(self, labels: FloatArray, turn: int, share: float = 1.0) -> FloatArray:
         """Return the labels after the moves that lead to a turn, or after a share of these."""
         if self._is_free:
             return self.anywhere(turn)
-        arrivals, most_covered, enough = self._edges(turn)
+        edges = self._edges(turn)
         parts = np.where(np.isfinite(self._speeds), share, 1.0) if self._in_metres else 1.0
-        left = labels + np.minimum(self._speeds, enough) * parts
-        while True:
-            offers = arrivals.largest(left)
-            is_more = (offers > left) & (offers > 0.0)
-            if not is_more.any():
-                return np.minimum(left, most_covered)
-            left = np.where(is_more, offers, left)
+        left = labels + (np.minimum(self._speeds, edges.enough) * parts)[:, None]
+        values = kernels.buffer(left)
+        for target in range(len(left)):
+            core.spread(edges.ways, values, target * left.shape[1])
+        return np.minimum(left, edges.most_covered)
 
     def observe(self, labels: FloatArray, turn: int, seen: list[Observation], targets: tuple[str, ...]) -> FloatArray:
         """Return the labels after what was observed in a turn."""
@@ -82,19 +81,19 @@ class Reach:
         is_clear = np.zeros(labels.shape, bool)
         for look in (look for one in seen for look in one.looks if not self._are_on_edges):
             rows = _certain_rows(self._ground, look)
-            is_shown = [name not in look.not_shown and name not in found for name in targets]
-            is_clear[rows] |= is_shown
+            is_shown = np.flatnonzero([name not in look.not_shown and name not in found for name in targets])
+            is_clear[np.ix_(is_shown, rows)] = True
         labels[is_clear] = -inf
-        is_lost = ~(labels > -inf).any(axis=0)  # something moved it that is not known here
-        labels[:, is_lost] = np.where(is_clear, -inf, anywhere)[:, is_lost]
-        for column, name in enumerate(targets):
+        is_lost = ~(labels > -inf).any(axis=1)  # something moved it that is not known here
+        labels[is_lost] = np.where(is_clear, -inf, anywhere)[is_lost]
+        for line, name in enumerate(targets):
             row = found.get(name)
             if row is not None:
-                labels[:, column] = anywhere[:, column] if row < 0 else -inf
-                labels[row, column] = anywhere[row, column]
+                labels[line] = anywhere[line] if row < 0 else -inf
+                labels[line, row] = anywhere[line, row]
                 place = places.get(name)
                 if row >= 0 and place is not None and self._in_metres:
-                    labels[row, column] = min(anywhere[row, column], self._covered(place, self._speeds[column]))
+                    labels[line, row] = min(anywhere[line, row], self._covered(place, self._speeds[line]))
         return labels
 
     def _covered(self, place: Place, speed: float) -> float:
@@ -120,7 +119,8 @@ def _edges_of(ground: Ground, more: tuple[Arc, ...], in_metres: bool) -> _Edges:
     most = np.full(ground.size, _LITTLE if in_metres else 1.0)
     if in_metres:
         np.maximum.at(most, sources, costs)
-    return _Edges(kernels.Arrivals(sources, targets, costs, ground.size), most[:, None], 1.0 + float(costs.sum()))
+    ways = core.Ways(*kernels.ways_to(sources, targets, costs, ground.size))
+    return _Edges(ways, most, 1.0 + float(costs.sum()))
 
 
 def _certain_rows(ground: Ground, look: Look) -> IntArray:

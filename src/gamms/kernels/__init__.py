@@ -5,7 +5,6 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.core.draws`, `gamms.
 """
 
 from gamms.core.draws import below, bits_at, first_key, fraction, turn_key
-from gamms.kernels.arrivals import Arrivals, column_blocks
 from gamms.kernels.cells import (
     Area,
     CellIndex,
@@ -18,6 +17,7 @@ from gamms.kernels.cells import (
     rows_between,
 )
 from gamms.kernels.csr import (
+    buffer,
     chosen_runs,
     closed_rings,
     expand_ranges,
@@ -26,6 +26,7 @@ from gamms.kernels.csr import (
     neighborhoods,
     ragged_rows,
     rows_of,
+    ways_to,
 )
 from gamms.kernels.draws import (
     below_many,

@@ -1,5 +1,7 @@
 """Runs of rows: compressed sparse rows, to group and gather, and closed rings among lines that follow each other."""
 
+from typing import Any
+
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
@@ -18,6 +20,29 @@ def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
     offsets = np.zeros(groups + 1, np.int64)
     np.cumsum(np.bincount(keys, minlength=groups), out=offsets[1:])
     return offsets, np.argsort(keys, kind="stable")
+
+
+def ways_to(sources: IntArray, targets: IntArray, weights: FloatArray, size: int) -> tuple[Any, Any, Any]:
+    """Group weighted ways by the row that they lead to, in the order of their sources; see `gamms.core.belief.Ways`.
+
+    Args:
+        sources: (ways,) rows.
+        targets: (ways,) rows.
+        weights: (ways,)
+        size: how many rows there are.
+
+    Returns:
+        Buffers of `first` (size + 1,), and of the sources and weights (ways,): what leads to row `i` is at
+        `first[i]:first[i + 1]`.
+    """
+    order = np.lexsort((sources, targets))
+    first, _ = group_rows(targets, size)
+    return buffer(first.astype(np.int32)), buffer(sources[order].astype(np.int32)), buffer(weights[order])
+
+
+def buffer(values: "np.ndarray[Any, Any]") -> Any:  # NumPy declares all its buffers to be of integers
+    """Return the numbers of an array in C order, as `gamms.core` reads and writes them; of a copy if it needs one."""
+    return np.ascontiguousarray(values).reshape(-1).data
 
 
 def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray:

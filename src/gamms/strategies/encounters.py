@@ -8,12 +8,12 @@ import numpy as np
 
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range
-from gamms.belief.in_arrays import BOARD, expected, why_not_believed
 from gamms.belief.motion import as_motion
+from gamms.belief.teams import BOARD, expected, why_not_believed
 from gamms.context import Context
+from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import begins_of
-from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import FloatArray, IntArray
@@ -335,10 +335,10 @@ def follow_belief(
     def strategy(state: State) -> None:
         here, known = node_of(state, "follow_belief"), belief.observe(ctx, state)
         names = _living_enemies(ctx, state) if wanted is None else wanted
-        chances = known.probabilities(names, model).sum(axis=0) if names else np.zeros(1)
-        gains = chances / (1.0 + turns_from(ctx, state["name"], [here])[0])
-        row = int(np.argmax(gains))
-        node = int(ctx.graph.columns().node_ids[row]) if gains[row] > 0.0 else None
+        chances = known.probabilities(names, model).sum(axis=0)
+        turns = turns_from(ctx, state["name"], [here])[0]
+        row = likeliest(kernels.buffer(chances), kernels.buffer(turns), 0, len(turns))
+        node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")
 
     offer_form(
@@ -359,10 +359,9 @@ def _follow_in_arrays(
 ) -> IntArray:
     targets, paces, rows = no_actions(view), ArrayPaces(view), np.arange(view.streets.num_nodes)
     for places, column, chances in expected(view, motion, names):
-        here = view.node[places, column]
-        gains = chances.T / (1.0 + paces.turns_from(view.agents[[column]], here[:, None], rows))
-        best = gains.argmax(axis=1)
-        targets[places, column] = np.where(gains[np.arange(len(best)), best] > 0.0, best, NO_ACTION)
+        turns = paces.turns_from(view.agents[[column]], view.node[places, column][:, None], rows)
+        both = kernels.buffer(chances), kernels.buffer(turns)
+        targets[places, column] = [likeliest(*both, at * len(rows), len(rows)) for at in range(len(places))]
     return moves_to(view, targets, fallback)
 
 

@@ -116,7 +116,7 @@ class ArrayPaces:
         """Return what is answered for ways by the weights of agents."""
         by_length = self._by_length[agents]
         if by_length.all() or not by_length.any():
-            return ask("length" if by_length.any() else None)(*np.broadcast_arrays(sources, targets, agents)[:2])
+            return ask("length" if by_length.any() else None)(sources, targets)
         by_length, sources, targets = np.broadcast_arrays(by_length, sources, targets)
         found = np.empty(by_length.shape)
         for weight, which in ((None, ~by_length), ("length", by_length)):

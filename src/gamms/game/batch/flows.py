@@ -9,6 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_count, as_float, as_int, as_key, as_one_shape, as_range
+from gamms.core.belief import Ways, predict
 from gamms.errors import BadValue, TooLarge
 from gamms.game.batch.surroundings import KnownRows
 from gamms.game.streets import Streets
@@ -36,7 +37,7 @@ class Flows:
 
     def __init__(self, streets: Streets) -> None:
         self._streets = streets
-        self._walks: dict[float | None, kernels.Arrivals] = {}
+        self._walks: dict[float | None, Ways] = {}
         self._reached: dict[tuple[str | None, float], KnownRows] = {}
         self._searches: dict[str | None, _Searches] = {}
 
@@ -93,12 +94,13 @@ class Flows:
             raise BadValue(f"stay must be a probability from 0 to 1, not {shown(stay)}.")
         if chance not in self._walks:
             self._walks[chance] = self._walk(chance)
-        found: FloatArray = masses.reshape(-1, nodes).T
-        for _ in range(as_count(turns, "turns", least=0)):
-            found = self._walks[chance].sums(found)
-        return np.ascontiguousarray(found.T).reshape(masses.shape)
+        found = np.array(masses, np.float64, order="C")
+        values, sums = kernels.buffer(found), kernels.buffer(np.empty(nodes))
+        steps = as_count(turns, "turns", least=0)
+        predict(self._walks[chance], sums, values, 0, values, 0, found.size // max(nodes, 1), steps)
+        return found.astype(masses.dtype, copy=False)
 
-    def _walk(self, stay: float | None) -> kernels.Arrivals:
+    def _walk(self, stay: float | None) -> Ways:
         """Return where random walks lead."""
         streets = self._streets
         counts, ends = streets.counts, streets.targets
@@ -106,7 +108,8 @@ class Flows:
         ways = counts - 1
         stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
         going = (1.0 - stays) / np.maximum(ways, 1)
-        return kernels.Arrivals(starts, ends, np.where(starts == ends, stays[starts], going[starts]), len(counts))
+        chances = np.where(starts == ends, stays[starts], going[starts])
+        return Ways(*kernels.ways_to(starts, ends, chances, len(counts)))
 
     def within(self, nodes: IntArray, limit: float, weight: str | None = "length") -> BoolArray:
         """Return which nodes paths from nodes reach that are at most so long, as `graph.distances(source=, cutoff=)`.

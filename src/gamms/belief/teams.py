@@ -1,4 +1,4 @@
-"""What agents of many games believe: what `observe` and `Belief.probabilities` say, of all games of a view at once.
+"""What teams of the games of a batch believe: `observe` and `Belief.probabilities` for array forms of strategies.
 
 No observations are kept, but what follows from them: the probabilities of each team, by what it has observed before the
 present turn. Looks are forgotten, so there are three of each: by the looks that count now, by none, and by those since
@@ -11,23 +11,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.belief.evidence import HORIZON, as_written
-from gamms.belief.filter import weighed
 from gamms.belief.ground import ground_of
-from gamms.belief.motion import Motion, chain_of
+from gamms.belief.motion import Motion, chain_of, evidence_of
+from gamms.core import belief as core
 from gamms.game.batch.begun import remembers
-from gamms.game.batch.columns import PlayedGame, agents_of, as_slice, decider_of, places_of
+from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, places_of
 from gamms.game.batch.forms import form_of, key_of
 from gamms.game.batch.sight import looks_from_the_air
 from gamms.game.batch.state import Arrays, NotTakenUp
 from gamms.game.batch.view import BOARDS, ArrayView, looks_in, movement_in, parts_of, put_back
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.limits import max_memory
 from gamms.typing import IAgent
 
 BOARD = "belief"  # what marks the array forms of strategies that observe; see `gamms.game.batch.view`
-_MOST_AT_ONCE = 1 << 18  # probabilities, which stay in the cache of the processor
+_MOST_AT_ONCE = 1 << 20  # probabilities of members that are worked out together
 _NOW, _BY_NONE, _NEXT = range(3)  # by which looks
 
 
@@ -47,6 +49,11 @@ def why_not_believed(motion: Motion, game: PlayedGame, agent: IAgent) -> str | N
         "with a model of goals, or of several kinds": not chain.are_nodes,
     }
     return next((why for why, is_so in reasons.items() if is_so), None)
+
+
+_Part = tuple[IntArray, IntArray, FloatArray, BoolArray]
+"""Games, rows of nodes and the chances to miss an agent there; and about which targets that says something, (games,
+targets)."""
 
 
 class _Look(NamedTuple):
@@ -84,7 +91,7 @@ def expected(
         names: of the targets; None: all agents on the ground that are of other teams.
 
     Yields:
-        The places of some games in the view, an agent of the view, and how many living ones, (nodes, games).
+        The places of some games in the view, an agent of the view, and how many living ones, (games, nodes).
 
     Raises:
         NotTakenUp: roads were closed, or there is no such target; games alone know what to do then.
@@ -123,52 +130,65 @@ class _Team:
         self._are_others = are_others[self._about]
         self._have_moved = parts_of(view)[self._about] < parts_of(view)[me]  # since they were put back
         self._view, self._members, self._looks = view, members, looks
-        chain = chain_of(motion, ground_of(view.streets.columns))
-        self._chain, self._steps, self._nodes = chain, motion.steps, len(chain.rows)
-        first = partial(_unobserved, chain.shares / len(chain.rows), len(self._about))
+        self._chain, self._steps = chain_of(motion, ground_of(view.streets.columns)), motion.steps
+        self._nodes, self._targets = len(self._chain.rows), len(self._about)
+        first = partial(_unobserved, self._chain.shares / self._nodes, self._targets)
         self._put = put_back(view)
         self._kept = view.keep((BOARD, int(view.memory_of[me])), first)
+        self._masses = kernels.buffer(self._kept["masses"])
+        self._work, self._totals = self._chain.make_work(), kernels.buffer(np.empty(self._targets))
 
     def observe(self) -> Iterator[tuple[IntArray, int, FloatArray]]:
         """Yield what is expected by each member, see `expected`, and take in what all have observed."""
         asked = np.flatnonzero(self._view.mask[:, self._members].any(axis=1))
-        at_once = max(1, _MOST_AT_ONCE // (self._nodes * max(1, len(self._about))))
-        for begin in range(0, len(asked) if len(self._about) else 0, at_once):
+        at_once = max(1, _MOST_AT_ONCE // (self._nodes * len(self._members)))
+        for begin in range(0, len(asked) if self._targets else 0, at_once):
             places = asked[begin : begin + at_once]
             games, turn = self._view.games[places], self._view.turn[places]
             self._put_earlier(places)
             while len(late := np.flatnonzero(self._kept["turn"][games] < turn)):  # in which none of them was asked
-                masses = self._masses(games[late])
                 put = self._put_back(places[late], self._kept["turn"][games[late]])
-                for which in range(masses.shape[1]):
-                    _put(masses[:, which], put)
-                self._predict(games[late], masses)
+                self._end_turn(games[late], self._evidence([], put[:, None]), 0, 1)
             yield from self._observe_in(places)
 
     def _observe_in(self, places: IntArray) -> Iterator[tuple[IntArray, int, FloatArray]]:
-        view, games = self._view, self._view.games[places]
-        masses, living = self._masses(games), view.living[places][:, self._about].T
-        now, put = np.ascontiguousarray(masses[:, _NOW]), self._put_back(places, view.turn[places])
-        missed_by_all, found_by_all = np.ones(now.shape), put
-        for column in self._members.tolist():
-            missed, found = np.ones(now.shape), put.copy()
-            for look in self._looks[column]:
-                rows, targets, at, chances = self._take(look, places, found)
-                missed[rows, targets, at] *= chances
-                missed_by_all[rows, targets, at] *= chances
-            found_by_all = np.maximum(found_by_all, found)
-            weights, total = self._weighed(now, missed, found), np.zeros((self._nodes, len(places)))
-            for target in self._order.tolist():
-                is_there = living[target]
-                total += weights[:, target] if is_there.all() else np.where(is_there, weights[:, target], 0.0)
-            yield places, column, total
-        for which in (_NOW, _NEXT)[: masses.shape[1] - 1]:
-            masses[:, which] = self._weighed(masses[:, which], missed_by_all, found_by_all)
-        _put(masses[:, _BY_NONE], found_by_all)
-        self._predict(games, masses)
+        view, games, nodes = self._view, self._view.games[places], self._nodes
+        put = self._put_back(places, view.turn[places])
+        found = np.repeat(put[:, None], len(self._members) + 1, axis=1)  # by each member, and at last by all
+        parts = list[_Part]()
+        ends = [0]
+        for member, column in enumerate(self._members.tolist()):
+            parts += [self._take(look, places, found[:, member]) for look in self._looks[column]]
+            ends.append(len(parts))
+        found[:, -1] = found.max(axis=1)
+        evidence = self._evidence(parts, found)
+        living, order = kernels.buffer(view.living[places][:, self._about].view(np.uint8)), kernels.buffer(self._order)
+        total = np.zeros((len(self._members), len(places), nodes))
+        totals = kernels.buffer(total)
+        for i, game in enumerate(games.tolist()):
+            looks, finding = [i * len(parts) + end for end in ends], i * found.shape[1]
+            for member in range(len(self._members)):
+                core.expect(
+                    self._chain.core,
+                    evidence,
+                    self._work,
+                    self._masses,
+                    self._at(game, _NOW),
+                    looks[member],
+                    looks[member + 1],
+                    finding + member,
+                    order,
+                    living,
+                    i * self._targets,
+                    totals,
+                    (member * len(games) + i) * nodes,
+                )
+        for member, column in enumerate(self._members.tolist()):
+            yield places, column, total[member]
+        self._end_turn(games, evidence, len(parts), found.shape[1])
 
-    def _take(self, look: _Look, places: IntArray, found: IntArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """Return rows, targets, games and chances that a look has missed them; write where it has found some."""
+    def _take(self, look: _Look, places: IntArray, found: IntArray) -> _Part:
+        """Return what a look has missed in some games; write where it has found targets, (games, targets)."""
         view, number = self._view, places_of(places, len(self._view.games))
         roster, of = view.roster, places_of(self._about, len(view.roster.names))
         shows = np.array([look.kind.shows(team) for team in roster.teams], np.bool_)[roster.team_of]
@@ -180,9 +200,29 @@ class _Team:
             is_shown[at[counts], others[counts]] = False
         else:
             found[at[counts], others[counts]] = nodes[counts]
-        at, rows, chances = number[look.covered[0]], *look.covered[1:]
-        pairs, targets = np.nonzero(is_shown[at] & (at >= 0)[:, None])
-        return rows[pairs], targets, at[pairs], chances[pairs]
+        at = number[look.covered[0]]
+        return at[at >= 0], look.covered[1][at >= 0], look.covered[2][at >= 0], is_shown
+
+    def _evidence(self, parts: list[_Part], found: IntArray) -> core.Evidence:
+        """Return what was observed in some games: the looks of each, as many as there are parts, one after the other.
+
+        Args:
+            parts: what looks have missed.
+            found: (games, findings, targets) rows of nodes; -1: it was not found.
+        """
+        games, looks = len(found), len(parts)
+        none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+        missed = [(at * looks + i, rows, chances) for i, (at, rows, chances, _) in enumerate(parts)]
+        number, rows, chances = (np.concatenate(columns) for columns in zip(none, *missed, strict=True))
+        order = np.argsort(number, kind="stable")
+        shown = [is_shown for *_, is_shown in parts]
+        bounds = np.searchsorted(number[order], np.arange(games * looks + 1))
+        return evidence_of(
+            bounds,
+            (rows[order], chances[order]),
+            np.stack(shown, axis=1) if parts else np.zeros(0, np.bool_),
+            found.reshape(-1, self._targets),
+        )
 
     def _put_back(self, places: IntArray, turns: IntArray) -> IntArray:
         """Return the rows of nodes on which targets were put when these turns began, (games, targets); -1: on none."""
@@ -192,57 +232,46 @@ class _Team:
 
     def _put_earlier(self, places: IntArray) -> None:
         """Put targets where they were one turn before, if they have moved before that was known."""
-        games = self._view.games[places]
+        games, masses = self._view.games[places], self._kept["masses"]
         earlier = self._put_back(places, self._kept["turn"][games] - 1)
         at, targets = np.nonzero((earlier >= 0) & self._have_moved)
-        there = np.zeros((self._nodes, len(at)))
-        there[earlier[at, targets], np.arange(len(at))] = 1.0
-        self._all()[:, :, targets, games[at]] = self._moved(there)[:, None]
+        for game, target, node in zip(games[at].tolist(), targets.tolist(), earlier[at, targets].tolist(), strict=True):
+            there = np.zeros((1, self._nodes))
+            there[0, node] = 1.0
+            masses[game, :, target] = self._chain.predicted(there, self._steps)
 
-    # -- probabilities, (nodes, by which looks, targets, games) -------------------------------------------------------
+    def _at(self, game: int, stream: int) -> int:
+        """Return where the probabilities of a game by some looks begin."""
+        return (game * 3 + stream) * self._targets * self._nodes
 
-    def _masses(self, games: IntArray) -> FloatArray:
-        number = _NEXT if (self._kept["turn"][games] < HORIZON).all() else _NEXT + 1
-        return np.array(self._all()[:, :number, :, as_slice(games)], order="C")
+    def _end_turn(self, games: IntArray, evidence: core.Evidence, looks: int, findings: int) -> None:
+        """Take in what all have observed, and let the targets move.
 
-    def _all(self) -> FloatArray:
-        """Return what is kept, of all games."""
-        found: FloatArray = self._kept["masses"].transpose(3, 1, 2, 0)
-        return found
-
-    def _weighed(self, masses: FloatArray, missed: FloatArray, found: IntArray) -> FloatArray:
-        """Return probabilities, (nodes, targets, games), after what was missed, and where targets were found."""
-        _put(missed, found)
-        flat = (one.reshape(self._nodes, -1) for one in (masses, missed))
-        return weighed(self._chain, *flat)[0].reshape(masses.shape)
-
-    def _moved(self, masses: FloatArray) -> FloatArray:
-        """Return probabilities, (nodes, …), a turn later."""
-        for _ in range(self._steps):
-            masses = self._chain.transitions.sums(masses)
-        return masses
-
-    def _predict(self, games: IntArray, masses: FloatArray) -> None:
-        """Let targets move, and keep the probabilities."""
-        flat = self._moved(masses.reshape(self._nodes, -1))
-        kept, turn = self._all(), self._kept["turn"][games] + 1
-        kept[:, : masses.shape[1], :, as_slice(games)] = flat.reshape(masses.shape)
-        self._kept["turn"][games] = turn
+        Args:
+            games: of the batch.
+            evidence: of these games; the last finding is that of all.
+            looks: how many there are of each game.
+            findings: likewise.
+        """
+        chain, work, masses, turns = self._chain.core, self._work, self._masses, self._kept["turn"]
+        sums = kernels.buffer(np.empty(self._nodes))
+        for i, game in enumerate(games.tolist()):
+            at, last, finding = self._at(game, _NOW), (i + 1) * looks, (i + 1) * findings - 1
+            streams = _NEXT if turns[game] < HORIZON else _NEXT + 1
+            for stream in range(streams):
+                begin = last if stream == _BY_NONE else last - looks
+                there = self._at(game, stream)
+                core.observe(chain, evidence, work, masses, there, masses, there, begin, last, finding, self._totals)
+            core.predict(self._chain.ways, sums, masses, at, masses, at, streams * self._targets, self._steps)
+        turns[games] += 1
+        kept, turn = self._kept["masses"], turns[games]
         later, sooner = (games[(turn % HORIZON == 0) & (turn > least)] for least in (HORIZON, 0))  # looks are forgotten
-        kept[:, _NOW, :, later] = kept[:, _NEXT, :, later]
-        kept[:, _NEXT, :, sooner] = kept[:, _BY_NONE, :, sooner]
-
-
-def _put(masses: FloatArray, found: IntArray) -> None:
-    """Put targets on the nodes where they were found, (games, targets)."""
-    at, targets = np.nonzero(found >= 0)
-    masses[:, targets, at] = 0.0
-    masses[found[at, targets], targets, at] = 1.0
+        kept[later, _NOW] = kept[later, _NEXT]
+        kept[sooner, _NEXT] = kept[sooner, _BY_NONE]
 
 
 def _unobserved(first: FloatArray, targets: int, games: int) -> Arrays:
-    """Return what is kept of games in which nothing was observed; with the games last in memory, as it is computed."""
+    """Return what is kept of games in which nothing was observed: (games, by which looks, targets, nodes)."""
     if (needed := 3 * first.nbytes * targets * games) > max_memory():
         raise NotTakenUp(f"beliefs would take {needed} bytes")
-    masses = np.broadcast_to(first[:, None, None, None], (len(first), 3, targets, games))
-    return {"masses": np.array(masses, order="C").transpose(3, 1, 2, 0), "turn": np.zeros(games, np.int64)}
+    return {"masses": np.tile(first, (games, 3, targets, 1)), "turn": np.zeros(games, np.int64)}

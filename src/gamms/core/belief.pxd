@@ -1,0 +1,54 @@
+cimport cython
+
+ctypedef unsigned char u8
+ctypedef int i32
+ctypedef long long i64
+
+cdef u8 ON_NODES, ON_STRAIGHT_EDGES, ON_ALL_EDGES
+cdef i64 UNSEEN, UNKNOWN, ANY_PLACE
+
+cdef class Ways:
+    cdef i64 rows
+    cdef const i32[::1] first, sources
+    cdef const double[::1] weights
+
+cdef class Chain:
+    cdef i64 states, nodes
+    cdef const i32[::1] first_on, states_on
+    cdef const double[::1] shares, offsets
+    cdef const i64[::1] ends
+    cdef const u8[::1] are_bent
+
+cdef class Work:
+    cdef double[::1] likelihoods, sums, weighed, missed
+
+cdef class Evidence:
+    cdef i64 targets
+    cdef const i64[::1] first, rows, found, found_ends
+    cdef const double[::1] missed, found_m
+    cdef const u8[::1] kinds, shown
+
+@cython.locals(target=i64, here=i64, there=i64, i=i64, k=i32, total=double)
+cpdef int predict(Ways ways, double[::1] sums, const double[::1] values, i64 at, double[::1] out, i64 to, i64 targets, i64 steps) except -1 nogil
+@cython.locals(target=i64, is_changed=bint)
+cpdef int observe(Chain c, Evidence e, Work w, const double[::1] values, i64 at, double[::1] out, i64 to, i64 begin, i64 end, i64 finding, double[::1] totals) except -1 nogil
+@cython.locals(found=i64, s=i64, look=i64, is_changed=bint)
+cdef bint fill_likelihoods(Chain c, Evidence e, Work w, i64 target, i64 begin, i64 end, i64 finding) except -1 nogil
+@cython.locals(kind=u8, k=i64, j=i32, s=i32, missed=double, is_changed=bint)
+cdef bint take_look(Chain c, Evidence e, Work w, i64 look) except -1 nogil
+@cython.locals(end=i64, node=i64, nearest=double, j=i32, s=i32, far=double)
+cdef int mark_found(Chain c, Evidence e, Work w, i64 found) except -1 nogil
+@cython.locals(s=i64, total=double, found=double)
+cpdef double weigh(Chain c, Work w, bint is_changed, const double[::1] values, i64 at, double[::1] out, i64 to) except -1.0 nogil
+@cython.locals(s=i64, total=double)
+cdef double begin_again(Chain c, Work w, double[::1] out, i64 to) except -1.0 nogil
+@cython.locals(number=i64, half=i64, i=i64)
+cdef double sum_of(Chain c, Work w, const double[::1] values, i64 at) except -1.0 nogil
+@cython.locals(node=i64, j=i32, total=double)
+cpdef int add_to_nodes(Chain c, const double[::1] values, i64 at, double[::1] out, i64 to) except -1 nogil
+@cython.locals(i=Py_ssize_t, target=i64, is_changed=bint)
+cpdef int expect(Chain c, Evidence e, Work w, const double[::1] values, i64 at, i64 begin, i64 end, i64 finding, const i64[::1] targets, const u8[::1] counts, i64 first, double[::1] out, i64 to) except -1 nogil
+@cython.locals(best=i64, most=double, node=i64, gain=double)
+cpdef i64 likeliest(const double[::1] chances, const double[::1] turns, i64 at, i64 nodes) except -2 nogil
+@cython.locals(is_changed=bint, i=i64, k=i32, most=double, offer=double)
+cpdef int spread(Ways ways, double[::1] labels, i64 at) except -1 nogil
