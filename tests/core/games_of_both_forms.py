@@ -1,4 +1,4 @@
-"""Random games in which agents meet and are in each other's way; run as a program, it prints what becomes of them."""
+"""Random games in which agents seek and meet and stop each other; run as a program, it prints what becomes of them."""
 
 import json
 import logging
@@ -24,12 +24,16 @@ def scenario_of(number):
         is_metric = False
         team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:chase", "sensors": ["near", "eyes"]}
     eyes = {"type": rng.choice(["agent_range", "agent_arc"]), "sensor_range": rng.choice([0.0, 10.0, 25.0, 1e300])}
+    hunters = team | {"sensors": ["near", "seen"]}
+    if not walks:
+        hunters["strategy"] = rng.choice([team["strategy"], "gamms.strategies:follow_belief"])
+    seen = {"type": "AGENT_RANGE", "sensor_range": 10.0, "detection": 0.7}
     tag = {"taggers": "red", "tagged": "blue", "then": rng.choice(["respawn", "eliminate"])} | rng.choice(NEARNESS)
     return Scenario(
         max_turns=8,
-        sensors={"near": {"type": "neighbor"}, "eyes": eyes},
+        sensors={"near": {"type": "neighbor"}, "eyes": eyes, "seen": seen},
         map={"grid": {"width": rng.randint(3, 5), "height": 3}},
-        teams={"red": team, "blue": team},
+        teams={"red": hunters, "blue": team},
         rules=[
             {"rule": "tag", "with": tag},
             {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 5}, "goal": rng.choice([None, 1])}},
