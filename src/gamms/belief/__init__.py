@@ -13,7 +13,8 @@ of teammates are merged by merging observations, and a recording grows by one li
 the probabilities without memories, for many targets at once, `GamesFilter` for those of many games.
 
 Read `belief.py` first. `reach.py` has where targets can be, `filter.py` and `motion.py` where they probably are, and
-`teams.py` what teams believe in batches; all of them compute with `gamms.core.belief`. A new model of motion is a function in `motion.py`. May import: `context` and below.
+`teams.py` what teams believe in batches; all compute with `gamms.core.belief`. A new model of motion is a function in
+`motion.py`. May import: `context` and below.
 """
 
 from gamms.belief.belief import Belief, artist, belief_of, believed, observe

@@ -13,7 +13,7 @@ What is reported of an earlier turn is in an entry of its own, because the team 
 """
 
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import blake2b
 from math import hypot
@@ -165,7 +165,10 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
             elif kind == ENTRY:
                 known = alone.setdefault(turn, {})
                 known[by] = max(text, known.get(by, ""))
-    found = {turn: _turn_of(turn, joined.get(turn, ()), alone.get(turn, {})) for turn in {*joined, *alone}}
+    found = {
+        turn: _turn_of(turn, tuple(sorted(joined.get(turn, ()))), tuple(alone.get(turn, {}).items()))
+        for turn in {*joined, *alone}
+    }
     for turn, reported in reports.items():
         found[turn] = _with_reports(turn, found[turn].texts if turn in found else {}, reported)
     return dict(sorted(found.items()))
@@ -186,26 +189,21 @@ def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[s
     )
 
 
-def _turn_of(turn: int, joined: Collection[str], alone: Mapping[str, str]) -> Turn:
-    parts = [_entries_in(turn, text) for text in sorted(joined)]
-    rest = alone if not parts else {by: text for by, text in alone.items() if not any(by in one for one in parts)}
-    if len(joined) == 1 and not rest:
-        return _joined_turn(turn, *joined)  # NOTE: the same for all teammates
+@lru_cache(maxsize=1 << 12)  # NOTE: which spares joining the same hundred turns in each turn
+def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], ...]) -> Turn:
+    """Return a turn by what was joined and by what was not."""
+    parts = [_entries_in(turn, text) for text in joined]
+    parts.append({by: text for by, text in alone if not any(by in one for one in parts)})
     texts: dict[str, str] = {}
-    for part in (*parts, rest):
+    for part in parts:
         for by, text in part.items():
             texts[by] = max(text, texts.get(by, ""))
     return _written_turn(turn, tuple(sorted(texts.items())))
 
 
-@lru_cache(maxsize=1 << 6)
-def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> Turn:
-    return Turn(turn, dict(texts))  # NOTE: likewise
-
-
 @lru_cache(maxsize=1 << 10)
-def _joined_turn(turn: int, text: str) -> Turn:
-    return Turn(turn, _entries_in(turn, text))
+def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> Turn:
+    return Turn(turn, dict(texts))  # NOTE: the same for all teammates
 
 
 @lru_cache(maxsize=1 << 10)
