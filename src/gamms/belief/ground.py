@@ -40,7 +40,12 @@ class Ground:
 
     def row(self, node_id: int) -> int:
         """Return the row of a node; -1 if it is not on the map."""
-        return int(self.rows(np.array([node_id]))[0])
+        return self._row_of.get(node_id, -1)
+
+    @cached_property
+    def _row_of(self) -> dict[int, int]:
+        """Id of a node -> its row."""
+        return dict(zip(self.columns.node_ids.tolist(), range(self.size), strict=True))
 
     def known_rows(self, node_ids: IntArray) -> IntArray:
         """Return the rows of some nodes (nodes,).
