@@ -1,4 +1,7 @@
-"""Random games in which agents seek and meet and stop each other; run as a program, it prints what becomes of them."""
+"""Random games in which agents seek, meet and stop each other, and send messages.
+
+Run as a program, it prints what becomes of them.
+"""
 
 import json
 import logging
@@ -7,7 +10,18 @@ from random import Random
 
 from gamms.scenario import Scenario
 
+RADIOS = [
+    {"range_m": 15.0, "loss": [[0, 0.1], [15, 0.7]]},
+    {"range_m": 12.0, "relay": True, "loss": 0.4, "jammers": [{"agent": "red_0", "radius_m": 9}]},
+    {"hops": 1, "relay": ["red"], "delay_turns": 2, "eavesdroppers": ["blue_0"], "jammers": [{"at": 1, "radius_m": 8}]},
+]
 NEARNESS = [{}, {"hops": 1}, {"metres": 10.0}, {"metres": 1e300}, {"euclid": 14.2}, {"passing": False}]
+
+
+def talk(state):
+    """Send something to all and to the red team, and go to a random place."""
+    state["outbox"] += [{"channel": "radio", "to": to, "body": len(state["inbox"])} for to in (None, "red")]
+    state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
 
 
 def scenario_of(number):
@@ -40,6 +54,7 @@ def scenario_of(number):
             {"rule": "respawn", "with": {"after": 2}},
             {"rule": "time_limit", "with": {"turns": rng.randint(5, 9)}},
         ],
+        channels={} if walks else {"radio": rng.choice(RADIOS)},
         conflicts={"capacity": rng.randint(1, 3), "allow_swaps": rng.random() < 0.5},
         settings={"speed_unit": "metres"} if is_metric else {},
     )
@@ -48,12 +63,13 @@ def scenario_of(number):
 def results_of(number):
     """Return what becomes of a random game alone, and of two in a batch, as text."""
     scenario = scenario_of(number)
-    with scenario.batch(2, seed=number) as games:
+    talking = {"blue": talk} if number % 2 else {}
+    with scenario.batch(2, seed=number, strategies=talking) as games:
         games.run()
-        results = [scenario.play(number), *map(games.result, range(2))]
+        results = [scenario.play(number, strategies=talking), *map(games.result, range(2))]
     told = [result.to_dict() for result in results]
     for one in told:
-        del one["timings"]
+        del one["timings"], one["provenance"]["strategies"]
     return json.dumps(told, default=str, sort_keys=True)
 
 

@@ -7,16 +7,18 @@ under way follows from the log.
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
+from gamms.core import messages as core
 from gamms.game.channels import Channel, Jammer, Outgoing, checked_outbox, matching, receivers_of, unknown_in
 from gamms.game.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
-from gamms.ir.chances import as_chances, chances_at
+from gamms.ir.chances import as_chances
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.messages import ARRIVALS
@@ -29,9 +31,9 @@ from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
+ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 ANTENNA = np.array((0.0, 0.0, 1.6))  # from an agent on the ground to the end of its sight lines, metres
-HEARD, OVERHEARD, LOST, JAMMED = 1, 2, 3, 4  # what becomes of a message for an agent; 0: nothing
-_AT_ONCE = 1 << 20  # messages and agents that are worked out together
+_AT_ONCE = 1 << 20  # messages times agents that are worked out together
 
 
 class Scene(NamedTuple):
@@ -115,7 +117,8 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
     for name in dict.fromkeys(one.channel for one in going):
         those = [one for one in going if one.channel == name]
         senders = np.array([row_of[one.sender] for one in those])
-        fates[name] = _fates(Waves(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in those]))
+        found = fates_of(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in those])
+        fates[name] = found.entries(list(row_of), len(those))
     return [
         {
             "turn": turn + 1,
@@ -130,169 +133,158 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
     ]
 
 
-def _fates(waves: "Waves") -> Iterator[dict[str, Any]]:
-    """Yield what becomes of messages, some of these at once."""
-    for first in range(0, waves.num_messages, waves.at_once):
-        outcome, arrival = waves.outcomes(slice(first, first + waves.at_once))
-        for row in range(len(outcome)):
-            yield fate(waves.names, outcome[row], arrival[row])
+class Fates(NamedTuple):
+    """What becomes of messages: for each that an agent hears or misses a row, by message, then by agent; (rows,).
+
+    Attributes:
+        messages: their numbers.
+        agents: likewise.
+        outcomes: `core.HEARD`, `OVERHEARD`, `LOST` or `JAMMED`.
+        arrivals: the numbers of the turns, from 1, in which messages are heard.
+    """
+
+    messages: IntArray
+    agents: IntArray
+    outcomes: ByteArray
+    arrivals: IntArray
+
+    def entries(self, names: Sequence[str], num_messages: int) -> Iterator[dict[str, Any]]:
+        """Yield what the log says of who hears each message and when, and who does not."""
+        rows = list(zip(self.agents.tolist(), self.outcomes.tolist(), self.arrivals.tolist(), strict=True))
+        for first, last in pairwise(np.searchsorted(self.messages, np.arange(num_messages + 1)).tolist()):
+            found: dict[int, dict[str, int]] = {core.HEARD: {}, core.OVERHEARD: {}, core.LOST: {}, core.JAMMED: {}}
+            for agent, outcome, turn in rows[first:last]:
+                found[outcome][names[agent]] = turn
+            heard, overheard, lost, jammed = found.values()
+            yield {"heard": heard, "overheard": overheard, "lost": [*lost], "jammed": [*jammed]}
 
 
-def fate(names: Sequence[str], outcome: IntArray, arrival: IntArray) -> dict[str, Any]:
-    """Return what the log says of who hears a message and when, and who does not, from a row of `Waves.outcomes`."""
-    found: dict[int, dict[str, int]] = {HEARD: {}, OVERHEARD: {}, LOST: {}, JAMMED: {}}
-    rows = np.flatnonzero(outcome)
-    for row, kind, turn in zip(rows.tolist(), outcome[rows].tolist(), arrival[rows].tolist(), strict=True):
-        found[kind][names[row]] = turn
-    heard, overheard, lost, jammed = found.values()
-    return {"heard": heard, "overheard": overheard, "lost": [*lost], "jammed": [*jammed]}
-
-
-class Waves:
-    """How messages of one channel spread, from agent to agent.
+def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> Fates:
+    """Return what becomes of messages of one channel.
 
     Args:
         channel: the channel.
         scene: where agents are.
-        at: (messages,) the games in the scene.
+        at: (messages,) the games in the scene, ascending.
         senders: (messages,) their numbers.
         to: (messages,) of each an agent, a team, or None.
+    """
+    ether, numbers = _Ether(channel, scene, senders), np.zeros(len(at), np.int64)
+    groups, first, members = _groups_of(to, scene.teams)
+    if channel.loss:
+        core.count_messages(at.data, senders.data, ether.rows.data, numbers.data)
+    at_once, parts = max(1, _AT_ONCE // len(scene.teams)), list[Fates]()
+    for begin in range(0, len(at), at_once):
+        those = slice(begin, begin + at_once)
+        shape = len(at[those]), len(scene.teams)
+        outcomes, arrivals = np.empty(shape, np.uint8), np.empty(shape, np.int64)
+        written = np.zeros(shape[0], np.uint8), outcomes, arrivals
+        columns: Any = at[those], senders[those], groups[those], first, members, numbers[those], *written
+        ether.spread(core.Messages(*map(_flat, columns)))
+        messages, agents = np.nonzero(outcomes)
+        parts.append(Fates(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
+    return parts[0] if len(parts) == 1 else Fates(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the group of agents that each message is for, and groups as in `core.Messages`."""
+    number_of: dict[Any, int] = {}
+    groups = np.array([number_of.setdefault(one, len(number_of)) for one in to], np.int64)
+    row_of, members, first = {name: row for row, name in enumerate(teams)}, list[int](), [0]
+    for one in number_of:
+        members += [row_of[name] for name in receivers_of(one, teams)]
+        first.append(len(members))
+    return groups, np.array(first, np.int64), np.array(members, np.int64)
+
+
+class _Ether:
+    """Whom agents reach by a channel.
+
+    Args:
+        channel: the channel.
+        scene: where agents are.
+        senders: the agents that send.
 
     Attributes:
-        names: of the agents.
-        num_messages: how many there are.
-        at_once: how many of them are worked out with some megabytes.
+        rows: working memory.
     """
 
-    def __init__(self, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> None:
-        self._channel, self._scene, self._at, self._senders, self._to = channel, scene, at, senders, to
-        self.names, teams, self.num_messages = list(scene.teams), scene.teams.values(), len(at)
-        self.at_once = max(1, _AT_ONCE // len(self.names))
-        self._may_use = np.array([channel.is_for(team) for team in teams], np.bool_)
-        self._overhears = self._matching(channel.eavesdroppers)
-        self._relays = self._may_use if channel.relay is True else self._matching(channel.relay or ())
-        self._losses = as_chances(channel.loss, "loss") if channel.loss else None
-        self._is_jammed = np.zeros(scene.alive.shape, np.bool_)
-        for jammer in channel.jammers:
-            self._is_jammed |= self._jammed(jammer)
-        self._meant: dict[Any, BoolArray] = {}
-        for one in to:
-            if one not in self._meant:
-                named = receivers_of(one, scene.teams)
-                self._meant[one] = np.array([name in named for name in self.names], np.bool_) & self._may_use
-        self._sights: dict[int, BoolArray] = {}  # number of a game and a transmitter -> which agents it sees
-        self._k: IntArray | None = None  # how many messages their senders have sent before, for draws
-        if self._losses is not None:
-            pairs, self._k = at * len(self.names) + senders, np.zeros(len(at), np.int64)
-            order = np.argsort(pairs, kind="stable")
-            self._k[order] = np.arange(len(pairs)) - np.searchsorted(pairs[order], pairs[order])
+    def __init__(self, channel: Channel, scene: Scene, senders: IntArray) -> None:
+        games, agents = scene.alive.shape
+        self._channel, self._scene = channel, scene
+        self._terms = _terms_of(channel, scene)
+        self._purposes = np.zeros((games, agents) if channel.loss else 0, np.uint64)
+        names = list(scene.teams)
+        for sender in np.unique(senders).tolist() if channel.loss else ():
+            self._purposes[:, sender] = scene.purposes("channel", channel.name, names[sender])
+        self._slots = np.full(games * agents, -1)
+        self._awaited = np.zeros(games * agents, np.int64)
+        self._reach = np.zeros((0, agents), np.uint8)
+        self.rows = np.zeros(3 * agents, np.int64)
+        self._bytes = np.zeros((2, agents), np.uint8)
 
-    def outcomes(self, which: slice) -> tuple[IntArray, IntArray]:
-        """Return what becomes of some messages, by numbers as `HEARD`, and when they arrive, (messages, agents)."""
-        channel, at, senders = self._channel, self._at[which], self._senders[which]
-        own, jammed, living = (np.arange(len(at)), senders), self._is_jammed[at], self._scene.alive[at]
-        is_meant = np.array([self._meant[one] for one in self._to[which]]) & living
-        is_meant[own] = False
-        can_hear = living & ~jammed
-        can_hear[own] = False
-        if not channel.relay:
-            can_hear &= is_meant | self._overhears
-        wave, in_reach = self._spread(at, senders, None if self._k is None else self._k[which], can_hear)
-        heard, missed = wave > 0, in_reach & is_meant
-        outcome = np.where(missed, np.where(jammed, JAMMED, LOST), 0)
-        outcome[heard & self._overhears] = OVERHEARD
-        outcome[heard & is_meant] = HEARD
-        turns = self._scene.turns[at] + 1
-        return outcome, np.where(heard, turns[:, None] + wave * channel.delay_turns, 0)
-
-    def _spread(
-        self, at: IntArray, senders: IntArray, k: IntArray | None, can_hear: BoolArray
-    ) -> tuple[IntArray, BoolArray]:
-        """Return by how many transmissions messages come to agents, 0 for not at all, and whom they might reach."""
-        wave, in_reach, shape = np.zeros(can_hear.shape, np.int64), np.zeros(can_hear.shape, np.bool_), can_hear.shape
-        rows, transmitters, number = np.arange(len(wave)), senders, 1
-        while len(rows):
-            reaches, far = self._reached(at[rows], transmitters)
-            if number == 1:
-                in_reach |= reaches
-            else:
-                begins = np.flatnonzero(np.diff(rows, prepend=-1))  # of each message; rows ascend
-                in_reach[rows[begins]] |= np.logical_or.reduceat(reaches, begins)
-            sources, gets = np.nonzero(reaches & can_hear[rows])
-            of = rows[sources]
-            if k is not None and self._losses is not None:
-                draws = self._draws(at[of], senders[of], k[of], transmitters[sources], gets)
-                comes = draws >= chances_at(far[sources, gets], self._losses)
-                of, gets = of[comes], gets[comes]
-            is_new = np.zeros(shape, np.bool_)
-            is_new[of, gets] = True
-            wave[is_new] = number
-            if not self._channel.relay:
+    def spread(self, messages: core.Messages) -> None:
+        """Find what becomes of messages."""
+        scene = self._scene
+        while True:
+            columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
+            known = self._slots, self._awaited, self._reach
+            ether = core.Ether(*map(_flat, (*columns, *known, self.rows, *self._bytes)))
+            number = core.spread_all(self._terms, ether, messages)
+            if not number:
                 break
-            can_hear = can_hear & ~is_new
-            rows, transmitters = np.nonzero(is_new & self._relays)
-            number += 1
-        return wave, in_reach
+            transmitters = self._awaited[:number]
+            self._slots[transmitters] = len(self._reach) + np.arange(number)
+            self._reach = np.concatenate((self._reach, self._reached(ether, transmitters)))
 
-    def _draws(self, at: IntArray, senders: IntArray, k: IntArray, by: IntArray, gets: IntArray) -> FloatArray:
-        """Return a number in [0, 1) for each message that a transmitter sends to an agent."""
-        scene, purposes = self._scene, np.zeros(len(at), np.uint64)
-        for sender in np.unique(senders).tolist():
-            of_one = senders == sender
-            purposes[of_one] = scene.purposes("channel", self._channel.name, self.names[sender])[at[of_one]]
-        names = scene.keys[gets]
-        if self._channel.relay:
-            names = kernels.draw_bits_rows(scene.keys[by], names, np.zeros(1, np.int64))
-        return kernels.fraction_many(kernels.draw_bits_rows(purposes, names, scene.turns[at], k))
-
-    def _reached(self, at: IntArray, transmitters: IntArray) -> tuple[BoolArray, FloatArray]:
-        """Return which agents transmitters of messages reach, and how far they are, (transmitters, agents)."""
-        channel, scene = self._channel, self._scene
-        which = None
-        if len(at) > 1:  # several messages may come from one transmitter
-            pairs, which = np.unique(at * len(self.names) + transmitters, return_inverse=True)
-            at, transmitters = np.divmod(pairs, len(self.names))
-        far = _distances(scene.xyz[at], scene.xyz[at, transmitters][:, None])
-        reaches = scene.alive[at] & (far <= (np.inf if channel.range_m is None else channel.range_m))
+    def _reached(self, ether: core.Ether, transmitters: IntArray) -> ByteArray:
+        """Return which agents transmitters reach, (transmitters, agents)."""
+        channel, scene, agents = self._channel, self._scene, len(self._scene.teams)
+        reach = np.empty((len(transmitters), agents), np.uint8)
+        core.find_in_range(self._terms, ether, len(reach), _flat(reach))
+        at, by = np.divmod(transmitters, agents)
         if channel.hops is not None:
-            reaches &= scene.is_within(at, transmitters, channel.hops)
-        reaches[np.arange(len(at)), transmitters] = False
-        if channel.line_of_sight:
-            for row, pair in enumerate(zip(at.tolist(), transmitters.tolist(), strict=True)):
-                reaches[row] = self._in_sight(*pair, reaches[row])
-        return (reaches, far) if which is None else (reaches[which], far[which])
-
-    def _in_sight(self, game: int, transmitter: int, reaches: BoolArray) -> BoolArray:
-        """Return which of the agents that a transmitter reaches it sees, (agents,)."""
-        pair, antennas = game * len(self.names) + transmitter, self._scene.antennas[game]
-        if pair not in self._sights:
-            self._sights[pair] = reaches.copy()
-            if reaches.any():
-                self._sights[pair][reaches] = self._scene.visible(antennas[transmitter], antennas[reaches])
-        return self._sights[pair]
-
-    def _matching(self, named: Sequence[Any]) -> BoolArray:
-        """Return which agents, or whose teams, are named, (agents,)."""
-        return np.array(matching(named, self.names, self._scene.teams.values()), np.bool_)
-
-    def _jammed(self, jammer: Jammer) -> BoolArray:
-        """Return which agents a jammer silences, (games, agents)."""
-        scene, found = self._scene, np.zeros(self._scene.alive.shape, np.bool_)
-        if jammer.at is None:
-            wanted = enumerate(scene.teams.items())
-            is_team = jammer.team is not None
-            for i in [i for i, (name, team) in wanted if (team == jammer.team if is_team else name == jammer.agent)]:
-                found |= (_distances(scene.xyz, scene.xyz[:, i, None]) <= jammer.radius_m) & scene.alive[:, i, None]
-            return found
-        for x, y in [jammer.at] if isinstance(jammer.at, tuple) else scene.place_of(jammer.at):
-            found |= _distances(scene.xyz, np.array((x, y, 0.0))) <= jammer.radius_m
-        return found
+            reach &= scene.is_within(at, by, channel.hops)
+        for row, game in enumerate(at.tolist() if channel.line_of_sight else ()):
+            near = np.flatnonzero(reach[row])
+            if len(near):
+                reach[row, near] = scene.visible(scene.antennas[game, by[row]], scene.antennas[game, near])
+        return reach
 
 
-def _distances(xyz: FloatArray, place: FloatArray) -> FloatArray:
-    ways = xyz - place
-    distances: FloatArray = np.sqrt((ways * ways).sum(axis=-1))
-    return distances
+def _terms_of(channel: Channel, scene: Scene) -> core.Channel:
+    """Return what a channel says of the agents of a scene, in numbers."""
+    names, teams = list(scene.teams), list(scene.teams.values())
+    uses = [channel.is_for(team) for team in teams]
+    overhears = matching(channel.eavesdroppers, names, teams)
+    relays = uses if channel.relay is True else matching(channel.relay or (), names, teams)
+    weights = np.array((core.USES, core.OVERHEARS, core.RELAYS), np.uint8)
+    losses = as_chances(channel.loss, "loss") if channel.loss else np.zeros((0, 2))
+    jammers = np.array([place for jammer in channel.jammers for place in _places_of(jammer, scene)]).reshape(-1, 4)
+    roles = weights @ np.array((uses, overhears, relays), np.uint8)
+    columns = roles, *losses.T, jammers[:, 0].astype(np.int64), jammers[:, 1:3], jammers[:, 3]
+    return core.Channel(
+        len(names),
+        np.inf if channel.range_m is None else channel.range_m,
+        channel.delay_turns,
+        *map(_flat, columns),
+        needs_rows=channel.hops is not None or channel.line_of_sight,
+        is_relayed=bool(channel.relay),
+    )
+
+
+def _flat(column: np.ndarray[Any, Any]) -> Any:  # a memoryview, which is not subscriptable
+    """Return an array as one row of numbers."""
+    return np.ascontiguousarray(column).reshape(-1).data
+
+
+def _places_of(jammer: Jammer, scene: Scene) -> list[tuple[float, ...]]:
+    """Return where a jammer is: the number of an agent or -1, x and y of a place, and the radius."""
+    if jammer.at is None:
+        wanted = (jammer.team, scene.teams.values()) if jammer.agent is None else (jammer.agent, scene.teams)
+        return [(row, 0.0, 0.0, jammer.radius_m) for row, one in enumerate(wanted[1]) if one == wanted[0]]
+    places = [jammer.at] if isinstance(jammer.at, tuple) else scene.place_of(jammer.at)
+    return [(-1, x, y, jammer.radius_m) for x, y in places]
 
 
 class Outboxes:

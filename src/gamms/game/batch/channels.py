@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_key
+from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.channels import Channel, check_receivers, flaw_of, left_after, receivers_of, size_of
-from gamms.game.messages import HEARD, OVERHEARD, Scene, Waves, fate
+from gamms.game.messages import Fates, Scene, fates_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
@@ -67,7 +68,7 @@ class Heard(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """Messages of one channel and turn, (messages,), and what became of them, (messages, agents)."""
+    """Messages of one channel and turn, (messages,), and what became of them."""
 
     channel: str
     at: IntArray
@@ -76,8 +77,33 @@ class _Sent(NamedTuple):
     to: np.ndarray[Any, Any]
     bodies: list[Any]
     place: IntArray  # of several messages of a game and turn, that with the smaller number comes first
-    outcome: IntArray
-    arrival: IntArray
+    fates: Fates
+
+    def under_way(self) -> "_UnderWay":
+        """Return those that are heard."""
+        fates = some_rows(self.fates, np.isin(self.fates.outcomes, (core.HEARD, core.OVERHEARD)))
+        which = fates.messages
+        return _UnderWay(
+            self.channel,
+            self.at[which],
+            self.turns[which],
+            self.senders[which],
+            self.place[which],
+            fates,
+            tuple(self.bodies),
+        )
+
+
+class _UnderWay(NamedTuple):
+    """Messages of one channel for those that hear them; a row for each of both, (rows,)."""
+
+    channel: str
+    at: IntArray
+    turns: IntArray
+    senders: IntArray
+    place: IntArray
+    fates: Fates
+    bodies: tuple[Any, ...]  # by the numbers of messages
 
 
 class Radio(GameLog[list[_Sent]]):
@@ -93,7 +119,7 @@ class Radio(GameLog[list[_Sent]]):
         super().__init__(num_games)
         self.channels, self._roster = channels, roster
         self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
-        self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
+        self._under_way: list[tuple[int, _UnderWay]] = []  # for how many turns more, and what
         self._have_receivers = set[tuple[Any, ...]]()  # channels, senders and receivers, and who is in the game
 
     # -- sending ------------------------------------------------------------------------------------------------
@@ -193,15 +219,16 @@ class Radio(GameLog[list[_Sent]]):
             box = box.those(those[np.lexsort((box.order[those], box.senders[those], at[those]))])
             if len(those):
                 at, senders = number[box.at], box.senders
-                fates = Waves(self.channels[name], scene, at, senders, box.to.tolist()).outcomes(np.s_[:])
+                fates = fates_of(self.channels[name], scene, at, senders, box.to.tolist())
                 moment, order = np.divmod(box.order, MOST_AT_ONCE)
                 place = (moment * len(self._roster.names) + senders) * MOST_AT_ONCE + order
                 turns = scene.turns[at] + 1
-                sent.append(_Sent(name, box.at, turns, senders, box.to, box.bodies, place, *fates))
+                sent.append(_Sent(name, box.at, turns, senders, box.to, box.bodies, place, fates))
         self._pending.append(sent)
         for one in sent:
-            last = int((one.arrival - one.turns[:, None]).max(initial=0))
-            self._under_way.append((last, one))
+            under_way = one.under_way()
+            last = int((under_way.fates.arrivals - under_way.turns).max(initial=0))
+            self._under_way.append((last, under_way))
 
     def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
         """Return the names of receivers, (games, agents), that are given by their numbers."""
@@ -221,18 +248,18 @@ class Radio(GameLog[list[_Sent]]):
         """Return what agents hear by a channel in the turn that comes; see `Heard`."""
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
-        number, none = places_of(games, len(self._of_game)), np.zeros(0, np.int64)
+        number, column = places_of(games, len(self._of_game)), places_of(agents, len(self._roster.names))
+        none = np.zeros(0, np.int64)
         found, places = [Heard(none, none, none, [], none, none > 0)], [none]
         for _, sent in self._under_way:
             if sent.channel != channel:
                 continue
-            at = number[sent.at]
-            arrives = (sent.outcome == HEARD) | (sent.outcome == OVERHEARD)
-            arrives &= (sent.arrival == turns[at][:, None] + 1) & (at >= 0)[:, None]
-            rows, columns = np.nonzero(arrives[:, agents] & asked[at])
-            overheard = sent.outcome[rows, agents[columns]] == OVERHEARD
-            bodies = [sent.bodies[row] for row in rows.tolist()]
-            found.append(Heard(at[rows], columns, sent.senders[rows], bodies, sent.turns[rows] - 1, overheard))
+            at, hearers = number[sent.at], column[sent.fates.agents]
+            arrives = (at >= 0) & (hearers >= 0) & (sent.fates.arrivals == turns[at] + 1)
+            rows = np.flatnonzero(arrives & asked[at, hearers])
+            bodies = [sent.bodies[message] for message in sent.fates.messages[rows].tolist()]
+            overheard = sent.fates.outcomes[rows] == core.OVERHEARD
+            found.append(Heard(at[rows], hearers[rows], sent.senders[rows], bodies, sent.turns[rows] - 1, overheard))
             places.append(sent.place[rows])
         heard = joined_rows(found)
         keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
@@ -243,25 +270,15 @@ class Radio(GameLog[list[_Sent]]):
         self.begin(games, entries)
         number = {name: i for i, name in enumerate(self._roster.names)}
         for place, entry in enumerate(entries):
-            arrival = np.zeros(len(number), np.int64)
-            outcome = arrival.copy()
-            for kind, those in ((HEARD, entry["heard"]), (OVERHEARD, entry["overheard"])):
-                for name in those.keys() & number.keys():
-                    outcome[number[name]], arrival[number[name]] = kind, those[name]
-            left = int(arrival.max()) - turn - 1
-            if left >= 0:
-                sent = _Sent(
-                    entry["channel"],
-                    games,
-                    np.full(len(games), entry["turn"]),
-                    np.full(len(games), number[entry["sender"]]),
-                    np.fromiter([entry["to"]] * len(games), object, len(games)),
-                    [entry["body"]] * len(games),
-                    np.full(len(games), place),
-                    np.tile(outcome, (len(games), 1)),
-                    np.tile(arrival, (len(games), 1)),
-                )
-                self._under_way.append((left, sent))
+            for outcome, key in ((core.HEARD, "heard"), (core.OVERHEARD, "overheard")):
+                hearers = [(number[name], arrival) for name, arrival in entry[key].items() if name in number]
+                for hearer, arrival in hearers:
+                    if arrival > turn:
+                        fates = Fates(*(np.full(len(games), one) for one in (0, hearer, outcome, arrival)))
+                        turns, sender = np.full(len(games), entry["turn"]), np.full(len(games), number[entry["sender"]])
+                        places = np.full(len(games), place)
+                        under_way = _UnderWay(entry["channel"], games, turns, sender, places, fates, (entry["body"],))
+                        self._under_way.append((arrival - turn - 1, under_way))
 
     # -- the log ------------------------------------------------------------------------------------------------
 
@@ -277,7 +294,7 @@ class Radio(GameLog[list[_Sent]]):
 
     def _written(self, sent: _Sent) -> list[tuple[int, int, dict[str, Any]]]:
         """Return game, place and the entry of the log of each message."""
-        names, rows = self._roster.names, []
+        names, rows, fates = self._roster.names, [], sent.fates.entries(self._roster.names, len(sent.at))
         for i, body in enumerate(map(to_plain, sent.bodies)):
             entry = {
                 "turn": int(sent.turns[i]),
@@ -286,7 +303,7 @@ class Radio(GameLog[list[_Sent]]):
                 "to": to_plain(sent.to[i]),
                 "body": body,
                 "size": size_of(body),
-                **fate(names, sent.outcome[i], sent.arrival[i]),
+                **next(fates),
             }
             rows.append((int(sent.at[i]), int(sent.place[i]), entry))
         return rows

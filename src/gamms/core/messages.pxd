@@ -1,0 +1,65 @@
+cimport cython
+
+from gamms.core cimport draws
+
+ctypedef unsigned char u8
+ctypedef unsigned long long u64
+ctypedef long long i64
+
+cdef extern from "math.h":
+    cpdef double sqrt(double x) noexcept nogil
+
+cdef int IS_HEARD, IS_OVERHEARD, IS_LOST, IS_JAMMED, MAY_USE, MAY_OVERHEAR, MAY_RELAY, IS_MEANT, CAN_HEAR, IN_REACH
+cdef i64 NO_ROW, AWAITED
+
+
+@cython.final
+cdef class Channel:
+    cdef i64 agents, delay
+    cdef double range_m
+    cdef bint needs_rows, is_relayed
+    cdef const u8[::1] roles
+    cdef const i64[::1] jammers
+    cdef const double[::1] distances, chances, places, radii
+
+
+@cython.final
+cdef class Ether:
+    cdef const double[::1] xyz
+    cdef const u8[::1] alive, reach
+    cdef const u64[::1] names, purposes
+    cdef const i64[::1] turns
+    cdef i64[::1] slots, awaited, waves, now, next
+    cdef u8[::1] jammed, states
+
+
+@cython.final
+cdef class Messages:
+    cdef const i64[::1] games, senders, groups, first, members, numbers
+    cdef i64[::1] arrivals
+    cdef u8[::1] is_known, outcomes
+
+
+cdef double distance(Ether ether, i64 row, double x, double y, double z) noexcept nogil
+cdef double distance_between(Ether ether, i64 row, i64 other) noexcept nogil
+@cython.locals(k=Py_ssize_t, slope=double)
+cpdef double chance_at(Channel channel, double far) noexcept nogil
+@cython.locals(base=i64, i=i64, k=Py_ssize_t, jammer=i64, far=double)
+cdef int jam(Channel channel, Ether ether, i64 game) except -1 nogil
+cdef bint is_in_range(Channel channel, Ether ether, i64 row, i64 other) noexcept nogil
+@cython.locals(k=i64, row=i64, base=i64, i=i64)
+cpdef int find_in_range(Channel channel, Ether ether, i64 count, u8[::1] reach) except -1 nogil
+@cython.locals(base=i64, name=u64, first=u64, bits=u64)
+cdef bint is_lost(Channel channel, Ether ether, Messages sent, i64 m, i64 by, i64 to) noexcept nogil
+@cython.locals(base=i64, i=i64, k=i64)
+cdef int prepare(Channel channel, Ether ether, Messages sent, i64 m) except -1 nogil
+@cython.locals(base=i64, found=i64, k=i64, by=i64, at=i64, i=i64, reaches=bint)
+cdef i64 transmit(Channel channel, Ether ether, Messages sent, i64 m, i64 wave, i64 transmitters) except -1 nogil
+@cython.locals(base=i64, transmitters=i64, wave=i64, is_waiting=bint, k=i64, row=i64)
+cdef i64 spread(Channel channel, Ether ether, Messages sent, i64 m, i64 awaited) except -1 nogil
+@cython.locals(at=i64, i=i64, state=int, outcome=int)
+cdef int note(Channel channel, Ether ether, Messages sent, i64 m) except -1 nogil
+@cython.locals(m=Py_ssize_t, i=Py_ssize_t)
+cpdef int count_messages(const i64[::1] games, const i64[::1] senders, i64[::1] counts, i64[::1] numbers) except -1 nogil
+@cython.locals(game=i64, m=Py_ssize_t, awaited=i64)
+cpdef i64 spread_all(Channel channel, Ether ether, Messages sent) except -1 nogil

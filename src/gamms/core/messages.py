@@ -1,0 +1,354 @@
+"""Messages of a turn: who hears what is sent by a channel, and when, and who does not.
+
+Messages spread when all agents have moved. First the sender of a message reaches others. On a channel with relays, the
+agents that hear it and pass messages on reach others next, until nobody hears it for the first time. Rows of columns
+are agents, game by game: the row of agent `i` of a game is `game * agents + i`.
+
+A channel may depend on the number of edges between agents, or on sight. A transmitter then needs a row of `Ether.reach`
+that the caller makes: `spread_all` lists the transmitters without one, and is called again when they have it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from gamms.core import draws
+
+IS_HEARD = 1
+IS_OVERHEARD = 2
+IS_LOST = 3
+IS_JAMMED = 4
+MAY_USE = 1
+MAY_OVERHEAR = 2
+MAY_RELAY = 4
+IS_MEANT = 1
+CAN_HEAR = 2
+IN_REACH = 4
+NO_ROW = -1
+AWAITED = -2
+# names for callers in Python, which do not see constants with a C type
+HEARD = IS_HEARD
+OVERHEARD = IS_OVERHEARD
+LOST = IS_LOST
+JAMMED = IS_JAMMED
+USES = MAY_USE
+OVERHEARS = MAY_OVERHEAR
+RELAYS = MAY_RELAY
+
+
+class Channel:
+    """How messages go by one channel.
+
+    Attributes:
+        agents: how many a game has.
+        range_m: how far a transmission goes; infinite if there is no limit.
+        needs_rows: whether `Ether.reach` says whom a transmitter reaches.
+        is_relayed: whether some agents pass messages on.
+        delay: how many turns a transmission takes.
+        roles: (agents,) sums of `USES`, `OVERHEARS` and `RELAYS`.
+        distances: (points,) ascending, metres.
+        chances: (points,) how probably a transmission over these distances is lost; no points: none is.
+        jammers: (jammers,) the agents; -1: it is a place.
+        places: (jammers * 2,) where on the ground those are that are places.
+        radii: (jammers,) within how many metres nothing is heard.
+    """
+
+    def __init__(
+        self,
+        agents: int,
+        range_m: float,
+        delay: int,
+        roles: memoryview[int],
+        distances: memoryview[float],
+        chances: memoryview[float],
+        jammers: memoryview[int],
+        places: memoryview[float],
+        radii: memoryview[float],
+        *,
+        needs_rows: bool,
+        is_relayed: bool,
+    ) -> None:
+        self.agents = agents
+        self.range_m = range_m
+        self.delay = delay
+        self.roles = roles
+        self.distances = distances
+        self.chances = chances
+        self.jammers = jammers
+        self.places = places
+        self.radii = radii
+        self.needs_rows = needs_rows
+        self.is_relayed = is_relayed
+
+
+class Ether:
+    """Where the agents of games are, and whom they reach.
+
+    Attributes:
+        xyz: (rows * 3,) where they are, metres.
+        alive: (rows,) 1: the agent lives.
+        names: (agents,) hashes, for draws.
+        purposes: (rows,) hashes of the seed of the game, the channel and the agent, of senders; nothing where nothing
+            is lost.
+        turns: (games,) how many turns were played before this one.
+        slots: (rows,) where the row of a transmitter is in `reach`; -1: it has none; -2: it is awaited.
+        awaited: (rows,) the rows of the transmitters that are awaited.
+        reach: (slots * agents,) 1: the transmitter reaches the agent.
+        rows: (3 * agents,) working memory.
+        jammed, states: (agents,) working memory.
+    """
+
+    def __init__(
+        self,
+        xyz: memoryview[float],
+        alive: memoryview[int],
+        names: memoryview[int],
+        purposes: memoryview[int],
+        turns: memoryview[int],
+        slots: memoryview[int],
+        awaited: memoryview[int],
+        reach: memoryview[int],
+        rows: memoryview[int],
+        jammed: memoryview[int],
+        states: memoryview[int],
+    ) -> None:
+        self.xyz = xyz
+        self.alive = alive
+        self.names = names
+        self.purposes = purposes
+        self.turns = turns
+        self.slots = slots
+        self.awaited = awaited
+        self.reach = reach
+        self.waves = rows[: len(jammed)]
+        self.now = rows[len(jammed) : 2 * len(jammed)]
+        self.next = rows[2 * len(jammed) :]
+        self.jammed = jammed
+        self.states = states
+
+
+class Messages:
+    """Messages of one turn by one channel, and what becomes of them.
+
+    Attributes:
+        games: (messages,) ascending.
+        senders: (messages,) the agents that send them.
+        groups: (messages,) the number of the group of agents that each is meant for.
+        first: (groups + 1,) where each group begins in `members`, and where the last one ends.
+        members: the agents of all groups.
+        numbers: (messages,) how many messages the sender has sent before in this turn.
+        is_known: (messages,) 1: it is known what becomes of it.
+        outcomes: (messages * agents,) `HEARD`, `OVERHEARD`, `LOST`, `JAMMED`, or 0.
+        arrivals: (messages * agents,) the number of the turn, from 1, in which those that hear it do.
+    """
+
+    def __init__(
+        self,
+        games: memoryview[int],
+        senders: memoryview[int],
+        groups: memoryview[int],
+        first: memoryview[int],
+        members: memoryview[int],
+        numbers: memoryview[int],
+        is_known: memoryview[int],
+        outcomes: memoryview[int],
+        arrivals: memoryview[int],
+    ) -> None:
+        self.games = games
+        self.senders = senders
+        self.groups = groups
+        self.first = first
+        self.members = members
+        self.numbers = numbers
+        self.is_known = is_known
+        self.outcomes = outcomes
+        self.arrivals = arrivals
+
+
+def distance(ether: Ether, row: int, x: float, y: float, z: float) -> float:
+    """Return how many metres an agent is from a place."""
+    x = ether.xyz[3 * row] - x
+    y = ether.xyz[3 * row + 1] - y
+    z = ether.xyz[3 * row + 2] - z
+    return sqrt((x * x + y * y) + z * z)
+
+
+def distance_between(ether: Ether, row: int, other: int) -> float:
+    """Return how many metres are between two agents."""
+    return distance(ether, row, ether.xyz[3 * other], ether.xyz[3 * other + 1], ether.xyz[3 * other + 2])
+
+
+def chance_at(channel: Channel, far: float) -> float:
+    """Return how probably a transmission is lost over a distance, with straight lines between the points."""
+    k = 0
+    while k < len(channel.distances) and channel.distances[k] < far:
+        k += 1
+    if k == len(channel.distances):
+        return channel.chances[k - 1]
+    if k == 0 or channel.distances[k] == far:
+        return channel.chances[k]
+    slope = (channel.chances[k] - channel.chances[k - 1]) / (channel.distances[k] - channel.distances[k - 1])
+    return slope * (far - channel.distances[k - 1]) + channel.chances[k - 1]
+
+
+def jam(channel: Channel, ether: Ether, game: int) -> int:
+    """Find the agents of a game that a jammer silences."""
+    base = game * channel.agents
+    for i in range(channel.agents):
+        ether.jammed[i] = 0
+    for k in range(len(channel.jammers)):
+        jammer = base + channel.jammers[k]
+        if channel.jammers[k] < 0 or ether.alive[jammer]:
+            for i in range(channel.agents):
+                if channel.jammers[k] < 0:
+                    far = distance(ether, base + i, channel.places[2 * k], channel.places[2 * k + 1], 0.0)
+                else:
+                    far = distance_between(ether, base + i, jammer)
+                if far <= channel.radii[k]:
+                    ether.jammed[i] = 1
+    return 0
+
+
+def is_in_range(channel: Channel, ether: Ether, row: int, other: int) -> bool:
+    """Return whether another agent lives and is within the range of a transmitter."""
+    if row == other or not ether.alive[other]:
+        return False
+    return distance_between(ether, other, row) <= channel.range_m
+
+
+def find_in_range(channel: Channel, ether: Ether, count: int, reach: memoryview[int]) -> int:
+    """Write which agents are in the range of the first `count` awaited transmitters, (count * agents,)."""
+    for k in range(count):
+        row = ether.awaited[k]
+        base = row - row % channel.agents
+        for i in range(channel.agents):
+            reach[k * channel.agents + i] = is_in_range(channel, ether, row, base + i)
+    return 0
+
+
+def is_lost(channel: Channel, ether: Ether, sent: Messages, m: int, by: int, to: int) -> bool:
+    """Return whether chance loses a message between two agents of its game."""
+    if not len(channel.distances):
+        return False
+    base = sent.games[m] * channel.agents
+    name = ether.names[to]
+    if channel.is_relayed:
+        name = draws.bits_at(draws.turn_key(draws.first_key(ether.names[by], name), 0), 0)
+    first = draws.first_key(ether.purposes[base + sent.senders[m]], name)
+    bits = draws.bits_at(draws.turn_key(first, ether.turns[sent.games[m]]), sent.numbers[m])
+    return draws.fraction(bits) < chance_at(channel, distance_between(ether, base + to, base + by))
+
+
+def prepare(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
+    """Find whom a message is meant for, and who can hear it."""
+    base = sent.games[m] * channel.agents
+    for i in range(channel.agents):
+        ether.waves[i] = 0
+        ether.states[i] = 0
+    for k in range(sent.first[sent.groups[m]], sent.first[sent.groups[m] + 1]):
+        if channel.roles[sent.members[k]] & MAY_USE:
+            ether.states[sent.members[k]] = IS_MEANT
+    for i in range(channel.agents):
+        if i == sent.senders[m] or not ether.alive[base + i]:
+            ether.states[i] = 0
+        elif not ether.jammed[i] and (channel.is_relayed or ether.states[i] or channel.roles[i] & MAY_OVERHEAR):
+            ether.states[i] |= CAN_HEAR
+    return 0
+
+
+def transmit(channel: Channel, ether: Ether, sent: Messages, m: int, wave: int, transmitters: int) -> int:
+    """Let agents transmit a message; return how many transmit it next."""
+    base = sent.games[m] * channel.agents
+    found = 0
+    for k in range(transmitters):
+        by = ether.now[k]
+        at = ether.slots[base + by] * channel.agents
+        for i in range(channel.agents):
+            reaches = ether.reach[at + i] if channel.needs_rows else is_in_range(channel, ether, base + by, base + i)
+            if reaches:
+                ether.states[i] |= IN_REACH
+                if ether.waves[i] == 0 and ether.states[i] & CAN_HEAR and not is_lost(channel, ether, sent, m, by, i):
+                    ether.waves[i] = wave
+                    if channel.roles[i] & MAY_RELAY:
+                        ether.next[found] = i
+                        found += 1
+    for k in range(found):
+        ether.now[k] = ether.next[k]
+    return found
+
+
+def spread(channel: Channel, ether: Ether, sent: Messages, m: int, awaited: int) -> int:
+    """Find what becomes of a message, unless a row is missing; return how many rows are awaited by now."""
+    base = sent.games[m] * channel.agents
+    prepare(channel, ether, sent, m)
+    ether.now[0] = sent.senders[m]
+    transmitters = 1
+    wave = 1
+    while transmitters:
+        is_waiting = False
+        for k in range(transmitters if channel.needs_rows else 0):
+            row = base + ether.now[k]
+            if ether.slots[row] == NO_ROW:
+                ether.slots[row] = AWAITED
+                ether.awaited[awaited] = row
+                awaited += 1
+            if ether.slots[row] == AWAITED:
+                is_waiting = True
+        if is_waiting:
+            return awaited
+        transmitters = transmit(channel, ether, sent, m, wave, transmitters)
+        wave += 1
+    note(channel, ether, sent, m)
+    return awaited
+
+
+def note(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
+    """Write what becomes of a message."""
+    at = m * channel.agents
+    for i in range(channel.agents):
+        state = ether.states[i]
+        outcome = 0
+        if ether.waves[i]:
+            sent.arrivals[at + i] = ether.turns[sent.games[m]] + 1 + ether.waves[i] * channel.delay
+            if state & IS_MEANT:
+                outcome = IS_HEARD
+            elif channel.roles[i] & MAY_OVERHEAR:
+                outcome = IS_OVERHEARD
+        elif state & IS_MEANT and state & IN_REACH:
+            outcome = IS_JAMMED if ether.jammed[i] else IS_LOST
+        sent.outcomes[at + i] = outcome
+    sent.is_known[m] = 1
+    return 0
+
+
+def count_messages(
+    games: memoryview[int], senders: memoryview[int], counts: memoryview[int], numbers: memoryview[int]
+) -> int:
+    """Write how many messages the sender of each message has sent before in the turn.
+
+    Args:
+        games: (messages,) ascending.
+        senders: (messages,) the agents that send them.
+        counts: (agents,) working memory.
+        numbers: (messages,) the column that is written.
+    """
+    for m in range(len(games)):
+        if m == 0 or games[m] != games[m - 1]:
+            for i in range(len(counts)):
+                counts[i] = 0
+        numbers[m] = counts[senders[m]]
+        counts[senders[m]] += 1
+    return 0
+
+
+def spread_all(channel: Channel, ether: Ether, sent: Messages) -> int:
+    """Find what becomes of messages; return how many rows of transmitters are awaited, 0 if all is known."""
+    game = -1
+    awaited = 0
+    for m in range(len(sent.games)):
+        if not sent.is_known[m]:
+            if sent.games[m] != game:
+                game = sent.games[m]
+                jam(channel, ether, game)
+            awaited = spread(channel, ether, sent, m, awaited)
+    return awaited
