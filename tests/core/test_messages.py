@@ -245,3 +245,57 @@ def test_chance_in_a_game_among_others_is_that_of_the_game_alone(scene, keys, is
         options = {"turns": [turns[game]], "names": keys[-agents:]}
         alone += spread(one, [places], its, groups, purposes=purposes[game * agents :][:agents], **options)[0]
     assert together == alone
+
+
+# -- what can be sent ---------------------------------------------------------------------------------------------
+
+UNLIMITED = 2**63 - 1
+
+
+def admit(sent, groups, uses, there, left):
+    """Return the verdicts on messages (game, sender, group, size), and how many bytes are left."""
+    at, senders, which, sizes = (np.array([one[k] for one in sent], np.int64) for k in range(4))
+    first = np.cumsum([0, *map(len, groups)])
+    members = np.array([agent for group in groups for agent in group], np.int64)
+    left, verdicts = np.array(left, np.int64), np.zeros_like(at)
+    columns = flat(uses, np.uint8), flat(there, np.uint8), sizes.data, left.data, verdicts.data
+    messages.admit(at.data, senders.data, which.data, first.data, members.data, *columns)
+    return verdicts.tolist(), left.tolist()
+
+
+def test_each_verdict_has_its_reason():
+    sent = [(0, 0, group, 0) for group in (-1, 0, 1, 2, 3, 4)]
+    groups = [[], [0], [0, 1], [0, 2, 1], [3]]
+    verdicts, _ = admit(sent, groups, [1, 0, 1, 1], [1, 1, 1, 0], [UNLIMITED] * 4)
+    admitted, for_others, for_sender, unknown = (
+        messages.ADMITTED,
+        messages.FOR_OTHERS,
+        messages.FOR_SENDER,
+        messages.UNKNOWN,
+    )
+    assert verdicts == [admitted, unknown, for_sender, for_others, admitted, unknown]
+    assert len({admitted, for_others, for_sender, unknown}) == 4
+    assert max(verdicts) < 0
+
+
+def test_messages_take_bytes_until_none_are_left_and_smaller_ones_may_follow():
+    sent = [(0, 0, -1, 4), (0, 0, -1, 4), (0, 0, 0, 1), (0, 0, -1, 2), (1, 0, -1, 6), (0, 0, -1, 1)]
+    assert admit(sent, [[]], [1], [1, 1], [6, 6]) == ([-1, 2, messages.UNKNOWN, -1, -1, 0], [0, 0])
+    assert admit([(0, 0, -1, UNLIMITED)] * 2, [], [1], [1], [UNLIMITED]) == ([-1, 0], [0])
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 1), st.integers(0, 2), st.integers(0, 5))),
+    st.lists(st.integers(0, 9), min_size=6, max_size=6),
+)
+def test_no_agent_sends_more_than_it_may_and_what_is_refused_did_not_fit(sent, most):
+    verdicts, left = admit([(game, sender, -1, size) for game, sender, size in sent], [], [1] * 3, [1] * 6, most)
+    spent = Counter()
+    for (game, sender, size), verdict in zip(sent, verdicts, strict=True):
+        row = 3 * game + sender
+        if verdict == messages.ADMITTED:
+            spent[row] += size
+        else:
+            assert verdict == most[row] - spent[row] < size
+    assert left == [most[row] - spent[row] for row in range(6)]
+    assert min(left) >= 0

@@ -10,7 +10,7 @@ cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept nogil
 
 cdef int IS_HEARD, IS_OVERHEARD, IS_LOST, IS_JAMMED, MAY_USE, MAY_OVERHEAR, MAY_RELAY, IS_MEANT, CAN_HEAR, IN_REACH
-cdef i64 NO_ROW, AWAITED
+cdef i64 NO_ROW, AWAITED, ADMITS, IS_FOR_OTHERS, IS_FOR_SENDER, IS_UNKNOWN
 
 
 @cython.final
@@ -59,6 +59,11 @@ cdef i64 transmit(Channel channel, Ether ether, Messages sent, i64 m, i64 wave, 
 cdef i64 spread(Channel channel, Ether ether, Messages sent, i64 m, i64 awaited) except -1 nogil
 @cython.locals(at=i64, i=i64, state=int, outcome=int)
 cdef int note(Channel channel, Ether ether, Messages sent, i64 m) except -1 nogil
+@cython.locals(m=Py_ssize_t, base=i64, verdict=i64, found=i64, k=i64)
+cpdef int admit(
+    const i64[::1] games, const i64[::1] senders, const i64[::1] groups, const i64[::1] first, const i64[::1] members,
+    const u8[::1] uses, const u8[::1] there, const i64[::1] sizes, i64[::1] left, i64[::1] verdicts
+) except -1 nogil
 @cython.locals(m=Py_ssize_t, i=Py_ssize_t)
 cpdef int count_messages(const i64[::1] games, const i64[::1] senders, i64[::1] counts, i64[::1] numbers) except -1 nogil
 @cython.locals(game=i64, m=Py_ssize_t, awaited=i64)

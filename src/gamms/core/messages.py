@@ -21,11 +21,15 @@ IS_JAMMED = 4
 MAY_USE = 1
 MAY_OVERHEAR = 2
 MAY_RELAY = 4
-IS_MEANT = 1
+IS_MEANT = 1  # as `MAY_USE`
 CAN_HEAR = 2
 IN_REACH = 4
 NO_ROW = -1
 AWAITED = -2
+ADMITS = -1
+IS_FOR_OTHERS = -2
+IS_FOR_SENDER = -3
+IS_UNKNOWN = -4
 # names for callers in Python, which do not see constants with a C type
 HEARD = IS_HEARD
 OVERHEARD = IS_OVERHEARD
@@ -34,6 +38,10 @@ JAMMED = IS_JAMMED
 USES = MAY_USE
 OVERHEARS = MAY_OVERHEAR
 RELAYS = MAY_RELAY
+ADMITTED = ADMITS
+FOR_OTHERS = IS_FOR_OTHERS
+FOR_SENDER = IS_FOR_SENDER
+UNKNOWN = IS_UNKNOWN
 
 
 class Channel:
@@ -133,7 +141,7 @@ class Messages:
     Attributes:
         games: (messages,) ascending.
         senders: (messages,) the agents that send them.
-        groups: (messages,) the number of the group of agents that each is meant for.
+        groups: (messages,) the number of the group of agents that each is meant for; -1: everybody.
         first: (groups + 1,) where each group begins in `members`, and where the last one ends.
         members: the agents of all groups.
         numbers: (messages,) how many messages the sender has sent before in this turn.
@@ -244,10 +252,9 @@ def prepare(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
     base = sent.games[m] * channel.agents
     for i in range(channel.agents):
         ether.waves[i] = 0
-        ether.states[i] = 0
-    for k in range(sent.first[sent.groups[m]], sent.first[sent.groups[m] + 1]):
-        if channel.roles[sent.members[k]] & MAY_USE:
-            ether.states[sent.members[k]] = IS_MEANT
+        ether.states[i] = channel.roles[i] & MAY_USE if sent.groups[m] < 0 else 0
+    for k in range(sent.first[max(sent.groups[m], 0)], sent.first[sent.groups[m] + 1]):  # nothing for everybody
+        ether.states[sent.members[k]] = channel.roles[sent.members[k]] & MAY_USE
     for i in range(channel.agents):
         if i == sent.senders[m] or not ether.alive[base + i]:
             ether.states[i] = 0
@@ -318,6 +325,52 @@ def note(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
             outcome = IS_JAMMED if ether.jammed[i] else IS_LOST
         sent.outcomes[at + i] = outcome
     sent.is_known[m] = 1
+    return 0
+
+
+def admit(
+    games: memoryview[int],
+    senders: memoryview[int],
+    groups: memoryview[int],
+    first: memoryview[int],
+    members: memoryview[int],
+    uses: memoryview[int],
+    there: memoryview[int],
+    sizes: memoryview[int],
+    left: memoryview[int],
+    verdicts: memoryview[int],
+) -> int:
+    """Find which messages can be sent, one after the other, by a channel.
+
+    Args:
+        games: as in `Messages`, but in any order.
+        senders: likewise.
+        groups: likewise.
+        first: likewise.
+        members: likewise.
+        uses: (agents,) 1: the agent may use the channel.
+        there: (rows,) 1: the agent is in the game, alive or not.
+        sizes: (messages,) bytes.
+        left: (rows,) how many bytes each agent may still send. Those of messages that can be sent are taken from it.
+        verdicts: (messages,) where it is written: `ADMITTED`; or why not: `UNKNOWN`, no agent is in the group;
+            `FOR_SENDER`, its sender alone is; `FOR_OTHERS`, none of the others may use the channel; or, from 0, how
+            many bytes were left, of which it has more.
+    """
+    for m in range(len(games)):
+        base = games[m] * len(uses)
+        verdict = ADMITS if groups[m] < 0 else IS_UNKNOWN
+        for k in range(first[max(groups[m], 0)], first[groups[m] + 1]):  # nothing for everybody
+            if there[base + members[k]]:
+                found = ADMITS if uses[members[k]] else IS_FOR_OTHERS
+                if members[k] == senders[m]:
+                    found = IS_FOR_SENDER
+                verdict = max(verdict, found)
+        if verdict == ADMITS:
+            if sizes[m] > left[base + senders[m]]:
+                verdict = left[base + senders[m]]
+            else:
+                left[base + senders[m]] -= sizes[m]
+        verdicts[m] = verdict
     return 0
 
 

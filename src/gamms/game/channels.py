@@ -1,7 +1,10 @@
 """Channels: by what agents can send messages, as a game declares it, and how what they want to send is checked."""
 
-from collections.abc import Collection, Hashable, Iterable, Mapping
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from itertools import compress
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
 
 from gamms.arguments import (
     as_count,
@@ -16,8 +19,11 @@ from gamms.arguments import (
     as_range,
     as_text,
 )
+from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.chances import as_chances
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain, to_plain, why_not_plain
 from gamms.readonly import ReadOnlyMapping
@@ -28,6 +34,7 @@ _SEVERAL = (list, tuple, set, frozenset)
 _RANGES = "range_m= (metres in a straight line), hops= (edges along the graph) or line_of_sight=True"
 _JAMMER = "{'agent': name, 'radius_m': 50}, with 'team' or 'at' (a node or (x, y)) in place of 'agent'"
 _KEYS = ("channel", "to", "body")  # of a message in an outbox
+_UNLIMITED = (1 << 63) - 1  # bytes
 
 
 class Jammer(NamedTuple):
@@ -202,30 +209,43 @@ class Sender(Protocol):
         """Its team; any value that can be a key of a dict."""
 
 
-def checked_outbox(
-    outbox: Any, sender: Sender, channels: Mapping[str, Channel], teams: Mapping[str, Any]
-) -> tuple[list[Outgoing], list[str]]:
-    """Return the messages of an outbox that can be sent, and what is wrong with the others.
+S = TypeVar("S", bound=Sender)
+
+
+def checked_outboxes(
+    outboxes: Iterable[tuple[S, Any]], channels: Mapping[str, Channel], teams: Mapping[str, Any]
+) -> tuple[list[Outgoing], list[tuple[S, str]]]:
+    """Return the messages that can be sent, and of each other one its sender and what is wrong with it.
 
     Args:
-        outbox: what a strategy has left in its state.
-        sender: the agent.
+        outboxes: agents, and what strategies have left in their states.
         channels: of the game, by name.
         teams: agent -> its team, of all agents.
     """
-    if type(outbox) not in (list, tuple):
-        return [], [f"BadType: state['outbox'] must be a list of messages, not {shown(outbox)}."]
-    messages: list[Outgoing] = []
-    flaws: list[str] = []
-    left = {name: one.max_bytes_per_turn for name, one in channels.items()}
-    for number, given in enumerate(outbox):
-        try:
-            message = _checked_message(given, sender, channels, teams)
-            left[message.channel] = left_after(message.size, left[message.channel], channels[message.channel])
-            messages.append(message)
-        except Exception as error:  # noqa: BLE001 - a body may be of the caller's own class
-            flaws.append(flaw_of(number, error))
-    return messages, flaws
+    wanted, flaws, senders = dict[tuple[int, int], Outgoing](), dict[tuple[int, int], str](), list[S]()
+    for place, (sender, outbox) in enumerate(outboxes):
+        senders.append(sender)
+        if type(outbox) not in (list, tuple):
+            flaws[place, 0] = f"BadType: state['outbox'] must be a list of messages, not {shown(outbox)}."
+            continue
+        for number, given in enumerate(outbox):
+            try:
+                wanted[place, number] = _checked_message(given, sender, channels)
+            except Exception as error:  # noqa: BLE001 - a body may be of the caller's own class
+                flaws[place, number] = flaw_of(number, error)
+    row_of = {name: row for row, name in enumerate(teams)}
+    for channel in {one.channel: channels[one.channel] for one in wanted.values()}.values():
+        keys = [key for key, one in wanted.items() if one.channel == channel.name]
+        those = [wanted[key] for key in keys]
+        rows, sizes = (
+            np.array(column) for column in ([row_of[one.sender] for one in those], [one.size for one in those])
+        )
+        left, to = bytes_of(channel, (1, len(teams))), [one.to for one in those]
+        refused = refusals(channel, (np.zeros_like(rows), rows, to, sizes), np.ones(left.shape, np.bool_), teams, left)
+        for row, why in refused.items():
+            del wanted[keys[row]]
+            flaws[keys[row]] = flaw_of(keys[row][1], why)
+    return list(wanted.values()), [(senders[place], flaws[place, number]) for place, number in sorted(flaws)]
 
 
 def flaw_of(number: int, error: Exception) -> str:
@@ -234,23 +254,80 @@ def flaw_of(number: int, error: Exception) -> str:
     return f"{type(error).__name__}: state['outbox'][{number}]: {why}"
 
 
-def left_after(size: int, left: int | None, channel: Channel) -> int | None:
-    """Return how many bytes are left for further messages of a sender in this turn, after one of a size.
+def bytes_of(channel: Channel, shape: tuple[int, ...]) -> IntArray:
+    """Return how many bytes agents may send in a turn, (games, agents)."""
+    return np.full(shape, _UNLIMITED if channel.max_bytes_per_turn is None else channel.max_bytes_per_turn, np.int64)
 
-    Raises:
-        BadValue: it is larger than what is left.
+
+def refusals(
+    channel: Channel,
+    sent: tuple[IntArray, IntArray, Sequence[Any], IntArray],
+    is_there: BoolArray,
+    teams: Mapping[str, Any],
+    left: IntArray,
+) -> dict[int, GammsError]:
+    """Return why messages, by their numbers, cannot be sent.
+
+    Args:
+        channel: the channel.
+        sent: the games, senders, receivers and sizes of messages, (messages,) each.
+        is_there: (games, agents) which agents are in the game, alive or not.
+        teams: agent -> its team.
+        left: how many bytes agents may still send; see `bytes_of`.
     """
-    if left is not None and size > left:
-        raise BadValue(
-            f"Its body has {size} bytes; channel {channel.name!r} takes {channel.max_bytes_per_turn} of each "
-            f"agent per turn; {left} are left."
-        )
-    return None if left is None else left - size
+    at, senders, to, sizes = sent
+    if channel.max_bytes_per_turn is None and all(one is None for one in to):
+        return {}
+    uses, verdicts = np.array([channel.is_for(team) for team in teams.values()], np.uint8), np.zeros_like(at)
+    columns: Any = at, senders, *groups_of(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts
+    core.admit(*map(flat, columns))
+    return {
+        row: _refusal(channel, verdicts[row], to[row], sizes[row], dict(compress(teams.items(), is_there[at[row]])))
+        for row in np.flatnonzero(verdicts != core.ADMITTED).tolist()
+    }
 
 
-def _checked_message(
-    given: object, sender: Sender, channels: Mapping[str, Channel], teams: Mapping[str, Any]
-) -> Outgoing:
+def _refusal(channel: Channel, verdict: int, to: Any, size: int, teams: Mapping[str, Any]) -> GammsError:
+    """Return why a message of this size to this receiver cannot be sent, from what `core.admit` says."""
+    if verdict == core.UNKNOWN:
+        names = sorted(teams)
+        named = dict.fromkeys(team for team in map(teams.__getitem__, names) if team is not None)
+        return UnknownName("agent or team", to, [*names, *named])
+    if verdict == core.FOR_SENDER:
+        return BadValue(f"A message to {shown(to)} would come to no agent but its sender.")
+    if verdict == core.FOR_OTHERS:
+        return BadValue(f"Channel {channel.name!r} is not for {shown(to)}.")
+    return BadValue(
+        f"Its body has {size} bytes; channel {channel.name!r} takes {channel.max_bytes_per_turn} of each "
+        f"agent per turn; {verdict} are left."
+    )
+
+
+def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the number of the group of agents that each message is for, -1 for everybody, and the groups.
+
+    Args:
+        to: (messages,) of each an agent, a team, or None.
+        teams: agent -> its team.
+
+    Returns:
+        The numbers, where each group begins among the members, and the members, by their numbers in `teams`.
+    """
+    number_of: dict[Any, int] = {None: -1}
+    groups = [number_of.setdefault(one, len(number_of) - 1) for one in to]
+    row_of, members, first = {name: row for row, name in enumerate(teams)}, list[int](), [0]
+    for one in list(number_of)[1:]:
+        members += [row_of[name] for name in receivers_of(one, teams)]
+        first.append(len(members))
+    return np.array(groups, np.int64), np.array(first, np.int64), np.array(members, np.int64)
+
+
+def flat(column: np.ndarray[Any, Any]) -> Any:  # a memoryview, which is not subscriptable
+    """Return an array as one row of numbers, as the core takes it."""
+    return np.ascontiguousarray(column).reshape(-1).data
+
+
+def _checked_message(given: object, sender: Sender, channels: Mapping[str, Channel]) -> Outgoing:
     message = as_mapping(given, "A message")
     for key in (*_KEYS, *message):
         if key not in message:
@@ -262,8 +339,6 @@ def _checked_message(
     if not channel.is_for(sender.team):
         raise BadValue(f"Channel {channel.name!r} is not for team {shown(sender.team)}.")
     to, body = as_key(message["to"], "The receiver of a message"), message["body"]
-    if to is not None:
-        check_receivers(to, sender.name, channel, teams)
     flaw = why_not_plain(body)
     if flaw:
         raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts of these: body{flaw}.")
@@ -274,24 +349,6 @@ def _checked_message(
 def size_of(body: Plain) -> int:
     """Return how many bytes a body has, a plain value."""
     return len(to_bytes(body, "The body of a message"))
-
-
-def check_receivers(to: Hashable, sender: str, channel: Channel, teams: Mapping[str, Any]) -> None:
-    """Check that there is an agent besides the sender that a message may be for, alive or not.
-
-    Raises:
-        BadValue, UnknownName: there is none.
-    """
-    addressed = receivers_of(to, teams)
-    if not addressed:
-        names = sorted(teams)
-        named = dict.fromkeys(team for team in map(teams.__getitem__, names) if team is not None)
-        raise UnknownName("agent or team", to, [*names, *named])
-    others = [name for name in addressed if name != sender]
-    if not others:
-        raise BadValue(f"A message to {shown(to)} would come to no agent but its sender.")
-    if not any(channel.is_for(teams[name]) for name in others):
-        raise BadValue(f"Channel {channel.name!r} is not for {shown(to)}.")
 
 
 def receivers_of(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:

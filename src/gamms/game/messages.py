@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import messages as core
-from gamms.game.channels import Channel, Jammer, Outgoing, checked_outbox, matching, receivers_of, unknown_in
+from gamms.game.channels import Channel, Jammer, Outgoing, checked_outboxes, flat, groups_of, matching, unknown_in
 from gamms.game.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -170,7 +170,7 @@ def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to
         to: (messages,) of each an agent, a team, or None.
     """
     ether, numbers = _Ether(channel, scene, senders), np.zeros(len(at), np.int64)
-    groups, first, members = _groups_of(to, scene.teams)
+    groups, first, members = groups_of(to, scene.teams)
     if channel.loss:
         core.count_messages(at.data, senders.data, ether.rows.data, numbers.data)
     at_once, parts = max(1, _AT_ONCE // len(scene.teams)), list[Fates]()
@@ -180,21 +180,10 @@ def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to
         outcomes, arrivals = np.empty(shape, np.uint8), np.empty(shape, np.int64)
         written = np.zeros(shape[0], np.uint8), outcomes, arrivals
         columns: Any = at[those], senders[those], groups[those], first, members, numbers[those], *written
-        ether.spread(core.Messages(*map(_flat, columns)))
+        ether.spread(core.Messages(*map(flat, columns)))
         messages, agents = np.nonzero(outcomes)
         parts.append(Fates(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
     return parts[0] if len(parts) == 1 else Fates(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def _groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the group of agents that each message is for, and groups as in `core.Messages`."""
-    number_of: dict[Any, int] = {}
-    groups = np.array([number_of.setdefault(one, len(number_of)) for one in to], np.int64)
-    row_of, members, first = {name: row for row, name in enumerate(teams)}, list[int](), [0]
-    for one in number_of:
-        members += [row_of[name] for name in receivers_of(one, teams)]
-        first.append(len(members))
-    return groups, np.array(first, np.int64), np.array(members, np.int64)
 
 
 class _Ether:
@@ -229,7 +218,7 @@ class _Ether:
         while True:
             columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
             known = self._slots, self._awaited, self._reach
-            ether = core.Ether(*map(_flat, (*columns, *known, self.rows, *self._bytes)))
+            ether = core.Ether(*map(flat, (*columns, *known, self.rows, *self._bytes)))
             number = core.spread_all(self._terms, ether, messages)
             if not number:
                 break
@@ -241,7 +230,7 @@ class _Ether:
         """Return which agents transmitters reach, (transmitters, agents)."""
         channel, scene, agents = self._channel, self._scene, len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
-        core.find_in_range(self._terms, ether, len(reach), _flat(reach))
+        core.find_in_range(self._terms, ether, len(reach), flat(reach))
         at, by = np.divmod(transmitters, agents)
         if channel.hops is not None:
             reach &= scene.is_within(at, by, channel.hops)
@@ -267,15 +256,10 @@ def _terms_of(channel: Channel, scene: Scene) -> core.Channel:
         len(names),
         np.inf if channel.range_m is None else channel.range_m,
         channel.delay_turns,
-        *map(_flat, columns),
+        *map(flat, columns),
         needs_rows=channel.hops is not None or channel.line_of_sight,
         is_relayed=bool(channel.relay),
     )
-
-
-def _flat(column: np.ndarray[Any, Any]) -> Any:  # a memoryview, which is not subscriptable
-    """Return an array as one row of numbers."""
-    return np.ascontiguousarray(column).reshape(-1).data
 
 
 def _places_of(jammer: Jammer, scene: Scene) -> list[tuple[float, ...]]:
@@ -319,15 +303,8 @@ class Outboxes:
     def read(self, slots: Iterable[AgentSlot]) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
         """Return what agents have decided to send, and what of it cannot be sent: by whom, and why."""
         channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
-        outgoing, unsent = list[Outgoing](), list[tuple[AgentSlot, str]]()
-        for slot in slots:
-            outbox = slot.last[0].get("outbox", ())
-            if type(outbox) is list and not outbox:
-                continue
-            messages, flaws = checked_outbox(outbox, slot, channels, teams)
-            outgoing += messages
-            unsent += [(slot, flaw) for flaw in flaws]
-        return outgoing, unsent
+        outboxes = [(slot, slot.last[0].get("outbox", ())) for slot in slots]
+        return checked_outboxes([one for one in outboxes if one[1] != []], channels, teams)
 
     def sent(self, agents: Sequence[IAgent], turn: int) -> list[dict[str, Any]]:
         """Send what was taken, between agents that have moved by now; return its entries in the log."""

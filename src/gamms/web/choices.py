@@ -11,7 +11,7 @@ from typing import Any
 from gamms import recorder
 from gamms.context import Context
 from gamms.errors import BadFile, BadValue, GammsError
-from gamms.game.channels import checked_outbox, receivers_of
+from gamms.game.channels import checked_outboxes, receivers_of
 from gamms.game.deeds import field_of, wanted_deeds
 from gamms.plain import Plain, as_json
 from gamms.text import reason, shown
@@ -275,9 +275,9 @@ def _check_messages(given: Plain, question: Question, ctx: Context | None) -> No
             )
     if given and ctx is not None:
         teams = {agent.name: agent.team for agent in ctx.agent.create_iter()}
-        _, flaws = checked_outbox(given, ctx.agent.get_agent(question.agent), ctx.game.channels, teams)
+        _, flaws = checked_outboxes([(ctx.agent.get_agent(question.agent), given)], ctx.game.channels, teams)
         if flaws:
-            raise RefusedChoice("illegal", flaws[0].partition("]: ")[2])
+            raise RefusedChoice("illegal", flaws[0][1].partition("]: ")[2])
 
 
 # -- recordings ------------------------------------------------------------------------------------------------------

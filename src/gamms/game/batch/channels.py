@@ -7,9 +7,9 @@ import numpy as np
 
 from gamms.arguments import as_key
 from gamms.core import messages as core
-from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
-from gamms.game.channels import Channel, check_receivers, flaw_of, left_after, receivers_of, size_of
+from gamms.game.channels import Channel, bytes_of, flaw_of, receivers_of, refusals, size_of
 from gamms.game.messages import Fates, Scene, fates_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -120,7 +120,6 @@ class Radio(GameLog[list[_Sent]]):
         self.channels, self._roster = channels, roster
         self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
         self._under_way: list[tuple[int, _UnderWay]] = []  # for how many turns more, and what
-        self._have_receivers = set[tuple[Any, ...]]()  # channels, senders and receivers, and who is in the game
 
     # -- sending ------------------------------------------------------------------------------------------------
 
@@ -159,52 +158,25 @@ class Radio(GameLog[list[_Sent]]):
             is_there: (games of the batch, agents) which agents are in the game, dead or alive.
 
         Returns:
-            messages, and of each that cannot be sent the game, the sender, and why; see `checked_outbox`.
+            messages, and of each that cannot be sent the game, the sender, and why; see `refusals`.
         """
         found, flaws, place = list[Outbox](), list[tuple[int, int, str]](), np.zeros(is_there.shape, np.int64)
-        left = dict[tuple[str, int, int], int | None]()
+        left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
         for box in boxes:
-            errors = self._errors(box, is_there, left)
+            channel, sizes = self.channels[box.channel], np.zeros_like(box.at)
+            if channel.max_bytes_per_turn is not None:
+                size_by_id = {
+                    id(body): size_of(to_plain(body)) for body in {id(one): one for one in box.bodies}.values()
+                }
+                sizes[:] = [size_by_id[id(body)] for body in box.bodies]
+            sent = box.at, box.senders, box.to.tolist(), sizes
+            errors = refusals(channel, sent, is_there, self.teams, left[box.channel])
             for row, error in errors.items():
                 game, sender = int(box.at[row]), int(box.senders[row])
                 flaws.append((game, sender, flaw_of(int(place[game, sender]), error)))
             place[box.at, box.senders] += 1
             found.append(box.those(~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
         return found, flaws
-
-    def _errors(
-        self, box: Outbox, is_there: BoolArray, left: dict[tuple[str, int, int], int | None]
-    ) -> dict[int, GammsError]:
-        """Return why messages, by their numbers, cannot be sent; `left` counts how many bytes each agent may send."""
-        errors, sizes, channel = dict[int, GammsError](), dict[int, int](), self.channels[box.channel]
-        is_bounded = channel.max_bytes_per_turn is not None
-        if not is_bounded and all(to is None for to in box.to):
-            return errors
-        there = [b""] * len(is_there) if is_there.all() else [one.tobytes() for one in is_there]
-        ways = [
-            (box.channel, sender, to, there[game])
-            for game, sender, to in zip(box.at.tolist(), box.senders.tolist(), box.to, strict=True)
-        ]
-        if not is_bounded and self._have_receivers.issuperset(ways):
-            return errors
-        for row, (game, way, body) in enumerate(zip(box.at.tolist(), ways, box.bodies, strict=True)):
-            try:
-                if way not in self._have_receivers:
-                    self._check_receivers(channel, *way[1:3], is_there[game])
-                    self._have_receivers.add(way)
-                if is_bounded:
-                    if id(body) not in sizes:
-                        sizes[id(body)] = size_of(to_plain(body))
-                    key = box.channel, game, way[1]
-                    left[key] = left_after(sizes[id(body)], left.get(key, channel.max_bytes_per_turn), channel)
-            except GammsError as error:
-                errors[row] = error
-        return errors
-
-    def _check_receivers(self, channel: Channel, sender: int, to: Hashable, is_there: BoolArray) -> None:
-        if to is not None:
-            there = zip(self.teams.items(), is_there.tolist(), strict=True)
-            check_receivers(to, self._roster.names[sender], channel, dict(one for one, is_here in there if is_here))
 
     def send(self, games: IntArray, scene: Scene, outboxes: Sequence[Outbox]) -> None:
         """Work out who hears what is sent in these games of the scene; what dead agents send is dropped."""
