@@ -22,7 +22,7 @@ def channel(roles, range_m=inf, *, delay=1, loss=(), jammers=(), needs_rows=Fals
     losses = np.array(loss, float).reshape(-1, 2).T
     numbers, x, y, radii = np.array(jammers, float).reshape(-1, 4).T
     columns = (roles, np.uint8), *((one, float) for one in losses), (numbers, np.int64)
-    columns = *columns, (np.stack((x, y), axis=1), float), (radii, float)
+    columns = *columns, (np.stack((x, y, 0.0 * x), axis=1), float), (radii, float)
     flags = {"needs_rows": needs_rows, "is_relayed": is_relayed}
     return messages.Channel(len(roles), range_m, delay, *(flat(*one) for one in columns), **flags)
 

@@ -40,8 +40,8 @@ cdef class Messages:
     cdef u8[::1] is_known, outcomes
 
 
-cdef double distance(Ether ether, i64 row, double x, double y, double z) noexcept nogil
-cdef double distance_between(Ether ether, i64 row, i64 other) noexcept nogil
+@cython.locals(x=double, y=double, z=double)
+cdef double distance(const double[::1] places, i64 k, const double[::1] others, i64 other) noexcept nogil
 @cython.locals(k=Py_ssize_t, slope=double)
 cpdef double chance_at(Channel channel, double far) noexcept nogil
 @cython.locals(base=i64, i=i64, k=Py_ssize_t, jammer=i64, far=double)

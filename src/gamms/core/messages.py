@@ -57,7 +57,7 @@ class Channel:
         distances: (points,) ascending, metres.
         chances: (points,) how probably a transmission over these distances is lost; no points: none is.
         jammers: (jammers,) the agents; -1: it is a place.
-        places: (jammers * 2,) where on the ground those are that are places.
+        places: (jammers * 3,) where those are that are places.
         radii: (jammers,) within how many metres nothing is heard.
     """
 
@@ -173,17 +173,12 @@ class Messages:
         self.arrivals = arrivals
 
 
-def distance(ether: Ether, row: int, x: float, y: float, z: float) -> float:
-    """Return how many metres an agent is from a place."""
-    x = ether.xyz[3 * row] - x
-    y = ether.xyz[3 * row + 1] - y
-    z = ether.xyz[3 * row + 2] - z
+def distance(places: memoryview[float], k: int, others: memoryview[float], other: int) -> float:
+    """Return how many metres are between two places, each the number `k` of some, (x, y, z) one after the other."""
+    x = places[3 * k] - others[3 * other]
+    y = places[3 * k + 1] - others[3 * other + 1]
+    z = places[3 * k + 2] - others[3 * other + 2]
     return sqrt((x * x + y * y) + z * z)
-
-
-def distance_between(ether: Ether, row: int, other: int) -> float:
-    """Return how many metres are between two agents."""
-    return distance(ether, row, ether.xyz[3 * other], ether.xyz[3 * other + 1], ether.xyz[3 * other + 2])
 
 
 def chance_at(channel: Channel, far: float) -> float:
@@ -206,14 +201,15 @@ def jam(channel: Channel, ether: Ether, game: int) -> int:
         ether.jammed[i] = 0
     for k in range(len(channel.jammers)):
         jammer = base + channel.jammers[k]
-        if channel.jammers[k] < 0 or ether.alive[jammer]:
-            for i in range(channel.agents):
-                if channel.jammers[k] < 0:
-                    far = distance(ether, base + i, channel.places[2 * k], channel.places[2 * k + 1], 0.0)
-                else:
-                    far = distance_between(ether, base + i, jammer)
-                if far <= channel.radii[k]:
-                    ether.jammed[i] = 1
+        for i in range(channel.agents):
+            if channel.jammers[k] < 0:
+                far = distance(ether.xyz, base + i, channel.places, k)
+            elif ether.alive[jammer]:
+                far = distance(ether.xyz, base + i, ether.xyz, jammer)
+            else:
+                break
+            if far <= channel.radii[k]:
+                ether.jammed[i] = 1
     return 0
 
 
@@ -221,7 +217,7 @@ def is_in_range(channel: Channel, ether: Ether, row: int, other: int) -> bool:
     """Return whether another agent lives and is within the range of a transmitter."""
     if row == other or not ether.alive[other]:
         return False
-    return distance_between(ether, other, row) <= channel.range_m
+    return distance(ether.xyz, other, ether.xyz, row) <= channel.range_m
 
 
 def find_in_range(channel: Channel, ether: Ether, count: int, reach: memoryview[int]) -> int:
@@ -244,7 +240,7 @@ def is_lost(channel: Channel, ether: Ether, sent: Messages, m: int, by: int, to:
         name = draws.bits_at(draws.turn_key(draws.first_key(ether.names[by], name), 0), 0)
     first = draws.first_key(ether.purposes[base + sent.senders[m]], name)
     bits = draws.bits_at(draws.turn_key(first, ether.turns[sent.games[m]]), sent.numbers[m])
-    return draws.fraction(bits) < chance_at(channel, distance_between(ether, base + to, base + by))
+    return draws.fraction(bits) < chance_at(channel, distance(ether.xyz, base + to, ether.xyz, base + by))
 
 
 def prepare(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:

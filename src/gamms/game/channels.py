@@ -313,12 +313,12 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
     Returns:
         The numbers, where each group begins among the members, and the members, by their numbers in `teams`.
     """
-    number_of: dict[Any, int] = {None: -1}
-    groups = [number_of.setdefault(one, len(number_of) - 1) for one in to]
+    number_of = {one: number for number, one in enumerate(dict.fromkeys([None, *to]), -1)}
     row_of, members, first = {name: row for row, name in enumerate(teams)}, list[int](), [0]
     for one in list(number_of)[1:]:
         members += [row_of[name] for name in receivers_of(one, teams)]
         first.append(len(members))
+    groups = list(map(number_of.__getitem__, to))
     return np.array(groups, np.int64), np.array(first, np.int64), np.array(members, np.int64)
 
 

@@ -249,9 +249,9 @@ def _terms_of(channel: Channel, scene: Scene) -> core.Channel:
     relays = uses if channel.relay is True else matching(channel.relay or (), names, teams)
     weights = np.array((core.USES, core.OVERHEARS, core.RELAYS), np.uint8)
     losses = as_chances(channel.loss, "loss") if channel.loss else np.zeros((0, 2))
-    jammers = np.array([place for jammer in channel.jammers for place in _places_of(jammer, scene)]).reshape(-1, 4)
+    jammers = np.array([place for jammer in channel.jammers for place in _places_of(jammer, scene)]).reshape(-1, 5)
     roles = weights @ np.array((uses, overhears, relays), np.uint8)
-    columns = roles, *losses.T, jammers[:, 0].astype(np.int64), jammers[:, 1:3], jammers[:, 3]
+    columns = roles, *losses.T, jammers[:, 0].astype(np.int64), jammers[:, 1:4], jammers[:, 4]
     return core.Channel(
         len(names),
         np.inf if channel.range_m is None else channel.range_m,
@@ -263,12 +263,12 @@ def _terms_of(channel: Channel, scene: Scene) -> core.Channel:
 
 
 def _places_of(jammer: Jammer, scene: Scene) -> list[tuple[float, ...]]:
-    """Return where a jammer is: the number of an agent or -1, x and y of a place, and the radius."""
+    """Return where a jammer is: the number of an agent or -1, x, y and z of a place, and the radius."""
     if jammer.at is None:
-        wanted = (jammer.team, scene.teams.values()) if jammer.agent is None else (jammer.agent, scene.teams)
-        return [(row, 0.0, 0.0, jammer.radius_m) for row, one in enumerate(wanted[1]) if one == wanted[0]]
+        wanted, known = (jammer.team, scene.teams.values()) if jammer.agent is None else (jammer.agent, scene.teams)
+        return [(row, 0.0, 0.0, 0.0, jammer.radius_m) for row, one in enumerate(known) if one == wanted]
     places = [jammer.at] if isinstance(jammer.at, tuple) else scene.place_of(jammer.at)
-    return [(-1, x, y, jammer.radius_m) for x, y in places]
+    return [(-1, x, y, 0.0, jammer.radius_m) for x, y in places]
 
 
 class Outboxes:
