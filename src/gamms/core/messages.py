@@ -147,7 +147,7 @@ class Messages:
         numbers: (messages,) how many messages the sender has sent before in this turn.
         is_known: (messages,) 1: it is known what becomes of it.
         outcomes: (messages * agents,) `HEARD`, `OVERHEARD`, `LOST`, `JAMMED`, or 0.
-        arrivals: (messages * agents,) the number of the turn, from 1, in which those that hear it do.
+        arrivals: (messages * agents,) the number of the turn, from 1, in which those that hear it do; else 0.
     """
 
     def __init__(
@@ -311,6 +311,7 @@ def note(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
     for i in range(channel.agents):
         state = ether.states[i]
         outcome = 0
+        sent.arrivals[at + i] = 0
         if ether.waves[i]:
             sent.arrivals[at + i] = ether.turns[sent.games[m]] + 1 + ether.waves[i] * channel.delay
             if state & IS_MEANT:

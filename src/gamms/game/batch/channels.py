@@ -71,39 +71,13 @@ class _Sent(NamedTuple):
     """Messages of one channel and turn, (messages,), and what became of them."""
 
     channel: str
-    at: IntArray
+    at: IntArray  # -1: of a game that was forgotten
     turns: IntArray  # numbers of the turns, from 1
     senders: IntArray
     to: np.ndarray[Any, Any]
     bodies: list[Any]
     place: IntArray  # of several messages of a game and turn, that with the smaller number comes first
     fates: Fates
-
-    def under_way(self) -> "_UnderWay":
-        """Return those that are heard."""
-        fates = some_rows(self.fates, np.isin(self.fates.outcomes, (core.HEARD, core.OVERHEARD)))
-        which = fates.messages
-        return _UnderWay(
-            self.channel,
-            self.at[which],
-            self.turns[which],
-            self.senders[which],
-            self.place[which],
-            fates,
-            tuple(self.bodies),
-        )
-
-
-class _UnderWay(NamedTuple):
-    """Messages of one channel for those that hear them; a row for each of both, (rows,)."""
-
-    channel: str
-    at: IntArray
-    turns: IntArray
-    senders: IntArray
-    place: IntArray
-    fates: Fates
-    bodies: tuple[Any, ...]  # by the numbers of messages
 
 
 class Radio(GameLog[list[_Sent]]):
@@ -119,7 +93,7 @@ class Radio(GameLog[list[_Sent]]):
         super().__init__(num_games)
         self.channels, self._roster = channels, roster
         self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
-        self._under_way: list[tuple[int, _UnderWay]] = []  # for how many turns more, and what
+        self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
 
     # -- sending ------------------------------------------------------------------------------------------------
 
@@ -198,9 +172,8 @@ class Radio(GameLog[list[_Sent]]):
                 sent.append(_Sent(name, box.at, turns, senders, box.to, box.bodies, place, fates))
         self._pending.append(sent)
         for one in sent:
-            under_way = one.under_way()
-            last = int((under_way.fates.arrivals - under_way.turns).max(initial=0))
-            self._under_way.append((last, under_way))
+            last = int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0))
+            self._under_way.append((last, one))
 
     def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
         """Return the names of receivers, (games, agents), that are given by their numbers."""
@@ -220,19 +193,21 @@ class Radio(GameLog[list[_Sent]]):
         """Return what agents hear by a channel in the turn that comes; see `Heard`."""
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
-        number, column = places_of(games, len(self._of_game)), places_of(agents, len(self._roster.names))
+        number = places_of(games, len(self._of_game) + 1)  # at last the place of games that were forgotten
+        column = places_of(agents, len(self._roster.names))
         none = np.zeros(0, np.int64)
         found, places = [Heard(none, none, none, [], none, none > 0)], [none]
         for _, sent in self._under_way:
             if sent.channel != channel:
                 continue
-            at, hearers = number[sent.at], column[sent.fates.agents]
-            arrives = (at >= 0) & (hearers >= 0) & (sent.fates.arrivals == turns[at] + 1)
+            fates = sent.fates
+            at, hearers = number[sent.at[fates.messages]], column[fates.agents]
+            arrives = (at >= 0) & (hearers >= 0) & (fates.arrivals == turns[at] + 1)
             rows = np.flatnonzero(arrives & asked[at, hearers])
-            bodies = [sent.bodies[message] for message in sent.fates.messages[rows].tolist()]
-            overheard = sent.fates.outcomes[rows] == core.OVERHEARD
-            found.append(Heard(at[rows], hearers[rows], sent.senders[rows], bodies, sent.turns[rows] - 1, overheard))
-            places.append(sent.place[rows])
+            which, overheard = fates.messages[rows], fates.outcomes[rows] == core.OVERHEARD
+            bodies = [sent.bodies[message] for message in which.tolist()]
+            found.append(Heard(at[rows], hearers[rows], sent.senders[which], bodies, sent.turns[which] - 1, overheard))
+            places.append(sent.place[which])
         heard = joined_rows(found)
         keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
         return some_rows(heard, np.lexsort(keys))
@@ -242,22 +217,29 @@ class Radio(GameLog[list[_Sent]]):
         self.begin(games, entries)
         number = {name: i for i, name in enumerate(self._roster.names)}
         for place, entry in enumerate(entries):
-            for outcome, key in ((core.HEARD, "heard"), (core.OVERHEARD, "overheard")):
-                hearers = [(number[name], arrival) for name, arrival in entry[key].items() if name in number]
-                for hearer, arrival in hearers:
-                    if arrival > turn:
-                        fates = Fates(*(np.full(len(games), one) for one in (0, hearer, outcome, arrival)))
-                        turns, sender = np.full(len(games), entry["turn"]), np.full(len(games), number[entry["sender"]])
-                        places = np.full(len(games), place)
-                        under_way = _UnderWay(entry["channel"], games, turns, sender, places, fates, (entry["body"],))
-                        self._under_way.append((arrival - turn - 1, under_way))
+            arrivals = [
+                (number[name], outcome, arrival)
+                for outcome, key in ((core.HEARD, "heard"), (core.OVERHEARD, "overheard"))
+                for name, arrival in entry[key].items()
+                if name in number
+            ]
+            last = max((arrival for *_, arrival in arrivals), default=0)
+            if last > turn:
+                columns = (np.tile(column, len(games)) for column in np.array(arrivals).T)
+                fates = Fates(np.repeat(np.arange(len(games)), len(arrivals)), *columns)
+                sender, to, bodies = number[entry["sender"]], np.full(len(games), None), [entry["body"]] * len(games)
+                turns, senders, places = (np.full(len(games), one) for one in (entry["turn"], sender, place))
+                sent = _Sent(entry["channel"], games, turns, senders, to, bodies, places, fates)
+                self._under_way.append((last - turn - 1, sent))
 
     # -- the log ------------------------------------------------------------------------------------------------
 
     def forget(self, games: IntArray) -> None:
         """Forget the messages of some games."""
         super().forget(games)
-        self._under_way = [(left, some_rows(sent, ~np.isin(sent.at, games))) for left, sent in self._under_way]
+        for row, (left, sent) in enumerate(self._under_way):
+            at = np.where(np.isin(sent.at, games), -1, sent.at)
+            self._under_way[row] = left, sent._replace(at=at)
 
     def _entries(self, noted: list[_Sent]) -> Iterator[tuple[int, dict[str, Any]]]:
         rows = [row for sent in noted for row in self._written(sent)]
