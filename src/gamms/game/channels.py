@@ -324,14 +324,15 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
 
 def flat(column: np.ndarray[Any, Any]) -> Any:  # a memoryview, which is not subscriptable
     """Return an array as one row of numbers, as the core takes it."""
-    return np.ascontiguousarray(column).reshape(-1).data
+    return column.ravel().data
 
 
 def _checked_message(given: object, sender: Sender, channels: Mapping[str, Channel]) -> Outgoing:
     message = as_mapping(given, "A message")
-    for key in (*_KEYS, *message):
+    for key in _KEYS:
         if key not in message:
             raise BadValue(f"There is no {key!r}; a message has {', '.join(map(repr, _KEYS))}.")
+    for key in message:
         as_known(key, "key of a message:", _KEYS)
     channel = channels.get(as_text(message["channel"], "The channel of a message"))
     if channel is None:

@@ -7,6 +7,7 @@ under way follows from the log.
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple, cast
 
@@ -34,6 +35,7 @@ _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 ANTENNA = np.array((0.0, 0.0, 1.6))  # from an agent on the ground to the end of its sight lines, metres
 _AT_ONCE = 1 << 20  # messages times agents that are worked out together
+_MOST_TERMS = 64  # channels of agents that are kept in numbers
 
 
 class Scene(NamedTuple):
@@ -71,7 +73,7 @@ class Scene(NamedTuple):
         xyz[0, :, :2], ground = graph.positions(ids), graph.ground(ids)
         xyz[0, :, 2] = 0.0 if ground is None else ground.z
         antennas = xyz + ANTENNA
-        for row, agent in enumerate(agents):
+        for row, agent in enumerate(agents if block.flyers or block.travellers else ()):
             position, progress = getattr(agent, "position", None), block.on_edge(block.row_of(agent.name))
             place = None if progress is None else located(graph, progress)
             if position is not None:
@@ -201,9 +203,9 @@ class _Ether:
     def __init__(self, channel: Channel, scene: Scene, senders: IntArray) -> None:
         games, agents = scene.alive.shape
         self._channel, self._scene = channel, scene
-        self._terms = _terms_of(channel, scene)
+        names, jammers = tuple(scene.teams), tuple(place for one in channel.jammers for place in _places_of(one, scene))
+        self._terms = _terms_of(channel, names, tuple(scene.teams.values()), jammers)
         self._purposes = np.zeros((games, agents) if channel.loss else 0, np.uint64)
-        names = list(scene.teams)
         for sender in np.unique(senders).tolist() if channel.loss else ():
             self._purposes[:, sender] = scene.purposes("channel", channel.name, names[sender])
         self._slots = np.full(games * agents, -1)
@@ -241,17 +243,19 @@ class _Ether:
         return reach
 
 
-def _terms_of(channel: Channel, scene: Scene) -> core.Channel:
-    """Return what a channel says of the agents of a scene, in numbers."""
-    names, teams = list(scene.teams), list(scene.teams.values())
+@lru_cache(maxsize=_MOST_TERMS)
+def _terms_of(
+    channel: Channel, names: tuple[str, ...], teams: tuple[Any, ...], jammers: tuple[tuple[float, ...], ...]
+) -> core.Channel:
+    """Return what a channel says of agents of these names and teams, in numbers; see `_places_of`."""
     uses = [channel.is_for(team) for team in teams]
     overhears = matching(channel.eavesdroppers, names, teams)
     relays = uses if channel.relay is True else matching(channel.relay or (), names, teams)
     weights = np.array((core.USES, core.OVERHEARS, core.RELAYS), np.uint8)
-    losses = as_chances(channel.loss, "loss") if channel.loss else np.zeros((0, 2))
-    jammers = np.array([place for jammer in channel.jammers for place in _places_of(jammer, scene)]).reshape(-1, 5)
     roles = weights @ np.array((uses, overhears, relays), np.uint8)
-    columns = roles, *losses.T, jammers[:, 0].astype(np.int64), jammers[:, 1:4], jammers[:, 4]
+    losses = as_chances(channel.loss, "loss") if channel.loss else np.zeros((0, 2))
+    places = np.array(jammers).reshape(-1, 5)
+    columns = roles, *losses.T, places[:, 0].astype(np.int64), places[:, 1:4], places[:, 4]
     return core.Channel(
         len(names),
         np.inf if channel.range_m is None else channel.range_m,
