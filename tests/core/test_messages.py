@@ -60,14 +60,14 @@ def spread(one, games, sent, groups, *, turns=None, names=None, purposes=None, r
     columns = *columns, (turns or [0] * len(games), np.int64)
     while True:
         views = *(flat(*column) for column in columns), slots.data, awaited.data, flat(reach, np.uint8), memory.data
-        ether = messages.Ether(*views, *(part.data for part in np.zeros((2, agents), np.uint8)))
-        number = messages.spread_all(one, ether, box)
+        network = messages.Network(*views, *(part.data for part in np.zeros((2, agents), np.uint8)))
+        number = messages.spread_all(one, network, box)
         if not number:
             break
         listed += awaited[:number].tolist()
         slots[awaited[:number]] = len(reach) + np.arange(number)
         more = np.full((number, agents), 9, np.uint8)
-        messages.find_in_range(one, ether, number, more.reshape(-1).data)
+        messages.find_in_range(one, network, number, more.reshape(-1).data)
         for row, transmitter in zip(more, awaited[:number].tolist(), strict=True):
             row[[agent for agent in range(agents) if agent not in rows.get(transmitter, ())]] = 0
         reach = np.concatenate((reach, more))

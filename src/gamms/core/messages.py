@@ -4,8 +4,9 @@ Messages spread when all agents have moved. First the sender of a message reache
 agents that hear it and pass messages on reach others next, until nobody hears it for the first time. Rows of columns
 are agents, game by game: the row of agent `i` of a game is `game * agents + i`.
 
-A channel may depend on the number of edges between agents, or on sight. A transmitter then needs a row of `Ether.reach`
-that the caller makes: `spread_all` lists the transmitters without one, and is called again when they have it.
+A channel may depend on the number of edges between agents, or on sight. Then a transmitter needs a row of
+`Network.reach` that the caller makes: `spread_all` lists the transmitters without one, and is called again when they
+have it.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Channel:
     Attributes:
         agents: how many a game has.
         range_m: how far a transmission goes; infinite if there is no limit.
-        needs_rows: whether `Ether.reach` says whom a transmitter reaches.
+        needs_rows: whether `Network.reach` says whom a transmitter reaches.
         is_relayed: whether some agents pass messages on.
         delay: how many turns a transmission takes.
         roles: (agents,) sums of `USES`, `OVERHEARS` and `RELAYS`.
@@ -89,8 +90,8 @@ class Channel:
         self.is_relayed = is_relayed
 
 
-class Ether:
-    """Where the agents of games are, and whom they reach.
+class Network:
+    """Where the agents of games are, and whom they reach by a channel.
 
     Attributes:
         xyz: (rows * 3,) where they are, metres.
@@ -194,132 +195,137 @@ def chance_at(channel: Channel, far: float) -> float:
     return slope * (far - channel.distances[k - 1]) + channel.chances[k - 1]
 
 
-def jam(channel: Channel, ether: Ether, game: int) -> int:
+def jam(channel: Channel, network: Network, game: int) -> int:
     """Find the agents of a game that a jammer silences."""
     base = game * channel.agents
     for i in range(channel.agents):
-        ether.jammed[i] = 0
+        network.jammed[i] = 0
     for k in range(len(channel.jammers)):
         jammer = base + channel.jammers[k]
         for i in range(channel.agents):
             if channel.jammers[k] < 0:
-                far = distance(ether.xyz, base + i, channel.places, k)
-            elif ether.alive[jammer]:
-                far = distance(ether.xyz, base + i, ether.xyz, jammer)
+                far = distance(network.xyz, base + i, channel.places, k)
+            elif network.alive[jammer]:
+                far = distance(network.xyz, base + i, network.xyz, jammer)
             else:
                 break
             if far <= channel.radii[k]:
-                ether.jammed[i] = 1
+                network.jammed[i] = 1
     return 0
 
 
-def is_in_range(channel: Channel, ether: Ether, row: int, other: int) -> bool:
+def is_in_range(channel: Channel, network: Network, row: int, other: int) -> bool:
     """Return whether another agent lives and is within the range of a transmitter."""
-    if row == other or not ether.alive[other]:
+    if row == other or not network.alive[other]:
         return False
-    return distance(ether.xyz, other, ether.xyz, row) <= channel.range_m
+    return distance(network.xyz, other, network.xyz, row) <= channel.range_m
 
 
-def find_in_range(channel: Channel, ether: Ether, count: int, reach: memoryview[int]) -> int:
+def find_in_range(channel: Channel, network: Network, count: int, reach: memoryview[int]) -> int:
     """Write which agents are in the range of the first `count` awaited transmitters, (count * agents,)."""
     for k in range(count):
-        row = ether.awaited[k]
+        row = network.awaited[k]
         base = row - row % channel.agents
         for i in range(channel.agents):
-            reach[k * channel.agents + i] = is_in_range(channel, ether, row, base + i)
+            reach[k * channel.agents + i] = is_in_range(channel, network, row, base + i)
     return 0
 
 
-def is_lost(channel: Channel, ether: Ether, sent: Messages, m: int, by: int, to: int) -> bool:
+def is_lost(channel: Channel, network: Network, sent: Messages, m: int, by: int, to: int) -> bool:
     """Return whether chance loses a message between two agents of its game."""
     if not len(channel.distances):
         return False
     base = sent.games[m] * channel.agents
-    name = ether.names[to]
+    name = network.names[to]
     if channel.is_relayed:
-        name = draws.bits_at(draws.turn_key(draws.first_key(ether.names[by], name), 0), 0)
-    first = draws.first_key(ether.purposes[base + sent.senders[m]], name)
-    bits = draws.bits_at(draws.turn_key(first, ether.turns[sent.games[m]]), sent.numbers[m])
-    return draws.fraction(bits) < chance_at(channel, distance(ether.xyz, base + to, ether.xyz, base + by))
+        name = draws.bits_at(draws.turn_key(draws.first_key(network.names[by], name), 0), 0)
+    first = draws.first_key(network.purposes[base + sent.senders[m]], name)
+    bits = draws.bits_at(draws.turn_key(first, network.turns[sent.games[m]]), sent.numbers[m])
+    return draws.fraction(bits) < chance_at(channel, distance(network.xyz, base + to, network.xyz, base + by))
 
 
-def prepare(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
+def prepare(channel: Channel, network: Network, sent: Messages, m: int) -> int:
     """Find whom a message is meant for, and who can hear it."""
     base = sent.games[m] * channel.agents
     for i in range(channel.agents):
-        ether.waves[i] = 0
-        ether.states[i] = channel.roles[i] & MAY_USE if sent.groups[m] < 0 else 0
+        network.waves[i] = 0
+        network.states[i] = channel.roles[i] & MAY_USE if sent.groups[m] < 0 else 0
     for k in range(sent.first[max(sent.groups[m], 0)], sent.first[sent.groups[m] + 1]):  # nothing for everybody
-        ether.states[sent.members[k]] = channel.roles[sent.members[k]] & MAY_USE
+        network.states[sent.members[k]] = channel.roles[sent.members[k]] & MAY_USE
     for i in range(channel.agents):
-        if i == sent.senders[m] or not ether.alive[base + i]:
-            ether.states[i] = 0
-        elif not ether.jammed[i] and (channel.is_relayed or ether.states[i] or channel.roles[i] & MAY_OVERHEAR):
-            ether.states[i] |= CAN_HEAR
+        if i == sent.senders[m] or not network.alive[base + i]:
+            network.states[i] = 0
+        elif not network.jammed[i] and (channel.is_relayed or network.states[i] or channel.roles[i] & MAY_OVERHEAR):
+            network.states[i] |= CAN_HEAR
     return 0
 
 
-def transmit(channel: Channel, ether: Ether, sent: Messages, m: int, wave: int, transmitters: int) -> int:
+def transmit(channel: Channel, network: Network, sent: Messages, m: int, wave: int, transmitters: int) -> int:
     """Let agents transmit a message; return how many transmit it next."""
     base = sent.games[m] * channel.agents
     found = 0
     for k in range(transmitters):
-        by = ether.now[k]
-        at = ether.slots[base + by] * channel.agents
+        by = network.now[k]
+        at = network.slots[base + by] * channel.agents
         for i in range(channel.agents):
-            reaches = ether.reach[at + i] if channel.needs_rows else is_in_range(channel, ether, base + by, base + i)
-            if reaches:
-                ether.states[i] |= IN_REACH
-                if ether.waves[i] == 0 and ether.states[i] & CAN_HEAR and not is_lost(channel, ether, sent, m, by, i):
-                    ether.waves[i] = wave
-                    if channel.roles[i] & MAY_RELAY:
-                        ether.next[found] = i
-                        found += 1
+            if channel.needs_rows:
+                reaches = network.reach[at + i]
+            else:
+                reaches = is_in_range(channel, network, base + by, base + i)
+            if not reaches:
+                continue
+            network.states[i] |= IN_REACH
+            can_hear = network.states[i] & CAN_HEAR and not network.waves[i]
+            if can_hear and not is_lost(channel, network, sent, m, by, i):
+                network.waves[i] = wave
+                if channel.roles[i] & MAY_RELAY:
+                    network.next[found] = i
+                    found += 1
     for k in range(found):
-        ether.now[k] = ether.next[k]
+        network.now[k] = network.next[k]
     return found
 
 
-def spread(channel: Channel, ether: Ether, sent: Messages, m: int, awaited: int) -> int:
+def spread(channel: Channel, network: Network, sent: Messages, m: int, awaited: int) -> int:
     """Find what becomes of a message, unless a row is missing; return how many rows are awaited by now."""
     base = sent.games[m] * channel.agents
-    prepare(channel, ether, sent, m)
-    ether.now[0] = sent.senders[m]
+    prepare(channel, network, sent, m)
+    network.now[0] = sent.senders[m]
     transmitters = 1
     wave = 1
     while transmitters:
         is_waiting = False
         for k in range(transmitters if channel.needs_rows else 0):
-            row = base + ether.now[k]
-            if ether.slots[row] == NO_ROW:
-                ether.slots[row] = AWAITED
-                ether.awaited[awaited] = row
+            row = base + network.now[k]
+            if network.slots[row] == NO_ROW:
+                network.slots[row] = AWAITED
+                network.awaited[awaited] = row
                 awaited += 1
-            if ether.slots[row] == AWAITED:
+            if network.slots[row] == AWAITED:
                 is_waiting = True
         if is_waiting:
             return awaited
-        transmitters = transmit(channel, ether, sent, m, wave, transmitters)
+        transmitters = transmit(channel, network, sent, m, wave, transmitters)
         wave += 1
-    note(channel, ether, sent, m)
+    note(channel, network, sent, m)
     return awaited
 
 
-def note(channel: Channel, ether: Ether, sent: Messages, m: int) -> int:
+def note(channel: Channel, network: Network, sent: Messages, m: int) -> int:
     """Write what becomes of a message."""
     at = m * channel.agents
     for i in range(channel.agents):
-        state = ether.states[i]
+        state = network.states[i]
         outcome = 0
         sent.arrivals[at + i] = 0
-        if ether.waves[i]:
-            sent.arrivals[at + i] = ether.turns[sent.games[m]] + 1 + ether.waves[i] * channel.delay
+        if network.waves[i]:
+            sent.arrivals[at + i] = network.turns[sent.games[m]] + 1 + network.waves[i] * channel.delay
             if state & IS_MEANT:
                 outcome = IS_HEARD
             elif channel.roles[i] & MAY_OVERHEAR:
                 outcome = IS_OVERHEARD
         elif state & IS_MEANT and state & IN_REACH:
-            outcome = IS_JAMMED if ether.jammed[i] else IS_LOST
+            outcome = IS_JAMMED if network.jammed[i] else IS_LOST
         sent.outcomes[at + i] = outcome
     sent.is_known[m] = 1
     return 0
@@ -391,7 +397,7 @@ def count_messages(
     return 0
 
 
-def spread_all(channel: Channel, ether: Ether, sent: Messages) -> int:
+def spread_all(channel: Channel, network: Network, sent: Messages) -> int:
     """Find what becomes of messages; return how many rows of transmitters are awaited, 0 if all is known."""
     game = -1
     awaited = 0
@@ -399,6 +405,6 @@ def spread_all(channel: Channel, ether: Ether, sent: Messages) -> int:
         if not sent.is_known[m]:
             if sent.games[m] != game:
                 game = sent.games[m]
-                jam(channel, ether, game)
-            awaited = spread(channel, ether, sent, m, awaited)
+                jam(channel, network, game)
+            awaited = spread(channel, network, sent, m, awaited)
     return awaited

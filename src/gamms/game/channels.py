@@ -276,7 +276,7 @@ def refusals(
         left: how many bytes agents may still send; see `bytes_of`.
     """
     at, senders, to, sizes = sent
-    if channel.max_bytes_per_turn is None and all(one is None for one in to):
+    if channel.max_bytes_per_turn is None and to.count(None) == len(to):
         return {}
     uses, verdicts = np.array([channel.is_for(team) for team in teams.values()], np.uint8), np.zeros_like(at)
     columns: Any = at, senders, *groups_of(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts

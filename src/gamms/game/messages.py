@@ -171,10 +171,10 @@ def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to
         senders: (messages,) their numbers.
         to: (messages,) of each an agent, a team, or None.
     """
-    ether, numbers = _Ether(channel, scene, senders), np.zeros(len(at), np.int64)
+    network, numbers = _Network(channel, scene, senders), np.zeros(len(at), np.int64)
     groups, first, members = groups_of(to, scene.teams)
     if channel.loss:
-        core.count_messages(at.data, senders.data, ether.rows.data, numbers.data)
+        core.count_messages(at.data, senders.data, network.rows.data, numbers.data)
     at_once, parts = max(1, _AT_ONCE // len(scene.teams)), list[Fates]()
     for begin in range(0, len(at), at_once):
         those = slice(begin, begin + at_once)
@@ -182,13 +182,13 @@ def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to
         outcomes, arrivals = np.empty(shape, np.uint8), np.empty(shape, np.int64)
         written = np.zeros(shape[0], np.uint8), outcomes, arrivals
         columns: Any = at[those], senders[those], groups[those], first, members, numbers[those], *written
-        ether.spread(core.Messages(*map(flat, columns)))
+        network.spread(core.Messages(*map(flat, columns)))
         messages, agents = np.nonzero(outcomes)
         parts.append(Fates(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
     return parts[0] if len(parts) == 1 else Fates(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-class _Ether:
+class _Network:
     """Whom agents reach by a channel.
 
     Args:
@@ -220,19 +220,19 @@ class _Ether:
         while True:
             columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
             known = self._slots, self._awaited, self._reach
-            ether = core.Ether(*map(flat, (*columns, *known, self.rows, *self._bytes)))
-            number = core.spread_all(self._terms, ether, messages)
+            network = core.Network(*map(flat, (*columns, *known, self.rows, *self._bytes)))
+            number = core.spread_all(self._terms, network, messages)
             if not number:
                 break
             transmitters = self._awaited[:number]
             self._slots[transmitters] = len(self._reach) + np.arange(number)
-            self._reach = np.concatenate((self._reach, self._reached(ether, transmitters)))
+            self._reach = np.concatenate((self._reach, self._reached(network, transmitters)))
 
-    def _reached(self, ether: core.Ether, transmitters: IntArray) -> ByteArray:
+    def _reached(self, network: core.Network, transmitters: IntArray) -> ByteArray:
         """Return which agents transmitters reach, (transmitters, agents)."""
         channel, scene, agents = self._channel, self._scene, len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
-        core.find_in_range(self._terms, ether, len(reach), flat(reach))
+        core.find_in_range(self._terms, network, len(reach), flat(reach))
         at, by = np.divmod(transmitters, agents)
         if channel.hops is not None:
             reach &= scene.is_within(at, by, channel.hops)
