@@ -75,7 +75,7 @@ CASES = {
     ("draws", "fill_bits"): rows(U64, I64),
 }
 
-PLAYED = {"agents", "ask", "belief", "conflicts", "contacts", "messages", "moves", "rules", "sight", "turn"}
+PLAYED = {"agents", "ask", "belief", "conflicts", "contacts", "messages", "moves", "rules", "sight", "travel", "turn"}
 
 
 @cache

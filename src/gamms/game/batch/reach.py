@@ -11,10 +11,10 @@ from gamms import kernels
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.roads import OpenRoads, RoadMap, ValuesOfMaps
 from gamms.game.streets import Streets
-from gamms.game.travel import SLACK
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
+SLACK = 1e-9  # of a turn, as `core.travel` has it
 _MOST_KNOWN = 1 << 22  # nodes that are kept
 _COUNTED = 32  # the bits of a choice that say how many nodes it has; those above, where these begin
 

@@ -9,7 +9,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from gamms.errors import NoPath
 from gamms.game.batch.movement import (
     AIMS,
     ENDLESS,
@@ -29,12 +28,13 @@ from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import SHORT
 from gamms.game.streets import Streets
-from gamms.game.travel import ROUNDED, SLACK, no_end, one_way
+from gamms.game.travel import no_way, one_way
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
 
+ROUNDED, SLACK = 1e-12, 1e-9  # of a turn, as `core.travel` has them
 _ALONG = 1 << 62  # actions from here on lead to an end of an edge, and along it; see `ByMetres.along`
 
 
@@ -425,10 +425,8 @@ class Trip:
         self.goes[rows[has_way]] = True
         for i in np.flatnonzero(~has_way).tolist():
             known = columns.node_ids[[end[i], targets[i], here[i]]].tolist()
-            message = str(NoPath(*known[:2]) if may_turn[i] or known[1] != known[2] else one_way(known[2], known[0]))
-            if not is_paced[i]:
-                message = no_end(known[1], known[2], known[0])
-            self._refuse(int(rows[i]), message)
+            why = no_way(known[2], known[0], known[1], is_paced=bool(is_paced[i]), may_turn=bool(may_turn[i]))
+            self._refuse(int(rows[i]), str(why))
 
     def _follow(self, rows: IntArray, ways: IntArray) -> None:
         """Let agents go to an edge by the shortest way by length, and along it."""

@@ -1,0 +1,83 @@
+cimport cython
+
+ctypedef long long i64
+
+cdef extern from "math.h":
+    cpdef double fabs(double x) noexcept nogil
+
+cdef double INFINITE, SLACK, ROUNDED
+cdef i64 FORWARD, BACK, STOPPED
+
+
+@cython.final
+cdef class Roads:
+    cdef const i64[::1] ids, offsets, leaving, patched, patch_offsets, patch, sources, targets
+    cdef const double[::1] lengths, costs, seconds
+    cdef double turn_seconds
+
+    @cython.locals(first=i64, last=i64, middle=i64)
+    cdef Py_ssize_t place(self, i64 node) except -2 nogil
+    @cython.locals(place=i64)
+    cdef Py_ssize_t count(self, i64 node) except -1 nogil
+    @cython.locals(place=i64)
+    cdef Py_ssize_t edge(self, i64 node, i64 number) except -1 nogil
+
+
+@cython.final
+cdef class Reach:
+    cdef i64[::1] nodes, listed, heap, places, seen
+    cdef double[::1] times, when
+    cdef i64 found, search, size, count
+
+
+@cython.final
+cdef class Trips:
+    cdef i64 most
+    cdef i64[::1] node, edge, motion, left, legs, passed, edges, nodes, route
+    cdef double[::1] share, now, speed, pace, begins, ends, since, until, times
+
+
+@cython.locals(found=i64, number=i64, edge=i64)
+cpdef Py_ssize_t cheapest(Roads roads, i64 source, i64 target) except -2 nogil
+@cython.locals(node=i64, length=double, number=i64, other=i64)
+cpdef Py_ssize_t back(Roads roads, i64 edge) except -2 nogil
+@cython.locals(metres=double, pace=double, taken=double, least=double)
+cpdef double turns(Roads roads, i64 edge, double share, double speed) except? -1.0 nogil
+cpdef bint is_endless(Roads roads, double speed) except -1 nogil
+cpdef bint is_going(Roads roads, i64 edge, i64 motion) except -1 nogil
+
+@cython.locals(left=double, is_paced=bint, end=i64, ahead=double, behind=double, may_turn=bint)
+cpdef Py_ssize_t reachable(
+    Roads roads, Reach reach, i64 node, i64 edge, double share, i64 motion, double speed, double now, bint goes_on
+) except -1 nogil
+cdef int list_node(Reach reach, i64 node, double time) except -1 nogil
+@cython.locals(number=i64)
+cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil
+@cython.locals(endless=bint, latest=double, at=i64, number=i64, edge=i64, time=double, one=i64)
+cdef int list_around(Roads roads, Reach reach, i64 node, double speed, double begun, double left) except -1 nogil
+cdef bint comes_before(Roads roads, Reach reach, i64 one, i64 other) except -1 nogil
+@cython.locals(place=i64, above=i64)
+cdef int reach_node(Roads roads, Reach reach, i64 node, double time) except -1 nogil
+@cython.locals(first=i64, node=i64, place=i64, below=i64)
+cdef Py_ssize_t visit_first(Roads roads, Reach reach) except -1 nogil
+
+cpdef Py_ssize_t end_towards(Roads roads, i64 node, i64 edge, i64 target) except -1 nogil
+@cython.locals(cost=double)
+cpdef Py_ssize_t shorter_way(Roads roads, i64 edge, double share, double ahead, double behind) except -1 nogil
+
+cpdef int begin(
+    Trips trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
+) except -1 nogil
+@cython.locals(place=i64)
+cdef int add_leg(Trips trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
+@cython.locals(first=double, last=double, share=double, now=double, takes=double, part=double, stop=double, node=i64, place=i64)
+cdef bint cover(Roads roads, Trips trips, i64 row, i64 edge, i64 motion) except -1 nogil
+cpdef int stand(Trips trips, i64 row) except -1 nogil
+@cython.locals(at=i64, number=i64)
+cpdef Py_ssize_t without_edge(Roads roads, Trips trips, i64 node, i64 count) except -2 nogil
+@cython.locals(speed=double)
+cpdef bint takes_all(Roads roads, Trips trips, i64 row) except -1 nogil
+@cython.locals(at=i64, left=i64, metres=double, edge=i64, number=i64)
+cdef int set_pace(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
+@cython.locals(number=i64, node=i64)
+cpdef bint go(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil

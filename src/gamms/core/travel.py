@@ -1,0 +1,587 @@
+"""Travel by metres: which nodes an agent reaches in a turn, and what it covers of edges on its way.
+
+Agents cover speed times time on each edge, as in microscopic traffic models with a constant speed per edge and without
+interaction (Treiber and Kesting, Traffic Flow Dynamics, 2013, chapter 6). A turn is the time from 0 to 1. Nodes and
+edges have row numbers; where there is none, the number is -1. An agent without a speed has the speed NaN: it goes along
+one edge in a turn, however long that is.
+"""
+
+from __future__ import annotations
+
+from math import fabs
+
+INFINITE = float("inf")
+SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
+ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end arrives at its end
+FORWARD = 1  # as `ir.progress.Motion` has them
+BACK = 2
+STOPPED = 3
+
+
+class Roads:
+    """The edges of a map.
+
+    Attributes:
+        ids: (nodes,) of the nodes; of two that are reached at once the one with the smaller id comes first.
+        offsets: (nodes + 1,) where the edges that leave each node begin in `leaving`.
+        leaving: (edges,) rows of edges, by the node that they leave; those of a node in insertion order.
+        patched: (patched,) rows of nodes that other edges leave, ascending.
+        patch_offsets: (patched + 1,) where the edges that leave these begin in `patch`.
+        patch: rows of edges.
+        sources, targets: (edges,) rows of nodes.
+        lengths: (edges,) metres.
+        costs: (edges,) by which agents choose their ways.
+        seconds: (edges,) that each takes at least; empty where edges have no speed of their own.
+        turn_seconds: how long a turn lasts, in the time of speeds.
+    """
+
+    def __init__(
+        self,
+        ids: memoryview[int],
+        offsets: memoryview[int],
+        leaving: memoryview[int],
+        patched: memoryview[int],
+        patch_offsets: memoryview[int],
+        patch: memoryview[int],
+        sources: memoryview[int],
+        targets: memoryview[int],
+        lengths: memoryview[float],
+        costs: memoryview[float],
+        seconds: memoryview[float],
+        turn_seconds: float,
+    ) -> None:
+        self.ids = ids
+        self.offsets = offsets
+        self.leaving = leaving
+        self.patched = patched
+        self.patch_offsets = patch_offsets
+        self.patch = patch
+        self.sources = sources
+        self.targets = targets
+        self.lengths = lengths
+        self.costs = costs
+        self.seconds = seconds
+        self.turn_seconds = turn_seconds
+
+    def place(self, node: int) -> int:
+        """Return where a node is in `patched`, or -1."""
+        first = 0
+        last = len(self.patched)
+        while first < last:
+            middle = (first + last) >> 1
+            if self.patched[middle] < node:
+                first = middle + 1
+            else:
+                last = middle
+        if first < len(self.patched) and self.patched[first] == node:
+            return first
+        return -1
+
+    def count(self, node: int) -> int:
+        """Return how many edges leave a node."""
+        place = self.place(node)
+        if place < 0:
+            return self.offsets[node + 1] - self.offsets[node]
+        return self.patch_offsets[place + 1] - self.patch_offsets[place]
+
+    def edge(self, node: int, number: int) -> int:
+        """Return one of the edges that leave a node, by its number from 0."""
+        place = self.place(node)
+        if place < 0:
+            return self.leaving[self.offsets[node] + number]
+        return self.patch[self.patch_offsets[place] + number]
+
+
+class Reach:
+    """The nodes in reach of one agent, and scratch to find them; all columns are (nodes,).
+
+    Attributes:
+        nodes: rows, in the order of `state["legal"]`; there are as many as the function that finds them returns.
+        times: when each is reached.
+        listed: the number of the search that has listed each node.
+        found: how many there are.
+        search: the number of the last search.
+        heap, size: nodes to be visited, the first one first.
+        places: where each node is in the heap, from 1; 0: it has not been seen; -1: it has been visited.
+        when: when each node is reached at the soonest.
+        seen, count: nodes that have been seen.
+    """
+
+    def __init__(
+        self,
+        nodes: memoryview[int],
+        times: memoryview[float],
+        listed: memoryview[int],
+        heap: memoryview[int],
+        places: memoryview[int],
+        when: memoryview[float],
+        seen: memoryview[int],
+    ) -> None:
+        self.nodes = nodes
+        self.times = times
+        self.listed = listed
+        self.heap = heap
+        self.places = places
+        self.when = when
+        self.seen = seen
+        self.found = 0
+        self.search = 0
+        self.size = 0
+        self.count = 0
+
+
+class Trips:
+    """The ways of agents through a turn.
+
+    Attributes:
+        most: how many legs a row has room for.
+        node: (rows,) the node that each agent has passed last.
+        edge: (rows,) the edge that it is on; -1: it is on its node.
+        share: (rows,) of the edge, from its source; 0.0 on a node.
+        motion: (rows,) how it moves there, see `ir.progress.Motion`.
+        now: (rows,) the time of the turn.
+        speed: (rows,) metres in the time of speeds; NaN: none.
+        left: (rows,) how many edges it may enter or go on along.
+        pace: (rows,) turns per metre of a way that takes the rest of the turn, however long it is; -1.0: it goes at its
+            speed.
+        legs: (rows,) how many legs there are.
+        edges: (rows * most,) what they lead along.
+        begins, ends: (rows * most,) shares of the edge.
+        since, until: (rows * most,) of the turn.
+        passed: (rows,) how many nodes there are: the one that the agent has passed last, then those that it comes to,
+            also back to the same one.
+        nodes: (rows * (most + 1),) these nodes.
+        times: (rows * (most + 1),) when the agent is at each.
+        route: rows of nodes that an agent is to go along; see `go`.
+    """
+
+    def __init__(
+        self,
+        most: int,
+        node: memoryview[int],
+        edge: memoryview[int],
+        motion: memoryview[int],
+        left: memoryview[int],
+        legs: memoryview[int],
+        passed: memoryview[int],
+        share: memoryview[float],
+        now: memoryview[float],
+        speed: memoryview[float],
+        pace: memoryview[float],
+        edges: memoryview[int],
+        begins: memoryview[float],
+        ends: memoryview[float],
+        since: memoryview[float],
+        until: memoryview[float],
+        nodes: memoryview[int],
+        times: memoryview[float],
+        route: memoryview[int],
+    ) -> None:
+        self.most = most
+        self.node = node
+        self.edge = edge
+        self.motion = motion
+        self.left = left
+        self.legs = legs
+        self.passed = passed
+        self.share = share
+        self.now = now
+        self.speed = speed
+        self.pace = pace
+        self.edges = edges
+        self.begins = begins
+        self.ends = ends
+        self.since = since
+        self.until = until
+        self.nodes = nodes
+        self.times = times
+        self.route = route
+
+
+# -- edges -----------------------------------------------------------------------------------------------------------
+
+
+def cheapest(roads: Roads, source: int, target: int) -> int:
+    """Return the cheapest edge from one node to another, of equal ones the first; -1: there is none."""
+    found = -1
+    for number in range(roads.count(source)):
+        edge = roads.edge(source, number)
+        if roads.targets[edge] == target and (found < 0 or roads.costs[edge] < roads.costs[found]):
+            found = edge
+    return found
+
+
+def back(roads: Roads, edge: int) -> int:
+    """Return the edge by which one turns round, the first that leads back and is as long; -1: there is none."""
+    node = roads.targets[edge]
+    length = roads.lengths[edge]
+    for number in range(roads.count(node)):
+        other = roads.edge(node, number)
+        if roads.targets[other] == roads.sources[edge] and fabs(roads.lengths[other] - length) <= SLACK * length:
+            return other
+    return -1
+
+
+def turns(roads: Roads, edge: int, share: float, speed: float) -> float:
+    """Return how many turns a share of an edge takes at a speed."""
+    if speed != speed:  # noqa: PLR0124 - NaN
+        return share
+    metres = share * roads.lengths[edge]
+    pace = speed * roads.turn_seconds
+    taken = INFINITE
+    if speed == INFINITE or metres == 0.0:
+        taken = 0.0
+    elif pace > 0.0:
+        taken = metres / pace
+    if len(roads.seconds) > 0:
+        least = share * roads.seconds[edge] / roads.turn_seconds
+        if least > taken:
+            return least
+    return taken
+
+
+def is_endless(roads: Roads, speed: float) -> bool:
+    """Return whether any distance can be covered in a turn at a speed."""
+    return speed == INFINITE and len(roads.seconds) == 0
+
+
+def is_going(roads: Roads, edge: int, motion: int) -> bool:
+    """Return whether an agent is on its way along an edge, or back where one may turn round on it."""
+    return motion == FORWARD or (motion == BACK and back(roads, edge) >= 0)
+
+
+# -- what is in reach ------------------------------------------------------------------------------------------------
+
+
+def reachable(
+    roads: Roads,
+    reach: Reach,
+    node: int,
+    edge: int,
+    share: float,
+    motion: int,
+    speed: float,
+    now: float,
+    goes_on: bool,
+) -> int:
+    """Find the nodes that an agent may go to, and return how many there are.
+
+    These are the nodes next to where it is, then those in reach in this turn, the nearest first. An agent on an edge
+    may go to both of its ends; without a speed to these alone.
+
+    Args:
+        roads: the map.
+        reach: gets the nodes.
+        node: the one that the agent has passed last.
+        edge: the one that it is on; -1: it is on its node.
+        share: of the edge that is behind it.
+        motion: how it moves there.
+        speed: of the agent.
+        now: the time of the turn.
+        goes_on: whether an agent that is on its way along an edge goes on to the end of it first.
+    """
+    reach.search += 1
+    reach.found = 0
+    left = 1.0 - now
+    is_paced = speed == speed  # noqa: PLR0124 - NaN
+    if edge < 0:
+        list_near(roads, reach, node)
+        if is_paced:
+            list_around(roads, reach, node, speed, 0.0, left)
+        return reach.found
+    end = roads.targets[edge]
+    ahead = turns(roads, edge, 1.0 - share, speed)
+    behind = turns(roads, edge, share, speed)
+    may_turn = back(roads, edge) >= 0
+    if goes_on and (motion == FORWARD or (motion == BACK and may_turn)):
+        if motion == BACK:
+            end = node
+            ahead = behind
+        list_near(roads, reach, end)
+        if is_paced:
+            list_around(roads, reach, end, speed, ahead, left)
+        return reach.found
+    if may_turn:
+        list_node(reach, node, 0.0)
+    list_node(reach, end, 0.0)
+    if is_paced:
+        list_near(roads, reach, end)
+        if may_turn:
+            list_near(roads, reach, node)
+        list_around(roads, reach, end, speed, ahead, left)
+        if may_turn:
+            list_around(roads, reach, node, speed, behind, left)
+    return reach.found
+
+
+def list_node(reach: Reach, node: int, time: float) -> int:
+    """Append a node that is reached at a time, unless it is listed."""
+    if reach.listed[node] != reach.search:
+        reach.listed[node] = reach.search
+        reach.nodes[reach.found] = node
+        reach.times[reach.found] = time
+        reach.found += 1
+    return 0
+
+
+def list_near(roads: Roads, reach: Reach, node: int) -> int:
+    """Append a node and those next to it."""
+    list_node(reach, node, 0.0)
+    for number in range(roads.count(node)):
+        list_node(reach, roads.targets[roads.edge(node, number)], 0.0)
+    return 0
+
+
+def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: float, left: float) -> int:
+    """Append the nodes within what is left of a turn from a node, where the agent is after a part of it.
+
+    They are appended as they are reached, but in the order of their rows if any distance can be covered.
+    """
+    endless = is_endless(roads, speed)
+    latest = left + SLACK
+    reach.size = 0
+    reach.count = 0
+    reach_node(roads, reach, node, begun)
+    while reach.size > 0:
+        at = visit_first(roads, reach)
+        if not endless:
+            list_node(reach, at, reach.when[at])
+        for number in range(roads.count(at)):
+            edge = roads.edge(at, number)
+            if not endless:
+                time = reach.when[at] + turns(roads, edge, 1.0, speed)
+                if time <= latest:
+                    reach_node(roads, reach, roads.targets[edge], time)
+            elif roads.lengths[edge] < INFINITE:
+                reach_node(roads, reach, roads.targets[edge], begun)
+    if endless:
+        for one in range(len(roads.ids)):
+            if reach.places[one] < 0:
+                list_node(reach, one, 0.0)
+    for number in range(reach.count):
+        reach.places[reach.seen[number]] = 0
+    return 0
+
+
+def comes_before(roads: Roads, reach: Reach, one: int, other: int) -> bool:
+    """Return whether a node is reached before another; of two at once the one with the smaller id is."""
+    if reach.when[one] != reach.when[other]:
+        return reach.when[one] < reach.when[other]
+    return roads.ids[one] < roads.ids[other]
+
+
+def reach_node(roads: Roads, reach: Reach, node: int, time: float) -> int:
+    """Note that a node can be reached at a time."""
+    place = reach.places[node]
+    if place < 0 or (place > 0 and reach.when[node] <= time):
+        return 0
+    if place == 0:
+        reach.seen[reach.count] = node
+        reach.count += 1
+        reach.size += 1
+        place = reach.size
+    reach.when[node] = time
+    while place > 1:
+        above = reach.heap[(place >> 1) - 1]
+        if not comes_before(roads, reach, node, above):
+            break
+        reach.heap[place - 1] = above
+        reach.places[above] = place
+        place = place >> 1
+    reach.heap[place - 1] = node
+    reach.places[node] = place
+    return 0
+
+
+def visit_first(roads: Roads, reach: Reach) -> int:
+    """Take the first node from the heap and return it."""
+    first = reach.heap[0]
+    reach.places[first] = -1
+    node = reach.heap[reach.size - 1]
+    reach.size -= 1
+    place = 1
+    while 2 * place <= reach.size:
+        below = 2 * place
+        if below < reach.size and comes_before(roads, reach, reach.heap[below], reach.heap[below - 1]):
+            below += 1
+        if not comes_before(roads, reach, reach.heap[below - 1], node):
+            break
+        reach.heap[place - 1] = reach.heap[below - 1]
+        reach.places[reach.heap[place - 1]] = place
+        place = below
+    if reach.size > 0:
+        reach.heap[place - 1] = node
+        reach.places[node] = place
+    return first
+
+
+# -- where to --------------------------------------------------------------------------------------------------------
+
+
+def end_towards(roads: Roads, node: int, edge: int, target: int) -> int:
+    """Return the motion of an agent on an edge towards a node that is an end of it; 0: it is none.
+
+    `node` is the one that the agent has passed last; it is an end where the agent may turn round.
+    """
+    if target == roads.targets[edge]:
+        return FORWARD
+    if target == node and back(roads, edge) >= 0:
+        return BACK
+    return 0
+
+
+def shorter_way(roads: Roads, edge: int, share: float, ahead: float, behind: float) -> int:
+    """Return the motion of an agent on an edge that goes the shorter way, of equal ones the one on; 0: there is none.
+
+    Args:
+        roads: the map.
+        edge: that the agent is on.
+        share: of the edge that is behind it.
+        ahead: what the way costs from the end of the edge.
+        behind: what it costs from the source.
+    """
+    cost = roads.costs[edge]
+    ahead = (1.0 - share) * cost + ahead
+    behind = share * cost + behind if back(roads, edge) >= 0 else INFINITE
+    if behind < ahead:
+        return BACK
+    return FORWARD if ahead < INFINITE else 0
+
+
+# -- through the turn ------------------------------------------------------------------------------------------------
+
+
+def begin(
+    trips: Trips, row: int, node: int, edge: int, share: float, motion: int, now: float, speed: float, left: int
+) -> int:
+    """Put an agent where it is when it sets out; see `Trips` for the arguments."""
+    trips.node[row] = node
+    trips.edge[row] = edge
+    trips.share[row] = share if edge >= 0 else 0.0
+    trips.motion[row] = motion
+    trips.now[row] = now
+    trips.speed[row] = speed
+    trips.left[row] = 1 if speed != speed else left  # noqa: PLR0124 - NaN
+    trips.pace[row] = -1.0
+    trips.legs[row] = 0
+    trips.passed[row] = 1
+    trips.nodes[row * (trips.most + 1)] = node
+    trips.times[row * (trips.most + 1)] = now
+    return 0
+
+
+def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: float) -> int:
+    """Let an agent cover a part of an edge from now until a time."""
+    place = row * trips.most + trips.legs[row]
+    trips.edges[place] = edge
+    trips.begins[place] = begin
+    trips.ends[place] = end
+    trips.since[place] = trips.now[row]
+    trips.until[place] = until
+    trips.legs[row] += 1
+    trips.now[row] = until
+    return 0
+
+
+def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
+    """Let an agent go along an edge from where it is on it; return whether it gets to the end before the turn is over.
+
+    `motion` is BACK on the way to the source of the edge, else FORWARD.
+    """
+    first = trips.share[row]
+    last = 0.0 if motion == BACK else 1.0
+    share = fabs(last - first)
+    now = trips.now[row]
+    if trips.pace[row] >= 0.0:
+        takes = share * roads.lengths[edge] * trips.pace[row]
+    else:
+        takes = turns(roads, edge, share, trips.speed[row])
+    if now + takes > 1.0 + SLACK:
+        trips.left[row] = 0
+        part = share * (1.0 - now) / takes if takes < INFINITE else 0.0
+        stop = first + part if last > first else first - part
+        if part > 0.0 and 0.0 < stop < 1.0:
+            add_leg(trips, row, edge, first, stop, 1.0)
+            trips.edge[row] = edge
+            trips.share[row] = stop
+            trips.motion[row] = FORWARD if last > first else BACK
+        return False
+    trips.left[row] -= 1
+    add_leg(trips, row, edge, first, last, now + takes if now + takes < 1.0 - ROUNDED else 1.0)
+    node = roads.sources[edge] if motion == BACK else roads.targets[edge]
+    place = row * (trips.most + 1) + trips.passed[row]
+    trips.nodes[place] = node
+    trips.times[place] = trips.now[row]
+    trips.passed[row] += 1
+    trips.node[row] = node
+    trips.edge[row] = -1
+    trips.share[row] = 0.0
+    return True
+
+
+def stand(trips: Trips, row: int) -> int:
+    """Let an agent that is on an edge stand there for the rest of the turn."""
+    if trips.edge[row] >= 0 and trips.now[row] < 1.0:
+        add_leg(trips, row, trips.edge[row], trips.share[row], trips.share[row], 1.0)
+    return 0
+
+
+def without_edge(roads: Roads, trips: Trips, node: int, count: int) -> int:
+    """Return the number of the first node of a route to which no edge leads from the one before; -1: there is none."""
+    at = node
+    for number in range(count):
+        if trips.route[number] != at and cheapest(roads, at, trips.route[number]) < 0:
+            return number
+        at = trips.route[number]
+    return -1
+
+
+def takes_all(roads: Roads, trips: Trips, row: int) -> bool:
+    """Return whether the way of an agent takes the rest of the turn, however long it is."""
+    speed = trips.speed[row]
+    return speed != speed or is_endless(roads, speed)  # noqa: PLR0124 - NaN
+
+
+def set_pace(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> int:
+    """Work out the pace of an agent whose way takes the rest of the turn; see `go` for the arguments."""
+    at = trips.node[row]
+    left = trips.left[row]
+    metres = 0.0
+    if trips.edge[row] >= 0:
+        edge = trips.edge[row]
+        metres = fabs((0.0 if motion == BACK else 1.0) - trips.share[row]) * roads.lengths[edge]
+        at = roads.sources[edge] if motion == BACK else roads.targets[edge]
+        left -= 1
+    for number in range(count):
+        if trips.route[number] != at and left > 0:
+            metres += roads.lengths[cheapest(roads, at, trips.route[number])]
+            at = trips.route[number]
+            left -= 1
+    trips.pace[row] = (1.0 - trips.now[row]) / metres if metres > 0.0 else 0.0
+    return 0
+
+
+def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
+    """Let an agent go to an end of its edge, if it is on one, and on along a route; return whether it may go on.
+
+    An agent whose way takes the rest of the turn needs the whole of its route at once.
+
+    Args:
+        roads: the map.
+        trips: has the nodes of the route, with an edge from each to the next; a node twice in a row is no pause. It
+            gets the legs: there is room for two more than the route has nodes.
+        row: of the agent.
+        motion: of an agent on an edge: BACK, or FORWARD.
+        count: how many nodes the route has.
+    """
+    if trips.pace[row] < 0.0 and takes_all(roads, trips, row):
+        set_pace(roads, trips, row, motion, count)
+    if trips.edge[row] >= 0 and not cover(roads, trips, row, trips.edge[row], motion):
+        return False
+    for number in range(count):
+        node = trips.route[number]
+        if node == trips.node[row]:
+            continue
+        if trips.left[row] <= 0 or not cover(roads, trips, row, cheapest(roads, trips.node[row], node), FORWARD):
+            return False
+    return trips.left[row] > 0
