@@ -55,12 +55,16 @@ cdef int list_node(Reach reach, i64 node, double time) except -1 nogil
 cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil
 @cython.locals(endless=bint, latest=double, at=i64, number=i64, edge=i64, time=double, one=i64)
 cdef int list_around(Roads roads, Reach reach, i64 node, double speed, double begun, double left) except -1 nogil
+@cython.locals(number=i64)
+cdef int forget_seen(Reach reach) except -1 nogil
 cdef bint comes_before(Roads roads, Reach reach, i64 one, i64 other) except -1 nogil
 @cython.locals(place=i64, above=i64)
 cdef int reach_node(Roads roads, Reach reach, i64 node, double time) except -1 nogil
 @cython.locals(first=i64, node=i64, place=i64, below=i64)
 cdef Py_ssize_t visit_first(Roads roads, Reach reach) except -1 nogil
 
+@cython.locals(edge=i64, latest=double, found=bint, at=i64, number=i64, cost=double)
+cpdef bint is_only_way(Roads roads, Reach reach, i64 source, i64 target) except -1 nogil
 cpdef Py_ssize_t end_towards(Roads roads, i64 node, i64 edge, i64 target) except -1 nogil
 @cython.locals(cost=double)
 cpdef Py_ssize_t shorter_way(Roads roads, i64 edge, double share, double ahead, double behind) except -1 nogil

@@ -358,6 +358,11 @@ def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: floa
         for one in range(len(roads.ids)):
             if reach.places[one] < 0:
                 list_node(reach, one, 0.0)
+    return forget_seen(reach)
+
+
+def forget_seen(reach: Reach) -> int:
+    """End a search."""
     for number in range(reach.count):
         reach.places[reach.seen[number]] = 0
     return 0
@@ -413,6 +418,28 @@ def visit_first(roads: Roads, reach: Reach) -> int:
         reach.heap[place - 1] = node
         reach.places[node] = place
     return first
+
+
+def is_only_way(roads: Roads, reach: Reach, source: int, target: int) -> bool:
+    """Return whether an edge leads from a node to another, and any other path there costs more, whatever is rounded."""
+    edge = cheapest(roads, source, target)
+    if edge < 0 or not roads.costs[edge] < INFINITE:
+        return False
+    latest = roads.costs[edge] * (1.0 + SLACK)
+    reach.size = 0
+    reach.count = 0
+    found = True
+    reach_node(roads, reach, source, 0.0)
+    while found and reach.size > 0:
+        at = visit_first(roads, reach)
+        for number in range(roads.count(at)):
+            edge = roads.edge(at, number)
+            cost = reach.when[at] + roads.costs[edge]
+            if cost <= latest and (at != source or roads.targets[edge] != target):
+                found = found and roads.targets[edge] != target
+                reach_node(roads, reach, roads.targets[edge], cost)
+    forget_seen(reach)
+    return found
 
 
 # -- where to --------------------------------------------------------------------------------------------------------
@@ -486,7 +513,7 @@ def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: 
 def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
     """Let an agent go along an edge from where it is on it; return whether it gets to the end before the turn is over.
 
-    `motion` is BACK on the way to the source of the edge, else FORWARD.
+    One that does not stands where it is then. `motion` is BACK on the way to the source of the edge, else FORWARD.
     """
     first = trips.share[row]
     last = 0.0 if motion == BACK else 1.0
@@ -497,7 +524,6 @@ def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
     else:
         takes = turns(roads, edge, share, trips.speed[row])
     if now + takes > 1.0 + SLACK:
-        trips.left[row] = 0
         part = share * (1.0 - now) / takes if takes < INFINITE else 0.0
         stop = first + part if last > first else first - part
         if part > 0.0 and 0.0 < stop < 1.0:
@@ -505,6 +531,7 @@ def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
             trips.edge[row] = edge
             trips.share[row] = stop
             trips.motion[row] = FORWARD if last > first else BACK
+        stand(trips, row)
         return False
     trips.left[row] -= 1
     add_leg(trips, row, edge, first, last, now + takes if now + takes < 1.0 - ROUNDED else 1.0)
@@ -520,7 +547,8 @@ def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
 
 
 def stand(trips: Trips, row: int) -> int:
-    """Let an agent that is on an edge stand there for the rest of the turn."""
+    """Let an agent stand where it is for the rest of the turn."""
+    trips.left[row] = 0
     if trips.edge[row] >= 0 and trips.now[row] < 1.0:
         add_leg(trips, row, trips.edge[row], trips.share[row], trips.share[row], 1.0)
     return 0

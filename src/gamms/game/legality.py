@@ -241,7 +241,7 @@ class Legality:
 def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
     """Return a way as an action; it began on an edge, or on a node."""
     path, times, legs, progress = way
-    return ResolvedAction(path[-1], path, times=times, progress=progress, legs=legs, begun=begun)
+    return ResolvedAction(path[-1], path, (), times, progress, legs, begun)
 
 
 def edges_within(budget: Any) -> Any:

@@ -5,8 +5,8 @@ there. `Travel` says where agents of the game of a context may go and where they
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain, islice
-from math import nan
+from itertools import chain
+from math import inf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,16 +98,30 @@ class Trips:
         """Return all columns by their names."""
         return {name: column for name, column in vars(self).items() if isinstance(column, np.ndarray)}
 
-    def views(self) -> dict[str, Any]:
-        """Return all columns in one piece; what is read of them one by one is a number of Python."""
-        return {name: column.reshape(-1).data for name, column in self.columns().items()}
-
     def with_room(self, most: int) -> "Trips":
         """Return the same with room for more."""
         found = Trips(len(self.node), most)
         columns = found.columns()
         for name, column in self.columns().items():
             columns[name][..., : column.shape[-1]] = column
+        return found
+
+
+class _EdgeIds(dict[int, tuple[int, int, int, int | None]]):
+    """Row of an edge -> the ids of the nodes it leads from and to, its own, and that of the one back.
+
+    NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
+    """
+
+    def __init__(self, columns: GraphColumns, roads: core.Roads) -> None:
+        super().__init__()
+        self._columns, self._roads = columns, roads
+
+    def __missing__(self, row: int) -> tuple[int, int, int, int | None]:
+        columns, back = self._columns, core.back(self._roads, row)
+        source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
+        of = columns.edge_ids.item
+        found = self[row] = source, target, of(row), None if back < 0 else of(back)
         return found
 
 
@@ -124,18 +138,19 @@ class Roads:
     Attributes:
         map: what the core takes.
         ids: of the nodes, by row.
+        edge_ids: of edges, by row.
     """
 
     def __init__(
         self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
     ) -> None:
         self._graph, self._weight, self._columns = graph, weight, columns
-        self.map = map_of(columns, graph.weights(weight), seconds, turn_seconds)
+        self._costs = graph.weights(weight)
+        self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self.ids: list[int] = columns.node_ids.tolist()
         self._row_of = {id: row for row, id in enumerate(self.ids)}
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        # NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
-        self._ends: dict[int, tuple[int, int, int, int | None]] = {}  # by the row of an edge; those that were asked for
+        self.edge_ids = _EdgeIds(columns, self.map)
         self._lines: dict[int, Line] = {}  # by the id of an edge
         self._begins: dict[tuple[int, int], list[int]] = {}  # by source and target: the path, or its first nodes
         self._distances: dict[tuple[int, int], float] = {}  # by source and target
@@ -168,21 +183,6 @@ class Roads:
         if row is None:
             raise UnknownName("edge", place.edge)
         return row
-
-    def ends(self, edge: int) -> tuple[int, int, int, int | None]:
-        """Return the ids of the ends of an edge by its row, its own, and that of the one by which one turns round."""
-        found = self._ends.get(edge)
-        if found is None:
-            columns, back = self._columns, core.back(self.map, edge)
-            source, target = self.ids[columns.sources[edge]], self.ids[columns.targets[edge]]
-            ids = columns.edge_ids
-            found = self._ends[edge] = source, target, ids.item(edge), None if back < 0 else ids.item(back)
-        return found
-
-    def leg(self, edge: int, begin: float, end: float, since: float, until: float) -> Leg:
-        """Return what an agent covers of an edge, by its row, from one time to another."""
-        source, target, id, back = self.ends(edge)
-        return Leg(source, target, id, begin, end, since, until, back)
 
     def located(self, place: Progress) -> OnEdge | None:
         """Return what `typing.on_edges.located` does."""
@@ -226,21 +226,36 @@ class Roads:
         while source != target:
             begin = self._begins.get((source, target))
             if begin is None:
-                try:
-                    ids = self._graph.shortest_path(source, target, self._weight, most_edges=most_edges)[1:]
-                except NoPath as error:
-                    raise BadValue(str(error)) from None
-                self._keep(len(ids))
-                begin = self._begins[source, target] = [self._row_of[id] for id in ids]
+                begin = self._begin(source, target, most_edges)
+                self._keep(len(begin))
+                self._begins[source, target] = begin
             yield begin
             source, most_edges = self.ids[begin[-1]], 2 * most_edges
+
+    def _begin(self, source: int, target: int, most_edges: int) -> list[int]:
+        """Return the rows of the first nodes behind `source` on the shortest path to `target`."""
+        if self._is_next(source, target):
+            return [self.row(target)]
+        try:
+            path = self._graph.shortest_path(source, target, self._weight, most_edges=most_edges)
+        except NoPath as error:
+            raise BadValue(str(error)) from None
+        return [*map(self.row, path[1:])]
+
+    def _is_next(self, source: int, target: int) -> bool:
+        """Return whether an edge is the shortest path to a node, which is usual and found in less time than paths."""
+        return core.is_only_way(self.map, self._reach.core, self.row(source), self.row(target))
 
     def distance(self, source: int, target: int) -> float:
         """Return the distance from one node to another by the weight of the game; infinite where there is no path."""
         found = self._distances.get((source, target))
         if found is None:
+            if self._is_next(source, target):
+                found = self._costs.item(core.cheapest(self.map, self.row(source), self.row(target)))
+            else:
+                found = self._graph.distance(source, target, self._weight)
             self._keep(1)
-            found = self._distances[source, target] = self._graph.distance(source, target, self._weight)
+            self._distances[source, target] = found
         return found
 
     def _keep(self, nodes: int) -> None:
@@ -297,7 +312,7 @@ class Travel:
         self._key: tuple[Any, ...] = ()
         self.now = 0.0
         self._trips = Trips(1, _FIRST_ROOM)
-        self._views = self._trips.views()
+        self._make_room(_FIRST_ROOM)
 
     @property
     def roads(self) -> Roads:
@@ -338,14 +353,13 @@ class Travel:
         if place is None:
             return Way((here,), (self.now,), (), None)
         roads = self.roads
-        self._begin(roads, place._replace(motion=Motion.STOPPED), here, 0.0)
+        self._begin(roads, place._replace(motion=Motion.STOPPED), here, None)
+        core.stand(self._trips.core, 0)
         return self._ended(roads)
 
     def go_on(self, place: Progress, here: int, speed: float | None) -> Way:
         """Return the way of an agent that is on its way along an edge, and goes on to the end that it heads for."""
-        roads = self.roads
-        self._begin(roads, place, here, speed)
-        return self._go(roads, Motion.BACK if place.motion == Motion.BACK else Motion.FORWARD, iter(()))
+        return self._go(place, here, speed, place.motion)
 
     def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> Way:
         """Return the way along nodes that follow each other, as far as the turn goes.
@@ -367,8 +381,7 @@ class Travel:
         flaw = core.without_edge(roads.map, self._trips.core, roads.row(at), len(rows))
         if flaw >= 0:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
-        self._begin(roads, place, here, speed)
-        return self._go(roads, motion, iter((rows,)))
+        return self._go(place, here, speed, motion, (rows,))
 
     def towards(self, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
         """Return the way towards a node, by the shortest path, as far as the turn goes.
@@ -380,41 +393,44 @@ class Travel:
         if place is None:
             if target == here:
                 return self.stay(None, here)
-            self._refuse_far(here, target, speed)
-            self._begin(roads, None, here, speed)
-            return self._go(roads, Motion.FORWARD, roads.path(here, target))
+            if speed is None:
+                self._refuse_far(here, target)
+            return self._go(None, here, speed, route=roads.path(here, target))
         edge = roads.of(place)
         motion = core.end_towards(roads.map, roads.row(here), edge, roads.row(target))
-        nodes: Iterator[list[int]] = iter(())
-        if motion == 0:
-            if speed is not None:
-                ahead, behind = roads.distance(place.target, target), roads.distance(here, target)
-                motion = core.shorter_way(roads.map, edge, place.share, ahead, behind)
-            if motion == 0:
-                may_turn = core.back(roads.map, edge) >= 0
-                raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
-            nodes = roads.path(here if motion == Motion.BACK else place.target, target)
-        self._begin(roads, place, here, speed)
-        return self._go(roads, motion, nodes)
+        if motion:
+            return self._go(place, here, speed, motion)
+        if speed is not None:
+            ahead, behind = roads.distance(place.target, target), roads.distance(here, target)
+            motion = core.shorter_way(roads.map, edge, place.share, ahead, behind)
+        if not motion:
+            may_turn = core.back(roads.map, edge) >= 0
+            raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
+        return self._go(place, here, speed, motion, roads.path(here if motion == Motion.BACK else place.target, target))
 
-    def _refuse_far(self, here: int, target: int, speed: float | None) -> None:
+    def _refuse_far(self, here: int, target: int) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
-        if speed is None and target not in near:
+        if target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
     # -- what the core is asked -------------------------------------------------------------------------------------
 
     def _make_room(self, most: int) -> None:
         """Get memory for ways of so many legs, and keep what was written."""
-        self._trips = self._trips.with_room(most)
-        self._views = self._trips.views()
+        self._trips = trips = self._trips.with_room(most)
+        # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
+        columns = trips.edges, trips.begins, trips.ends, trips.since, trips.until
+        self._legs = [column[0].data for column in columns]
+        self._counts, self._passed, self._route = trips.legs.data, trips.passed.data, trips.route.data
+        self._nodes, self._times = trips.nodes[0].data, trips.times[0].data
+        self._edge, self._share, self._motion = trips.edge.data, trips.share.data, trips.motion.data
 
     def _put_route(self, rows: Sequence[int]) -> None:
         """Write a part of a route for the core, and make room for what comes of it."""
-        needed = self._views["legs"][0] + len(rows) + 2
+        needed = self._counts[0] + len(rows) + 2
         if needed > self._trips.most:
             self._make_room(2 * needed)
-        route = self._views["route"]
+        route = self._route
         for place, row in enumerate(rows):
             route[place] = row
 
@@ -424,35 +440,55 @@ class Travel:
         pace, most = nan if speed is None else speed, 1 if self._settings.decide == "arrival" else ENDLESS
         core.begin(self._trips.core, 0, roads.row(here), edge, share, motion, self.now, pace, most)
 
-    def _go(self, roads: Roads, motion: int, route: Iterator[list[int]]) -> Way:
-        """Let the agent whose way has begun go along a route, a part of it after the other, until the turn is over."""
-        parts: Iterable[Sequence[int]] = route
-        if self._views["edge"][0] >= 0:
-            parts = chain(((),), route)
-        if self._views["left"][0] == 1:
-            parts = islice(parts, 1)
-        elif core.takes_all(roads.map, self._trips.core, 0):
-            parts = ([*chain.from_iterable(parts)],)
-        for rows in parts:
+    def _go(
+        self,
+        place: Progress | None,
+        here: int,
+        speed: float | None,
+        motion: int = Motion.FORWARD,
+        route: Iterable[list[int]] = (),
+    ) -> Way:
+        """Return the way of an agent along a route, a part of it after the other, until the turn is over.
+
+        Args:
+            place: where on an edge it is; None: on its node.
+            here: the node that it has passed last.
+            speed: of the agent.
+            motion: on its edge.
+            route: parts of it, rows of nodes.
+        """
+        roads = self.roads
+        self._begin(roads, place, here, speed)
+        if speed is None or speed == inf:  # perhaps its way takes the rest of the turn, however long it is
+            route = ([*chain.from_iterable(route)],)
+        elif place is not None and not core.go(roads.map, self._trips.core, 0, motion, 0):
+            return self._ended(roads)
+        for rows in route:
             self._put_route(rows)
             if not core.go(roads.map, self._trips.core, 0, motion, len(rows)):
                 break
         return self._ended(roads)
 
     def _ended(self, roads: Roads) -> Way:
-        """Return the way that the core has written; one that ends on an edge before the turn does stands there."""
-        core.stand(self._trips.core, 0)
-        views, ids = self._views, roads.ids
-        nodes, times, edge = views["nodes"], views["times"], views["edge"][0]
-        places = [0, *(place for place in range(1, views["passed"][0]) if nodes[place] != nodes[place - 1])]
-        columns = [views[name][: views["legs"][0]] for name in ("edges", "begins", "ends", "since", "until")]
-        legs = [roads.leg(*part) for part in zip(*columns, strict=True)]
-        progress = None
+        """Return the way that the core has written."""
+        # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
+        edges, begins, ends, since, until = self._legs
+        legs = list[Leg]()
+        for number in range(self._counts[0]):
+            source, target, id, back = roads.edge_ids[edges[number]]
+            leg = Leg(source, target, id, begins[number], ends[number], since[number], until[number], back)
+            legs.append(leg)
+        ids, nodes, times = roads.ids, self._nodes, self._times
+        path, passed = [ids[nodes[0]]], [times[0]]
+        for number in range(1, self._passed[0]):
+            if nodes[number] != nodes[number - 1]:
+                path.append(ids[nodes[number]])
+                passed.append(times[number])
+        progress, edge = None, self._edge[0]
         if edge >= 0:
-            source, target, id, _ = roads.ends(edge)
-            progress = Progress(source, target, views["share"][0], id, _MOTIONS[views["motion"][0]])
-        path = tuple([ids[nodes[place]] for place in places])
-        return Way(path, tuple([times[place] for place in places]), tuple(legs), progress)
+            source, target, id, _ = roads.edge_ids[edge]
+            progress = Progress(source, target, self._share[0], id, _MOTIONS[self._motion[0]])
+        return Way(tuple(path), tuple(passed), tuple(legs), progress)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:

@@ -36,6 +36,7 @@ _MOST_DISTANCES = 8  # for which a game keeps what is near nodes
 _MOST_TERRITORIES = 8  # of which a game keeps who owns nodes
 _MOST_NEAR_IN_GAME, _MOST_NEAR_IN_BATCH = 1 << 20, 1 << 25  # pairs of nodes, for each distance
 _NOWHERE = 0.0, 0.0, 0.0
+_NO_LEG = (0,) * 4 + (0.0,) * 5
 _BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
 
 
@@ -344,7 +345,7 @@ class InTurn:
         self.are_steps = False
         self.tracks = tracks
         self.by_metres = ctx.game.speed_unit != "edges"
-        self.edges = EdgesGoneAlong(ctx)
+        self.edges = self.game.edges
         self.most = most = max([2, *[len(track.path) for track in tracks]])
         paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in tracks]
         self.columns = [
@@ -461,18 +462,21 @@ class InGame:
     """What finding contacts in one game has learned of its map, and of the last turn.
 
     Args:
-        graph: the map, as it is now.
+        ctx: the context, with the map as it is now.
         numbers: of its nodes.
 
     Attributes:
+        edges: those that agents have gone along.
         map: the graph, and its revision.
         numbers: as given.
         place: node id -> where the node is, on the ground.
         near: unit and limit of a `Nearness` -> what is so near nodes.
     """
 
-    def __init__(self, graph: Graph, numbers: core.NodeNumbers) -> None:
+    def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
         self.numbers = numbers
+        self.edges = EdgesGoneAlong(ctx)
+        graph = self.edges.graph
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._graph, self.map = graph, (graph, graph.revision)
@@ -571,7 +575,7 @@ def turn_of(ctx: Context) -> InTurn:
     kept, graph = ctx.game.internals.kept, ctx.graph.graph
     known: InGame | None = kept.get("contacts")
     if known is None or known.map != (graph, graph.revision):
-        known = kept["contacts"] = InGame(graph, core.NodeNumbers() if known is None else known.numbers)
+        known = kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx)
 
 
@@ -594,19 +598,20 @@ def _pieces(pieces: int, keys: int) -> core.Pieces:
 
 def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:
     streets: dict[int, int] = {}
-    ints = np.zeros((4, len(tracks), most), np.int64)
-    floats = np.zeros((5, len(tracks), most))
-    for row, track in enumerate(tracks):
-        for place, leg in enumerate(track.legs):
+    rows = list[tuple[float, ...]]()
+    for track in tracks:
+        for leg in track.legs:
+            source, target, edge, begin, end, since, until, back = leg
             length = edges.length_of(leg)
-            flags = (
-                _BACKWARDS * (leg.street != leg.edge) + _TURNS * (leg.back is not None) + _REMOVED * (length is None)
-            )
-            street = streets.setdefault(leg.street, len(streets))
-            ints[:, row, place] = number(leg.source), number(leg.target), street, flags
-            floats[:, row, place] = leg.begin, leg.end, leg.since, leg.until, length or 0.0
-    counts = np.array([len(track.legs) for track in tracks], np.int64)
-    return core.Legs(most, *_flat((counts, *ints, *floats)))
+            street = edge if back is None else min(edge, back)
+            flags = _BACKWARDS * (street != edge) + _TURNS * (back is not None) + _REMOVED * (length is None)
+            ends = number(source), number(target), streets.setdefault(street, len(streets)), flags
+            rows.append((*ends, begin, end, since, until, length or 0.0))
+        rows += [_NO_LEG] * (most - len(track.legs))
+    columns = [*zip(*rows, strict=True)] or [()] * len(_NO_LEG)
+    counts = [len(track.legs) for track in tracks]
+    ints: Any = (counts, *columns[:4])
+    return core.Legs(most, *(column("q", column) for column in ints), *(column("d", one) for one in columns[4:]))
 
 
 def _by_length(graph: Graph, node: int, limit: float) -> dict[int, float]:
