@@ -74,7 +74,11 @@ cpdef int begin(
 ) except -1 nogil
 @cython.locals(place=i64)
 cdef int add_leg(Trips trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
-@cython.locals(first=double, last=double, share=double, now=double, takes=double, part=double, stop=double, node=i64, place=i64)
+@cython.locals(share=double)
+cdef double turns_to_end(Roads roads, Trips trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
+@cython.locals(first=double, last=double, part=double, stop=double)
+cdef double stop_before_end(Trips trips, i64 row, i64 motion, double takes) except? -1.0 nogil
+@cython.locals(first=double, takes=double, until=double, stop=double, node=i64, place=i64)
 cdef bint cover(Roads roads, Trips trips, i64 row, i64 edge, i64 motion) except -1 nogil
 cpdef int stand(Trips trips, i64 row) except -1 nogil
 @cython.locals(at=i64, number=i64)
@@ -85,3 +89,27 @@ cpdef bint takes_all(Roads roads, Trips trips, i64 row) except -1 nogil
 cdef int set_pace(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
 @cython.locals(number=i64, node=i64)
 cpdef bint go(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
+
+@cython.locals(number=i64)
+cpdef int backs(Roads roads, const i64[::1] edges, i64[::1] found) except -1 nogil
+@cython.locals(used=i64, number=i64, count=i64, place=i64)
+cpdef Py_ssize_t reach_each(
+    Roads roads, Reach reach, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,
+    const i64[::1] motion, const double[::1] speed, const double[::1] now, bint goes_on,
+    i64[::1] found, double[::1] times, i64[::1] counts
+) except -1 nogil
+@cython.locals(number=i64, row=i64, edge=i64)
+cpdef int head_each(
+    Roads roads, Trips trips, const i64[::1] rows, const i64[::1] targets,
+    const double[::1] ahead, const double[::1] behind, i64[::1] motions
+) except -1 nogil
+@cython.locals(number=i64, row=i64, edge=i64, takes=double)
+cpdef int first_edges(
+    Roads roads, Trips trips, const i64[::1] rows, const i64[::1] motions, const i64[::1] nodes, i64[::1] edges
+) except -1 nogil
+@cython.locals(number=i64, row=i64)
+cpdef int go_each(
+    Roads roads, Trips trips, const i64[::1] rows, const i64[::1] motions, const i64[::1] nodes, i64[::1] goes_on
+) except -1 nogil
+@cython.locals(number=i64)
+cpdef int stand_each(Trips trips, const i64[::1] rows) except -1 nogil

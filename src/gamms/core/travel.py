@@ -510,31 +510,42 @@ def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: 
     return 0
 
 
+def turns_to_end(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> float:
+    """Return how long an agent takes to the end of an edge, from where it is on it."""
+    share = fabs((0.0 if motion == BACK else 1.0) - trips.share[row])
+    if trips.pace[row] >= 0.0:
+        return share * roads.lengths[edge] * trips.pace[row]
+    return turns(roads, edge, share, trips.speed[row])
+
+
+def stop_before_end(trips: Trips, row: int, motion: int, takes: float) -> float:
+    """Return the share of an edge at which the turn stops an agent that takes longer; -1.0: it covers nothing."""
+    first = trips.share[row]
+    last = 0.0 if motion == BACK else 1.0
+    part = fabs(last - first) * (1.0 - trips.now[row]) / takes if takes < INFINITE else 0.0
+    stop = first + part if last > first else first - part
+    return stop if part > 0.0 and 0.0 < stop < 1.0 else -1.0
+
+
 def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
     """Let an agent go along an edge from where it is on it; return whether it gets to the end before the turn is over.
 
     One that does not stands where it is then. `motion` is BACK on the way to the source of the edge, else FORWARD.
     """
     first = trips.share[row]
-    last = 0.0 if motion == BACK else 1.0
-    share = fabs(last - first)
-    now = trips.now[row]
-    if trips.pace[row] >= 0.0:
-        takes = share * roads.lengths[edge] * trips.pace[row]
-    else:
-        takes = turns(roads, edge, share, trips.speed[row])
-    if now + takes > 1.0 + SLACK:
-        part = share * (1.0 - now) / takes if takes < INFINITE else 0.0
-        stop = first + part if last > first else first - part
-        if part > 0.0 and 0.0 < stop < 1.0:
+    takes = turns_to_end(roads, trips, row, edge, motion)
+    until = trips.now[row] + takes
+    if until > 1.0 + SLACK:
+        stop = stop_before_end(trips, row, motion, takes)
+        if stop >= 0.0:
             add_leg(trips, row, edge, first, stop, 1.0)
             trips.edge[row] = edge
             trips.share[row] = stop
-            trips.motion[row] = FORWARD if last > first else BACK
+            trips.motion[row] = BACK if motion == BACK else FORWARD
         stand(trips, row)
         return False
     trips.left[row] -= 1
-    add_leg(trips, row, edge, first, last, now + takes if now + takes < 1.0 - ROUNDED else 1.0)
+    add_leg(trips, row, edge, first, 0.0 if motion == BACK else 1.0, until if until < 1.0 - ROUNDED else 1.0)
     node = roads.sources[edge] if motion == BACK else roads.targets[edge]
     place = row * (trips.most + 1) + trips.passed[row]
     trips.nodes[place] = node
@@ -613,3 +624,134 @@ def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
         if trips.left[row] <= 0 or not cover(roads, trips, row, cheapest(roads, trips.node[row], node), FORWARD):
             return False
     return trips.left[row] > 0
+
+
+# -- many agents ----------------------------------------------------------------------------------------------------
+
+
+def backs(roads: Roads, edges: memoryview[int], found: memoryview[int]) -> int:
+    """Write the edge by which one turns round on each of some edges, -1 among them, see `back`."""
+    for number in range(len(edges)):
+        found[number] = back(roads, edges[number]) if edges[number] >= 0 else -1
+    return 0
+
+
+def reach_each(
+    roads: Roads,
+    reach: Reach,
+    first: int,
+    node: memoryview[int],
+    edge: memoryview[int],
+    share: memoryview[float],
+    motion: memoryview[int],
+    speed: memoryview[float],
+    now: memoryview[float],
+    goes_on: bool,
+    found: memoryview[int],
+    times: memoryview[float],
+    counts: memoryview[int],
+) -> int:
+    """Find what each agent from number `first` on may go to; return the number of the first that found no room.
+
+    The columns of agents are those of `reachable`. `found` and `times` get the nodes of one agent after the other and
+    when these are reached, `counts` how many each agent has.
+    """
+    used = 0
+    for number in range(first, len(node)):
+        count = reachable(
+            roads, reach, node[number], edge[number], share[number], motion[number], speed[number], now[number], goes_on
+        )
+        if used + count > len(found):
+            return number
+        for place in range(count):
+            found[used + place] = reach.nodes[place]
+            times[used + place] = reach.times[place]
+        counts[number] = count
+        used += count
+    return len(node)
+
+
+def head_each(
+    roads: Roads,
+    trips: Trips,
+    rows: memoryview[int],
+    targets: memoryview[int],
+    ahead: memoryview[float],
+    behind: memoryview[float],
+    motions: memoryview[int],
+) -> int:
+    """Write the motion of each of some agents on edges towards nodes; 0: it cannot go there.
+
+    Args:
+        roads: the map.
+        trips: says where the agents are.
+        rows: (some,) of these agents.
+        targets: (some,) rows of nodes.
+        ahead: (some,) what the way costs from the end of the edge.
+        behind: (some,) what it costs from the source.
+        motions: (some,) gets the motions.
+    """
+    for number in range(len(rows)):
+        row = rows[number]
+        edge = trips.edge[row]
+        motions[number] = end_towards(roads, trips.node[row], edge, targets[number])
+        if motions[number] == 0 and trips.speed[row] == trips.speed[row]:  # not NaN
+            motions[number] = shorter_way(roads, edge, trips.share[row], ahead[number], behind[number])
+    return 0
+
+
+def first_edges(
+    roads: Roads,
+    trips: Trips,
+    rows: memoryview[int],
+    motions: memoryview[int],
+    nodes: memoryview[int],
+    edges: memoryview[int],
+) -> int:
+    """Write the edge that each of some agents is going to cover a part of; -1: it covers nothing. See `go_each`."""
+    for number in range(len(rows)):
+        row = rows[number]
+        edge = trips.edge[row]
+        if edge < 0:
+            edge = cheapest(roads, trips.node[row], nodes[number])
+        trips.route[0] = nodes[number]
+        if takes_all(roads, trips, row):
+            set_pace(roads, trips, row, motions[row], 1 if nodes[number] >= 0 else 0)
+        takes = turns_to_end(roads, trips, row, edge, motions[row])
+        if trips.now[row] + takes > 1.0 + SLACK and stop_before_end(trips, row, motions[row], takes) < 0.0:
+            edge = -1
+        edges[number] = edge
+    return 0
+
+
+def go_each(
+    roads: Roads,
+    trips: Trips,
+    rows: memoryview[int],
+    motions: memoryview[int],
+    nodes: memoryview[int],
+    goes_on: memoryview[int],
+) -> int:
+    """Let each of some agents go to an end of its edge, or to the next node of its way; see `go`.
+
+    Args:
+        roads: the map.
+        trips: of all agents.
+        rows: (some,) of those that go.
+        motions: (rows,) on their edges, of all agents.
+        nodes: (some,) the next node of each; -1: it is on an edge, and goes to the end of that.
+        goes_on: (some,) gets 1 for those that may go on.
+    """
+    for number in range(len(rows)):
+        row = rows[number]
+        trips.route[0] = nodes[number]
+        goes_on[number] = go(roads, trips, row, motions[row], 1 if nodes[number] >= 0 else 0)
+    return 0
+
+
+def stand_each(trips: Trips, rows: memoryview[int]) -> int:
+    """Let some agents stand where they are for the rest of the turn."""
+    for number in range(len(rows)):
+        stand(trips, rows[number])
+        trips.motion[rows[number]] = STOPPED
+    return 0

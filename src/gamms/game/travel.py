@@ -21,6 +21,7 @@ from gamms.typing.game import Leg
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, OnEdge, placed
 
+SLACK = 1e-9  # of a turn, as the core has it
 _MOST_KEPT = 1 << 17  # nodes on paths, about 100 bytes each
 _FIRST_ROOM = 64  # legs of a way
 ENDLESS = 1 << 32  # edges: more than any way has

@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
 from gamms.game.batch.columns import Failure, some_rows
-from gamms.game.batch.movement import Illegal, Legs, Moves, Steps, motion_along
+from gamms.game.batch.movement import Illegal, Legs, Moves, motion_along
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres, Trip
 from gamms.game.batch.turn import ArrayTurn
@@ -55,7 +55,7 @@ class Arrivals:
         self, state: GameArrays, turn: ArrayTurn, by: ByMetres, members: BoolArray, resolve: Resolve | None
     ) -> None:
         self._state, self._turn, self._by, self._members, self._resolve = state, turn, by, members, resolve
-        self._trip, self._num_read = Trip(by, turn.node, turn.games), 0  # legs of the trip
+        self._trip = Trip(by, turn.node, turn.games)
         self._begun = begun = by.edge[turn.games], by.share[turn.games], by.motion[turn.games]
         edge, share, self._motion = begun[0].flatten(), begun[1].flatten(), begun[2].flatten()
         self._node = turn.node.flatten()  # that each has passed last
@@ -103,16 +103,17 @@ class Arrivals:
         is_here = (until == now[:, None]) & games[:, None]
         here, decides = np.flatnonzero(is_here), is_here & (now < 1.0)[:, None]
         before, leg = self._node[here], some_rows(self._leg, here)
-        self._node[here], self._leg.edge[here], self._arrives[here] = self._trip.here[here], -1, False
+        node = self._trip.columns.node
+        self._node[here], self._leg.edge[here], self._arrives[here] = node[here], -1, False
         self._times[here] += 1
         self._trip.goes[here] = False
         does_deeds = self._decide(now, decides, ask, note) if decides.any() else np.zeros(until.size, np.bool_)
         is_lost = self._depart(games, here)
         lost = here[is_lost]
         if len(lost):
-            self._node[lost] = self._trip.here[lost] = before[is_lost]
+            self._node[lost] = self._trip.columns.node[lost] = before[is_lost]
             self._trip.stop_short(lost, some_rows(leg, is_lost))
-            self._read_legs()
+            self._read_legs(lost)
         is_flawed = ~is_lost & (does_deeds[here] | (self._times[here] >= MOST_ARRIVALS))
         for row in here[is_flawed].tolist():
             waits = self._times[row] >= MOST_ARRIVALS
@@ -156,28 +157,29 @@ class Arrivals:
         """Let agents of some games, (games,), go on, or stay; return which of them conflicts stop."""
         trip = self._trip
         going = rows[trip.goes[rows]]
-        steps = trip.first_steps(going)
-        sets_off = trip.covers(going, steps)
-        going, steps = going[sets_off], steps.those(sets_off)
-        is_lost = self._lost(games, rows, going, steps)
+        nodes = trip.first_nodes(going)
+        edges = trip.first_edges(going, nodes)
+        sets_off = edges >= 0
+        going, nodes, edges = going[sets_off], nodes[sets_off], edges[sets_off]
+        is_lost = self._lost(games, rows, going, edges)
         on = ~np.isin(going, rows[is_lost]) & (self._times[going] < MOST_ARRIVALS)
         going = going[on]
-        trip.travel(going, steps.those(on))
-        self._read_legs()
-        arrives = trip.edge[going] < 0
+        trip.travel(going, nodes[on])
+        self._read_legs(going)
+        arrives = trip.columns.edge[going] < 0
         if self._resolve is None:  # who arrives as the turn ends does not decide
             arrives &= self._leg.until[going] < 1.0
         self._arrives[going] = arrives
         return is_lost
 
-    def _lost(self, games: BoolArray, rows: IntArray, going: IntArray, steps: Steps) -> BoolArray:
-        """Return which agents conflicts stop, of which some are going."""
+    def _lost(self, games: BoolArray, rows: IntArray, going: IntArray, edges: IntArray) -> BoolArray:
+        """Return which agents conflicts stop, of which some are going along edges."""
         if self._resolve is None:
             return np.zeros(len(rows), np.bool_)
         before, shape = self._places, self._members.shape
         after, on_node = before.copy(), rows[self._leg.edge[rows] < 0]
         after[on_node] = self._node[on_node]
-        after[going] = len(self._by.streets.counts) + steps.edge
+        after[going] = len(self._by.streets.counts) + edges
         stops, part = np.zeros(shape, np.bool_), self._turn._of(games)
         part._origins = before.reshape(shape)[games]
         stops[games] = self._resolve(part, after.reshape(shape)[games])
@@ -185,10 +187,9 @@ class Arrivals:
         self._places = np.where(stops.ravel(), before, after)
         return stops.ravel()[rows]
 
-    def _read_legs(self) -> None:
+    def _read_legs(self, rows: IntArray) -> None:
         """Take the legs that agents are on now."""
-        for rows, _, *columns in self._trip.legs[self._num_read :]:
-            for column, values in zip((self._leg.edge, *self._leg[2:]), columns, strict=True):
-                column[rows] = values
-            self._motion[rows] = motion_along(self._leg.end[rows] - self._leg.begin[rows])
-        self._num_read = len(self._trip.legs)
+        legs = self._trip.last_legs(rows)
+        for column, values in zip((self._leg.edge, *self._leg[2:]), legs, strict=True):
+            column[rows] = values
+        self._motion[rows] = motion_along(legs[2] - legs[1])

@@ -86,19 +86,6 @@ class Legs(NamedTuple):
         return Legs(edge, back, *(np.where(counts, column, 0.0) for column in columns))
 
 
-class Steps(NamedTuple):
-    """Parts of edges that agents go along, from which share to which, and the nodes that these lead to, (agents,)."""
-
-    edge: IntArray
-    begin: FloatArray
-    end: FloatArray
-    node: IntArray
-
-    def those(self, which: BoolArray | IntArray) -> "Steps":
-        """Return some of them."""
-        return some_rows(self, which)
-
-
 def last_motion(legs: Legs) -> IntArray:
     """Return how agents move on the last of their legs, (games, agents)."""
     last = np.maximum((legs.edge >= 0).sum(axis=-1) - 1, 0)[..., None]

@@ -1,6 +1,6 @@
-"""Travel by metres in many games at once: where agents are on edges, and what they cover in a turn; see `game.travel`.
+"""Travel by metres in many games at once: where agents are on edges, and what they cover in a turn.
 
-All numbers are worked out by the same operations in the same order as there, so that they are the same to the bit.
+`gamms.core.travel` says how each agent goes; here is what strategies of arrays decide, and the columns of games.
 """
 
 from collections.abc import Iterable, Sequence
@@ -9,6 +9,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from gamms.core import travel as core
+from gamms.game.batch import reach
 from gamms.game.batch.movement import (
     AIMS,
     ENDLESS,
@@ -20,21 +22,20 @@ from gamms.game.batch.movement import (
     Moves,
     Paths,
     Places,
-    Steps,
     last_motion,
 )
-from gamms.game.batch.reach import EdgesBetween, Reach, TravelTerms
+from gamms.game.batch.reach import Choices, Maps, TravelTerms
 from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import SHORT
 from gamms.game.streets import Streets
-from gamms.game.travel import no_way, one_way
+from gamms.game.travel import Trips, no_way, one_way
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
 
-ROUNDED, SLACK = 1e-12, 1e-9  # of a turn, as `core.travel` has them
+_FIRST_ROOM = 4  # legs of an agent in a turn
 _ALONG = 1 << 62  # actions from here on lead to an end of an edge, and along it; see `ByMetres.along`
 
 
@@ -52,6 +53,7 @@ class ByMetres(Movement):
         share: (games, agents) of the edge that is behind them.
         motion: (games, agents) how they move there, see `ir.progress.Motion`.
         now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
+        room: for how many legs of an agent there is room in a turn.
     """
 
     is_plain, leaves_nodes, has_aims = False, True, True
@@ -72,25 +74,27 @@ class ByMetres(Movement):
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
         self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)
         self._is_endless = np.isinf(self._kinds) & (terms.seconds is None)  # by which they go any distance in a turn
+        self.room = _FIRST_ROOM
         self.begin((0, len(speeds)))
 
     @cached_property
-    def _between(self) -> EdgesBetween:
-        return EdgesBetween(self.all_roads, self.terms.costs)
+    def maps(self) -> Maps:
+        """The maps of the games."""
+        return Maps(self.all_roads, self.terms)
 
     @cached_property
-    def _reach(self) -> Reach:
-        return Reach(self.all_roads, self._kinds, self._is_endless, self.takes)
+    def _choices(self) -> Choices:
+        return Choices(self.maps, self._kinds, goes_on=self.terms.decides_at_arrivals)
 
     def on(self, roads: RoadMap) -> Self:
         """Return how the same agents go in games that have a map of their own."""
-        _ = self._between, self._reach, self.lines  # which all maps share
+        _ = self._choices, self.lines  # which all maps share
         return super().on(roads)
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
         super().begin(shape)
-        for name in ("_between", "_reach"):
+        for name in ("maps", "_choices"):
             vars(self).pop(name, None)
         self.edge, self.share, self.motion = np.full(shape, -1), np.zeros(shape), np.zeros(shape, np.int64)
         self.now = np.zeros(shape[0])
@@ -157,69 +161,38 @@ class ByMetres(Movement):
         starts, ends = (np.where(edge >= 0, nodes + edge, node) for node, edge in pairs)
         return starts, ends
 
-    def takes(self, edges: IntArray, share: Any, speed: Any) -> FloatArray:
-        """Return how many turns a share of some edges takes at speeds."""
-        terms, metres = self.terms, share * self.columns.lengths[edges]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            by_speed = np.where(metres == 0.0, 0.0, metres / np.abs(speed * terms.turn_seconds))  # a speed may be -0.0
-        if terms.seconds is None:
-            return by_speed
-        found: FloatArray = np.maximum(by_speed, share * terms.seconds[edges] / terms.turn_seconds)
-        return found
-
-    def cheapest(self, starts: IntArray, ends: IntArray, games: IntArray) -> IntArray:
-        """Return the rows of the cheapest edges between nodes next to each other in games."""
-        return self._between.cheapest(starts, ends, games)
-
     def backs(self, edges: IntArray, games: IntArray) -> IntArray:
         """Return the rows of the edges by which one turns round on others, -1 among them, in games; -1: none."""
-        return self._between.backs(edges, games)
+        return self.maps.backs(edges, games)
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents; those of agents on edges are found one by one, which is slow."""
+        """Return the numbers of the choices of agents."""
         edge, games = np.broadcast_to(self.on_edge(which), node.shape), np.broadcast_to(which[0], node.shape)
         kind = np.broadcast_to(self._kind_of[which[1]], node.shape)
         left = np.broadcast_to(1.0 - self.now[which[0]], node.shape)
         found, on_node = np.zeros(node.shape, np.int64), np.nonzero(edge < 0)
-        found[on_node] = self._reach.from_nodes(node[on_node], kind[on_node], left[on_node], games[on_node])
+        found[on_node] = self._choices.on_nodes(node[on_node], kind[on_node], left[on_node], games[on_node])
         on = np.nonzero(edge >= 0)
         if len(on[0]):
-            found[on] = self._on_edges(node[on], (games[on], np.broadcast_to(which[1], node.shape)[on]), kind[on])
+            which = games[on], np.broadcast_to(which[1], node.shape)[on]
+            speed, now = self._kinds[kind[on]], self.now[which[0]]
+            places = reach.Places(node[on], edge[on], self.share[which], self.motion[which], speed, now)
+            found[on] = self._choices.on_edges(places, which[0])
         return found
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        return self._reach.counts(choices)
+        return self._choices.counts(choices)
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        return self._reach.nodes(choices, actions)
+        return self._choices.nodes(choices, actions)
 
     def most_legal(self, limit: int) -> int:
         """Return how many nodes are legal at most."""
-        return self._reach.most(limit)
-
-    def _on_edges(self, here: IntArray, which: tuple[IntArray, IntArray], kind: IntArray) -> IntArray:
-        """Return the choices of agents that are on open edges; see `Travel.reachable`."""
-        edge, share, motion, games = self.edge[which], self.share[which], self.motion[which], which[0]
-        near, around, speed = self._reach.near, self._reach.around, self._kinds[kind]
-        has_back = self.backs(edge, games) >= 0
-        goes_on = (motion != Motion.STOPPED) & ((motion != Motion.BACK) | has_back) & self.terms.decides_at_arrivals
-        takes = self.takes(edge, 1.0 - share, speed), self.takes(edge, share, speed)
-        ways = self.columns.targets[edge], *takes, has_back, goes_on, motion == Motion.BACK
-        rows = (column.tolist() for column in (games, here, kind, ~np.isnan(speed), *ways))
-        found = list[dict[int, float]]()
-        for game, start, number, is_paced, target, ahead, behind, turns, is_on, is_back in zip(*rows, strict=True):
-            ends, roads = [(target, ahead), (start, behind)] if turns else [(target, ahead)], self.all_roads.of(game)
-            ends = [ends[-1] if is_back else ends[0]] if is_on else ends
-            nodes = [end for end, _ in reversed(ends)]
-            if is_on or is_paced:  # else it goes to one of the ends
-                nodes += [node for end, _ in ends for node in near(end, roads)]
-                nodes += [node for end, begun in ends for node in around(end, number, begun, roads)]
-            found.append(dict.fromkeys(nodes, 0.0))
-        return self._reach.add(found)
+        return self._choices.most(limit)
 
     # -- what strategies decide -----------------------------------------------------------------------------------
 
@@ -338,15 +311,14 @@ class ByMetres(Movement):
         trip = Trip(self, node, games)
         trip.decide(np.arange(node.size), actions.ravel())
         rows = np.flatnonzero(trip.goes)
-        trip.travel(rows, trip.first_steps(rows))
+        trip.travel(rows, trip.first_nodes(rows))
         return trip.moves()
 
 
 class Trip:
     """The ways of all agents of some games through a turn.
 
-    Agents are numbered from 0, game by game. Each goes along steps: parts of edges, one after the other, until the turn
-    is over or it is at its goal.
+    Agents are numbered from 0, game by game. Each goes from node to node until the turn is over or it is at its goal.
 
     Args:
         by: how they go.
@@ -354,31 +326,28 @@ class Trip:
         games: the numbers of the games.
 
     Attributes:
-        here: rows of the nodes that agents have passed last.
-        edge, share: where on edges they are.
+        columns: where the agents are, and what they cover.
         goes: which agents set off.
-        now: when they do.
-        legs: what they cover: agents, the numbers of their legs, and the columns of `Legs`.
         illegal: actions that could not be done.
     """
 
     def __init__(self, by: ByMetres, node: IntArray, games: IntArray) -> None:
         self._by, self._shape, self._games = by, node.shape, np.repeat(games, node.shape[1])
         self._agents = np.tile(np.arange(node.shape[1]), len(games))
-        self._starts, self.here, self._before = node.ravel(), node.flatten(), by.edge[games].ravel()
+        self._starts, self._before = node.ravel(), by.edge[games].ravel()
         self._begun, self._from = by.on_edge((self._games, self._agents)), by.share[games].ravel()
-        self._is_paced, self._speed = by._is_paced[self._agents], by._speeds[self._agents]
-        self._is_endless = ~self._is_paced | by._is_endless[by._kind_of[self._agents]]
-        number = len(self.here)
+        self._is_paced, number = by._is_paced[self._agents], len(self._starts)
+        self._is_endless = by._is_endless[by._kind_of[self._agents]]
+        self.columns = columns = Trips(number, by.room)
+        columns.node[:], columns.edge[:], columns.motion[:] = self._starts, self._begun, by.motion[games].ravel()
+        columns.share[:] = np.where(self._begun >= 0, self._from, 0.0)
+        columns.speed[:] = np.where(self._is_paced, by._speeds[self._agents], np.nan)
+        columns.passed[:], columns.nodes[:, 0] = 1, self._starts
         self._goal, self._last = np.full((2, number), -1)  # nodes; the last one is next to the goal
         self._by_length = np.zeros(number, np.bool_)  # whether the way is the shortest by length
-        self._left = np.full(number, ENDLESS)  # to how many nodes more it leads
-        self._is_back, self.goes, self._stops_short = np.zeros((3, number), np.bool_)
+        self._motion = np.full(number, int(Motion.FORWARD))  # on the edges where the agents are
+        self.goes = np.zeros(number, np.bool_)
         self.illegal: list[Illegal] = []
-        self.edge, self.share, self.now = self._begun.copy(), self._from.copy(), np.zeros(number)
-        self._count, self._passed = np.zeros(number, np.int64), np.ones(number, np.int64)  # legs and nodes
-        self.legs, self._nodes = list[tuple[Any, ...]](), list[tuple[Any, ...]]()
-        self._turns_per_metre = np.zeros(number)  # of those whose ways take the rest of the turn, however long they are
 
     # -- where to -------------------------------------------------------------------------------------------------
 
@@ -386,13 +355,13 @@ class Trip:
         """Work out which way some agents set off, by what they have decided."""
         by = self._by
         self._goal[rows] = self._last[rows] = -1
-        self._left[rows] = ENDLESS
-        self.goes[rows] = self._is_back[rows] = self._by_length[rows] = False
+        self._set_out(rows, np.full(len(rows), int(Motion.FORWARD)), ENDLESS)
+        self.goes[rows] = self._by_length[rows] = False
         some = actions < STOP
         chosen = rows[some]
         if len(chosen):
             who = self._games[chosen], self._agents[chosen]
-            self._aim(chosen, by.nodes(by.choices(self.here[chosen], who), actions[some]))
+            self._aim(chosen, by.nodes(by.choices(self.columns.node[chosen], who), actions[some]))
         some = (actions >= AIMS) & (actions < AIMS * LIMITED)
         self._aim(rows[some], actions[some] - AIMS)
         some = (actions >= AIMS * LIMITED) & (actions < _ALONG)
@@ -402,55 +371,67 @@ class Trip:
 
     def go_on(self, rows: IntArray, motion: IntArray) -> None:
         """Let agents go on along their edges, whose motion this is."""
-        self.goes[rows], self._is_back[rows] = True, motion == Motion.BACK
+        self.goes[rows] = True
+        self._set_out(rows, motion, ENDLESS)
+
+    def _set_out(self, rows: IntArray, motion: IntArray, most: IntArray | int) -> None:
+        """Let agents set out so on the edges where they are, to go along so many edges at most."""
+        goes_on = self._is_paced[rows] & (not self._by.terms.decides_at_arrivals)
+        self._motion[rows], self.columns.pace[rows] = motion, -1.0
+        self.columns.left[rows] = np.where(goes_on, most, 1)
 
     def _aim(self, rows: IntArray, targets: IntArray) -> None:
         """Let agents go towards nodes; those on an edge by the shorter way."""
-        by, columns = self._by, self._by.columns
-        on_node = self.edge[rows] < 0
-        away = rows[on_node & (targets != self.here[rows])]
-        self._goal[rows], self.goes[away] = targets, True
-        rows, targets = rows[~on_node], targets[~on_node]
-        if not len(rows):
+        by, edge, node = self._by, self.columns.edge[rows], self.columns.node[rows]
+        self._goal[rows], self.goes[rows] = targets, targets != node
+        on = np.flatnonzero(edge >= 0)
+        if not len(on):
             return
-        edge, share, here, games = self.edge[rows], self.share[rows], self.here[rows], self._games[rows]
-        end, may_turn, table = columns.targets[edge], by.backs(edge, games) >= 0, by.ways(by.terms.weight)
-        ahead = (1.0 - share) * by.terms.costs[edge] + table.distances(end, targets, at=games)
-        behind = share * by.terms.costs[edge] + table.distances(here, targets, at=games)
-        behind = np.where(may_turn, behind, np.inf)
-        is_end, is_here = targets == end, (targets == here) & may_turn
-        self._is_back[rows] = ~is_end & (is_here | (behind < ahead))
-        has_way, is_paced = is_end | is_here | (ahead < np.inf) | (behind < np.inf), self._is_paced[rows]
-        has_way &= is_end | is_here | is_paced
-        self.goes[rows[has_way]] = True
-        for i in np.flatnonzero(~has_way).tolist():
-            known = columns.node_ids[[end[i], targets[i], here[i]]].tolist()
-            why = no_way(known[2], known[0], known[1], is_paced=bool(is_paced[i]), may_turn=bool(may_turn[i]))
-            self._refuse(int(rows[i]), str(why))
+        rows, targets, here, end, games = (
+            rows[on],
+            targets[on],
+            node[on],
+            by.columns.targets[edge[on]],
+            self._games[rows[on]],
+        )
+        table, motion = by.ways(by.terms.weight), np.empty(len(on), np.int64)
+        far = [table.distances(start, targets, at=games) for start in (end, here)]
+        for roads, some in by.maps.each(games):
+            found = np.empty(len(rows[some]), np.int64)
+            given: Any = [np.ascontiguousarray(column[some]).data for column in (rows, targets, *far)]
+            core.head_each(*[roads, self.columns.core, *given, found.data])
+            motion[some] = found
+        self.goes[rows], self._motion[rows] = motion > 0, motion
+        lost = np.flatnonzero(motion == 0)
+        may_turn, ids = by.backs(edge[on[lost]], games[lost]) >= 0, by.columns.node_ids
+        for i, turns in zip(lost.tolist(), may_turn.tolist(), strict=True):
+            known = ids[[here[i], end[i], targets[i]]].tolist()
+            self._refuse(int(rows[i]), str(no_way(*known, is_paced=bool(self._is_paced[rows[i]]), may_turn=turns)))
 
     def _follow(self, rows: IntArray, ways: IntArray) -> None:
         """Let agents go to an edge by the shortest way by length, and along it."""
-        by, here, games = self._by, self.here[rows], self._games[rows]
+        by, here, games = self._by, self.columns.node[rows], self._games[rows]
         pair, is_from_node = np.divmod(ways, 2)
         first, last = np.divmod(pair, by.streets.num_nodes)
         self._last[rows] = last
         ahead = np.where(first == here, last, by.ways("length").following(here, first, at=games))
-        self._set_off(rows, first, ahead, is_from_node > 0)
+        self._set_off(rows, first, ahead, is_from_node > 0, ENDLESS)
 
     def _follow_for(self, rows: IntArray, most: IntArray, targets: IntArray) -> None:
         """Let agents go along the shortest ways by length from their nodes, to so many nodes."""
-        ahead = self._by.ways("length").following(self.here[rows], targets, at=self._games[rows])
-        self._set_off(rows, targets, ahead, np.ones(len(rows), np.bool_))
-        self._left[rows] = most - ((self.edge[rows] >= 0) & ~self._is_back[rows])
+        ahead = self._by.ways("length").following(self.columns.node[rows], targets, at=self._games[rows])
+        self._set_off(rows, targets, ahead, np.ones(len(rows), np.bool_), most)
 
-    def _set_off(self, rows: IntArray, goals: IntArray, ahead: IntArray, are_from_nodes: BoolArray) -> None:
+    def _set_off(
+        self, rows: IntArray, goals: IntArray, ahead: IntArray, are_from_nodes: BoolArray, most: IntArray | int
+    ) -> None:
         """Let agents go by length to nodes; those on an edge turn back whose ways lead from their nodes elsewhere."""
-        by, columns, here, games = self._by, self._by.columns, self.here[rows], self._games[rows]
+        by, columns, here, games = self._by, self._by.columns, self.columns.node[rows], self._games[rows]
         self._goal[rows], self._by_length[rows] = goals, True
-        edge = self.edge[rows]
+        edge = self.columns.edge[rows]
         end, on_edge = columns.targets[edge], edge >= 0
         is_back = on_edge & are_from_nodes & (ahead != end)
-        self._is_back[rows] = is_back
+        self._set_out(rows, np.where(is_back, int(Motion.BACK), int(Motion.FORWARD)), most + is_back)
         is_illegal = is_back & (by.backs(edge, games) < 0)
         self.goes[rows[~is_illegal]] = True
         for i in np.flatnonzero(is_illegal).tolist():
@@ -463,135 +444,122 @@ class Trip:
 
     # -- through the turn -----------------------------------------------------------------------------------------
 
-    def travel(self, rows: IntArray, steps: Steps) -> None:
-        """Follow the ways of agents until the turn is over, or, where they decide at arrivals, to the next node."""
+    def first_nodes(self, rows: IntArray) -> IntArray:
+        """Return the nodes to which agents on nodes go first; -1: they go along their edges, or nowhere."""
+        nodes, off = np.full(len(rows), -1), np.flatnonzero(self.columns.edge[rows] < 0)
+        at, following = self._next_nodes(rows[off], self.columns.node[rows[off]])
+        nodes[off[at]] = following
+        return nodes
+
+    def first_edges(self, rows: IntArray, nodes: IntArray) -> IntArray:
+        """Return the edges of which agents cover a part in what is left of the turn; -1: they cover nothing."""
+        edges = np.full(len(rows), -1)
+        some = np.flatnonzero((self.columns.edge[rows] >= 0) | (nodes >= 0))
+        edges[some] = self._ask(core.first_edges, rows[some], nodes[some])
+        return edges
+
+    def travel(self, rows: IntArray, nodes: IntArray) -> None:
+        """Follow the ways of agents until the turn is over, or, where they decide at arrivals, to the next node.
+
+        Args:
+            rows: of the agents.
+            nodes: what `first_nodes` returns.
+        """
+        sets_off = (self.columns.edge[rows] >= 0) | (nodes >= 0)
+        rows, nodes = rows[sets_off], nodes[sets_off]
+        if not self._by.terms.decides_at_arrivals and self._is_endless[rows].any():
+            some = self._is_endless[rows]
+            self._travel_all(rows[some], nodes[some])
+            rows, nodes = rows[~some], nodes[~some]
         while len(rows):
-            now, (until, stop) = self.now[rows], self._ends(rows, steps)
-            on = np.flatnonzero((until == np.inf) & (stop > 0.0) & (stop < 1.0))
-            self.edge[rows[on]], self.share[rows[on]] = steps.edge[on], stop[on]
-            self._add_legs(rows[on], steps.those(on)._replace(end=stop[on]), now[on], np.ones(len(on)))
-            on = np.flatnonzero(until < np.inf)
-            rows, steps = rows[on], steps.those(on)
-            self._add_legs(rows, steps, now[on], until[on])
-            self.now[rows] = until[on]
-            self._nodes.append((rows, self._passed[rows], steps.node, until[on]))
-            self._passed[rows] += 1
-            self.edge[rows], self.share[rows], self.here[rows] = -1, 0.0, steps.node
-            rows, steps = self._next_steps(rows, steps.node)
+            if int(self.columns.legs[rows].max()) + 3 > self.columns.most:
+                self._by.room = 2 * self.columns.most
+                self.columns = self.columns.with_room(self._by.room)
+            rows = rows[self._ask(core.go_each, rows, nodes) > 0]
+            at, nodes = self._next_nodes(rows, self.columns.node[rows])
+            rows = rows[at]
 
-    def _next_steps(self, rows: IntArray, node: IntArray) -> tuple[IntArray, Steps]:
-        """Return which agents that come to nodes go on, and along what."""
-        at, following = self._next_nodes(rows, node)
-        edge = self._by.cheapest(node[at], following, self._games[rows[at]])
-        return rows[at], Steps(edge, np.zeros(len(at)), np.ones(len(at)), following)
+    def _ask(self, ask: Any, rows: IntArray, nodes: IntArray) -> IntArray:
+        """Return what a function of the core writes for agents that go along their edges, or to these nodes."""
+        answers = np.zeros(len(rows), np.int64)
+        for roads, some in self._by.maps.each(self._games[rows]):
+            found = np.zeros(len(rows[some]), np.int64)
+            given = (np.ascontiguousarray(column).data for column in (rows[some], self._motion, nodes[some], found))
+            ask(roads, self.columns.core, *given)
+            answers[some] = found
+        return answers
 
-    def _set_paces(self, rows: IntArray, steps: Steps) -> None:
-        """Work out how fast agents go whose ways take the rest of the turn, however long they are."""
-        first, metres, before = rows, np.zeros(len(self.here)), (self._goal, self._last, self._left)
-        self._goal, self._last, self._left = (column.copy() for column in before)
-        while len(rows):
-            metres[rows] += np.abs(steps.end - steps.begin) * self._by.columns.lengths[steps.edge]
-            rows, steps = self._next_steps(rows, steps.node)
-        self._goal, self._last, self._left = before
-        left, far = 1.0 - self.now[first], metres[first]
-        self._turns_per_metre[first] = np.divide(left, far, out=np.zeros(len(first)), where=far > 0.0)
+    def _travel_all(self, rows: IntArray, nodes: IntArray) -> None:
+        """Let agents go the whole of their ways, however long these are."""
+        routes, columns = [[node] if node >= 0 else [] for node in nodes.tolist()], self._by.columns
+        is_ahead = (nodes < 0) & (self._motion[rows] != Motion.BACK)
+        last = np.where(nodes >= 0, nodes, self.columns.node[rows])
+        last[is_ahead] = columns.targets[self.columns.edge[rows[is_ahead]]]
+        left, which = self.columns.left[rows] - 1, np.arange(len(rows))
+        while len(which):
+            which = which[left[which] > 0]
+            at, nodes = self._next_nodes(rows[which], last[which])
+            which = which[at]
+            last[which] = nodes
+            left[which] -= 1
+            for place, node in zip(which.tolist(), nodes.tolist(), strict=True):
+                routes[place].append(node)
+        most = max(map(len, routes)) + 3
+        if most > self.columns.most:
+            self.columns = self.columns.with_room(most)
+        for row, route in zip(rows.tolist(), routes, strict=True):
+            self.columns.route[: len(route)] = route
+            roads = self._by.maps.of(self._by.all_roads.of(int(self._games[row])))
+            core.go(roads, self.columns.core, row, int(self._motion[row]), len(route))
 
-    def covers(self, rows: IntArray, steps: Steps) -> BoolArray:
-        """Return which agents cover some part of their steps in what is left of the turn."""
-        until, stop = self._ends(rows, steps)
-        return (until < np.inf) | ((stop > 0.0) & (stop < 1.0))
-
-    def _ends(self, rows: IntArray, steps: Steps) -> tuple[FloatArray, FloatArray]:
-        """Return when agents are at the ends of their steps, and where on their edges those are that the turn stops."""
-        now, share = self.now[rows], np.abs(steps.end - steps.begin)
-        metres = share * self._by.columns.lengths[steps.edge]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            paced = self._by.takes(steps.edge, share, self._speed[rows])
-            takes = np.where(self._is_endless[rows], metres * self._turns_per_metre[rows], paced)
-            part = np.where(takes < np.inf, share * (1.0 - now) / takes, 0.0)
-        ends = np.where(now + takes < 1.0 - ROUNDED, now + takes, 1.0)
-        stop = np.where(steps.end > steps.begin, steps.begin + part, steps.begin - part)
-        return np.where(now + takes > 1.0 + SLACK, np.inf, ends), np.where(part > 0.0, stop, np.nan)
-
-    def first_steps(self, rows: IntArray) -> Steps:
-        """Return what agents set off along."""
-        on_edge, is_back, here = self.edge[rows] >= 0, self._is_back[rows], self.here[rows]
-        edge, node = self.edge[rows], here.copy()
-        ahead = on_edge & ~is_back
-        node[ahead] = self._by.columns.targets[edge[ahead]]
-        off = np.flatnonzero(~on_edge)
-        at, following = self._next_nodes(rows[off], here[off], is_first=True)
-        edge[off[at]] = self._by.cheapest(here[off[at]], following, self._games[rows[off[at]]])
-        node[off[at]] = following
-        begin = np.where(on_edge, self.share[rows], 0.0)
-        steps = Steps(edge, begin, np.where(on_edge & is_back, 0.0, 1.0), node)
-        if len(some := np.flatnonzero(self._is_endless[rows])):
-            self._set_paces(rows[some], steps.those(some))
-        return steps
-
-    def _next_nodes(self, rows: IntArray, node: IntArray, *, is_first: bool = False) -> tuple[IntArray, IntArray]:
+    def _next_nodes(self, rows: IntArray, node: IntArray) -> tuple[IntArray, IntArray]:
         """Return which agents that are on nodes go on, by their places in `rows`, and to which nodes next."""
         is_there = node == self._goal[rows]
         at_last = is_there & (self._last[rows] >= 0)
         following = np.where(at_last, self._last[rows], node)
         self._goal[rows[at_last]], self._last[rows[at_last]] = self._last[rows[at_last]], -1
-        may_go_on = self._is_paced[rows] & (not self._by.terms.decides_at_arrivals) | is_first
-        goes_on = may_go_on & (~is_there | at_last) & (self._left[rows] > 0)
         for by_length, weight in ((True, "length"), (False, self._by.terms.weight)):
-            some = np.flatnonzero(goes_on & ~is_there & (self._by_length[rows] == by_length))
+            some = np.flatnonzero(~is_there & (self._by_length[rows] == by_length))
             if len(some):
                 goals, games = self._goal[rows[some]], self._games[rows[some]]
                 following[some] = self._by.ways(weight).following(node[some], goals, at=games)
-        at = np.flatnonzero(goes_on)
-        self._left[rows[at]] -= 1
+        at = np.flatnonzero(following != node)
         return at, following[at]
-
-    def _add_legs(self, rows: IntArray, steps: Steps, since: FloatArray, until: FloatArray) -> None:
-        self.legs.append((rows, self._count[rows], *steps[:3], since, until))
-        self._count[rows] += 1
 
     def stop_short(self, rows: IntArray, leg: Legs) -> None:
         """Let agents that have come to the ends of their legs, (agents,), stand just before that from then on."""
-        short = np.where(leg.end == 1.0, 1.0 - SHORT, SHORT)
-        self._count[rows] -= 1
-        self._passed[rows] -= 1
-        self._add_legs(rows, Steps(leg.edge, leg.begin, short, leg.edge), leg.since, leg.until)
-        on = np.flatnonzero(leg.until < 1.0)
-        stands = Steps(leg.edge, short, short, leg.edge).those(on)
-        self._add_legs(rows[on], stands, leg.until[on], np.ones(len(on)))
-        self.edge[rows], self.share[rows], self._stops_short[rows] = leg.edge, short, True
+        columns = self.columns
+        columns.edge[rows], columns.share[rows] = leg.edge, np.where(leg.end == 1.0, 1.0 - SHORT, SHORT)
+        columns.ends[rows, columns.legs[rows] - 1] = columns.share[rows]
+        columns.passed[rows] -= 1
+        core.stand_each(columns.core, rows.data)
+
+    def last_legs(self, rows: IntArray) -> tuple[Any, ...]:
+        """Return the last legs of agents: edges, begins, ends, since and until."""
+        columns, last = self.columns, self.columns.legs[rows] - 1
+        legs = columns.edges, columns.begins, columns.ends, columns.since, columns.until
+        return tuple(column[rows, last] for column in legs)
 
     def moves(self) -> Moves:
         """Return the ways as moves; agents that were on edges and did not set off stand there."""
-        stands = np.flatnonzero((self._begun >= 0) & (self._count == 0))
-        whole, share = np.ones(len(stands)), self._from[stands]
-        self._add_legs(stands, Steps(self._begun[stands], share, share, self.here[stands]), whole * 0.0, whole)
-        shape, number = self._shape, len(self.here)
-        wide = int(self._count.max(initial=0))
-        edge, others = np.full((number, wide), -1), [np.zeros((number, wide)) for _ in range(4)]
-        for rows, place, edges, *columns in self.legs:
-            edge[rows, place] = edges
-            for column, values in zip(others, columns, strict=True):
-                column[rows, place] = values
+        columns, shape = self.columns, self._shape
+        core.stand_each(columns.core, np.flatnonzero((self._begun >= 0) & (columns.legs == 0)).data)
+        wide, most = int(columns.legs.max(initial=0)), int(columns.passed.max(initial=1))
+        edge = np.where(np.arange(wide) < columns.legs[:, None], columns.edges[:, :wide], -1)
         back = self._by.backs(edge, self._games[:, None])
-        legs = Legs(*(column.reshape(*shape, wide) for column in (edge, back, *others)))
-        most = int(self._passed.max(initial=1))
-        nodes, times = np.repeat(self._starts[:, None], most, axis=1), np.full((number, most), np.inf)
-        times[:, 0] = 0.0
-        for rows, place, node, when in self._nodes:
-            on = place < self._passed[rows]  # else they were stopped short of it
-            nodes[rows[on], place[on]], times[rows[on], place[on]] = node[on], when[on]
-        behind = np.arange(most) >= self._passed[:, None]
-        last = nodes[np.arange(number), self._passed - 1]
-        nodes, times = np.where(behind, last[:, None], nodes), np.where(behind, np.inf, times)
-        stays, rests = (self._count == 0).reshape(shape), (self.edge < 0).reshape(shape)
-        lengths, edge_at_end = self._passed.reshape(shape), self.edge.reshape(shape)
-        nodes, times, waits = nodes.reshape(*shape, most), times.reshape(*shape, most), np.zeros(shape, np.bool_)
-        motion = np.where(self._stops_short.reshape(shape), Motion.STOPPED, last_motion(legs))
-        paths = Paths(nodes, times, lengths, stays, waits, rests, legs, edge_at_end, motion)
-        ends, starts = last.reshape(shape), self._starts.reshape(shape)
-        before, share = self._before.reshape(shape), self._from.reshape(shape)
-        is_closed = (before >= 0) & (self._begun.reshape(shape) < 0)  # of those that are not asked: they keep it
-        after = np.where(is_closed, before, edge_at_end), self.share.reshape(shape)
+        written: Any = edge, back, columns.begins, columns.ends, columns.since, columns.until
+        legs = Legs(*(column[:, :wide].reshape(*shape, wide) for column in written))
+        behind, last = np.arange(most) >= columns.passed[:, None], columns.node
+        nodes = np.where(behind, last[:, None], columns.nodes[:, :most]).reshape(*shape, most)
+        times = np.where(behind, np.inf, columns.times[:, :most]).reshape(*shape, most)
+        lengths, waits = columns.passed.reshape(shape), np.zeros(shape, np.bool_)
+        stays, rests = (columns.legs == 0).reshape(shape), (columns.edge < 0).reshape(shape)
+        end, motion = columns.edge.reshape(shape), columns.motion.reshape(shape)
+        paths = Paths(nodes, times, lengths, stays, waits, rests, legs, end, motion)
+        before = self._before.reshape(shape), self._from.reshape(shape)
+        is_closed = (before[0] >= 0) & (self._begun.reshape(shape) < 0)  # of those that are not asked: they keep it
+        share = np.where(is_closed, before[1], columns.share.reshape(shape))
+        after = np.where(is_closed, before[0], end), share
         goes = (legs.begin != legs.end).any(axis=-1)
-        return Moves(starts, ends, goes, paths, after, (before, share), tuple(self.illegal))
+        ends = last.reshape(shape)
+        return Moves(self._starts.reshape(shape), ends, goes, paths, after, before, tuple(self.illegal))
