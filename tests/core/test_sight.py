@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gamms import kernels
 from gamms.core.sight import Places, Sight
 
 LARGE = 1.7e308
@@ -58,6 +60,22 @@ def test_the_rim_is_found_wherever_cells_begin(radius, far, angle):
     there = far + radius * math.cos(angle), -far + radius * math.sin(angle)
     _, sight = sight_of({0: here, 1: there}, [0, 1], radius)
     assert sight.rows(*here) == [0, 1][: 1 + is_near(here, there, radius)]
+
+
+@given(
+    places=st.lists(st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0)), min_size=1, max_size=12),
+    radius=st.floats(0.0, 80.0) | st.just(math.inf),
+    angle=st.floats(-3.2, 3.2),
+    fov=st.floats(0.0, 6.2),
+)
+def test_those_ahead_are_found_of_those_within_the_radius(places, radius, angle, fov):
+    at = dict(enumerate(places))
+    _, sight = sight_of(at, sorted(at), radius)
+    heading = math.cos(angle), math.sin(angle)
+    xy = np.array(places) - places[0]
+    are_ahead = kernels.in_cone(*xy.T, heading, fov)
+    near = sight.rows(*places[0])
+    assert sight.rows_ahead(*places[0], *kernels.cone(heading, fov)) == [row for row in near if are_ahead[row]]
 
 
 def test_many_agents_are_found_in_order_from_one_cell_and_from_many():

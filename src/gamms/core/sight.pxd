@@ -4,8 +4,9 @@ ctypedef long long i64
 
 cdef extern from "math.h":
     cpdef double fabs(double x) noexcept nogil
+    cpdef double atan2(double y, double x) noexcept nogil
 
-cdef double LEAST, MOST, SCALE, MOST_CELLS, SLACK
+cdef double LEAST, MOST, SCALE, MOST_CELLS, SLACK, TURN
 cdef i64 FACTOR_X, FACTOR_Y, MANY, MOST_KEPT
 
 
@@ -56,6 +57,10 @@ cdef class Sight:
     cpdef dict by_name(self, double x, double y, str own)
     @cython.locals(count=i64, place=i64)
     cpdef list rows(self, double x, double y)
+    @cython.locals(
+        place=i64, row=i64, xs=double[::1], ys=double[::1], dx=double, dy=double, off=double, rows=list
+    )
+    cpdef list rows_ahead(self, double x, double y, double axis, double rim)
     @cython.locals(place=tuple, found=dict, data=dict, count=i64)
     cpdef dict seen_from(self, object node, str own)
 

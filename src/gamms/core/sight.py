@@ -7,7 +7,7 @@ order of their creation, and that is the order in which they are found.
 from __future__ import annotations
 
 from array import array
-from math import fabs
+from math import atan2, fabs
 from typing import Any
 
 LEAST = 1e-150  # radii from here
@@ -19,6 +19,7 @@ FACTOR_X = 73856093
 FACTOR_Y = 19349663
 MANY = 16  # agents found from a node, from which on they are kept for the next look from it
 MOST_KEPT = 1 << 20  # of these in all
+TURN = 6.283185307179586  # radians
 
 
 class Places:
@@ -284,6 +285,29 @@ class Sight:
             self.build()
         count = self._find(x, y)
         return [self.found[place] for place in range(count)]
+
+    def rows_ahead(self, x: float, y: float, axis: float, rim: float) -> list[int]:
+        """Return the rows of the agents near a place and ahead of it, ascending; one at the place itself is ahead.
+
+        Args:
+            x: of the place.
+            y: of the place.
+            axis: the direction of view, radians.
+            rim: how far from the axis directions are that are seen, radians.
+        """
+        if not self.is_built:
+            self.build()
+        xs = self.places.x
+        ys = self.places.y
+        rows = []
+        for place in range(self._find(x, y)):
+            row = self.found[place]
+            dx = xs[row] - x
+            dy = ys[row] - y
+            off = fabs(atan2(dy, dx) - axis)
+            if off <= rim or TURN - off <= rim or (dx == 0.0 and dy == 0.0):
+                rows.append(row)
+        return rows
 
     def seen_from(self, node: Any, own: str) -> dict[Any, Any]:
         """Return name -> node of the agents near a node, but for one of them (KeyError)."""

@@ -50,10 +50,10 @@ from gamms.kernels.draws import (
 from gamms.kernels.fields_of_view import (
     Quaternion,
     about_z,
+    cone,
     in_cone,
     in_view,
     multiply_quaternions,
-    points_in_cone,
     quaternion_to_direction,
     squares,
     unit_quaternion,

@@ -1,7 +1,7 @@
 """Fields of view: rotations in space as unit quaternions (w, x, y, z), headings, and what lies inside a cone."""
 
-from collections.abc import Iterable, Sequence
-from math import atan2, cos, frexp, hypot, ldexp, pi, sin, sqrt
+from collections.abc import Sequence
+from math import atan2, cos, frexp, hypot, ldexp, sin, sqrt
 
 import numpy as np
 
@@ -111,13 +111,6 @@ def in_cone(
     return seen
 
 
-def points_in_cone(
-    points: Iterable[tuple[float, float]], origin: tuple[float, float], heading: tuple[float, float], fov: float
-) -> list[bool]:
-    """Return `in_cone` of the offsets of a few points (x, y) from where the observer is."""
-    # NOTE: NumPy takes longer for a handful of offsets than `math` does (benchmarks: AGENT_ARC among 10).
-    (x0, y0), axis, rim, turn = origin, atan2(heading[1], heading[0]), fov / 2.0 + _RIM, 2.0 * pi
-    return [
-        (off_axis := abs(atan2(y - y0, x - x0) - axis)) <= rim or turn - off_axis <= rim or (x == x0 and y == y0)
-        for x, y in points
-    ]
+def cone(heading: tuple[float, float], fov: float) -> tuple[float, float]:
+    """Return the direction of a heading (cos, sin), and how far from it directions are inside `fov`; both radians."""
+    return atan2(heading[1], heading[0]), fov / 2.0 + _RIM

@@ -38,7 +38,6 @@ from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
-_FEW = 24  # agents: more are compared as arrays
 _MANY = 256  # looks at neighbours, from which on they are read from arrays of all edges
 
 
@@ -477,9 +476,11 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], Look | None]:
         """Return where agents are, the rows of those that are seen, ascending, and the look, if one was counted."""
-        positions, rows = self._memory.nearby.within(place, self.range)
-        if heading != ALL_AROUND:
-            rows = self._ahead(place, rows, positions, heading)
+        nearby = self._memory.nearby
+        if heading == ALL_AROUND:
+            positions, rows = nearby.within(place, self.range)
+        else:
+            positions, rows = nearby.ahead(place, self.range, heading, self.fov)
         notice = self._notice
         if notice is not None:
             rows = notice.wanted(rows, positions.teams)
@@ -506,19 +507,6 @@ class AgentSensor(DetectingSensor, GroundSensor):
             places = NodeColumns(positions.node_ids_of(between), xy(between))
             seen += _selected(between, is_unhidden(self.ctx, place, places, height, tunnel))
         return sorted(seen)
-
-    def _ahead(self, place: Place, rows: list[int], positions: Positions, heading: Heading) -> list[int]:
-        """Return those rows whose agents are in the field of view."""
-        if not rows:
-            return rows
-        if len(rows) > _FEW or positions.travellers:
-            dx, dy = self._offsets(place, rows).T
-            return _selected(rows, kernels.in_cone(dx, dy, heading, self.fov))
-        places = self._memory.nearby.places_of_nodes
-        origin = places[place] if type(place) is int else coordinates(self.ctx, place)
-        nodes = positions.found(rows).values()
-        are_in = kernels.points_in_cone([places[node] for node in nodes], origin, heading, self.fov)
-        return [row for row, is_in in zip(rows, are_in, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
         return self._memory.nearby.xy(rows) - coordinates(self.ctx, place)

@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Collection, Iterable
+from itertools import compress
 from math import inf
 from typing import NamedTuple
 
@@ -223,6 +224,19 @@ class NearbyAgents:
         """
         positions = self._catch_up()
         return positions, self._rows_within(positions, place, radius)
+
+    def ahead(
+        self, place: Place, radius: float, heading: tuple[float, float], fov: float
+    ) -> tuple[Positions, list[int]]:
+        """Return what `within` does of those in a field of view, of `fov` radians around a heading (cos, sin)."""
+        positions = self._catch_up()
+        x, y = self._coordinates_of(place)
+        rows = self._sight(radius).rows_ahead(x, y, *kernels.cone(heading, fov))
+        if positions.travellers:
+            moving = self._travellers.within(positions, (x, y), radius)
+            dx, dy = (self.xy(moving) - (x, y)).T
+            rows = sorted([*rows, *compress(moving, kernels.in_cone(dx, dy, heading, fov).tolist())])
+        return positions, rows
 
     def _rows_within(self, positions: Positions, place: Place, radius: float) -> list[int]:
         x, y = self._coordinates_of(place)

@@ -294,8 +294,8 @@ class _AgentState(dict[str, Any], Generic[Where, Wish]):
 class State(_AgentState[int, Action]):
     """What an agent on the ground knows when it decides: the argument of its strategy.
 
-    It is a dict, and what is in it are attributes, too: `state.legal` is `state["legal"]`. An attribute of a key that is
-    not there raises AttributeError. Only `state.action` can be set.
+    It is a dict whose keys are attributes, too: `state.legal` is `state["legal"]`. An attribute of a key that is not
+    there raises AttributeError. Only `state.action` can be set.
 
     `curr_pos` and `sensor` are always there, also in the plain dict that `agent.get_state()` returns, which has keys
     alone. The others are put there by `ctx.game`.
