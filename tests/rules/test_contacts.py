@@ -252,3 +252,23 @@ def test_a_game_keeps_what_is_near_for_a_few_distances_alone(road):
         assert bool(contacts(ctx, "red", "blue", metres=float(metres))) == (metres >= 10)
     kept = ctx.game.internals.kept["contacts"].near.cache_info()
     assert kept.currsize == kept.maxsize < 59
+
+
+def test_agents_that_went_out_in_this_turn_meet_nobody(road):
+    ctx = road(a=("red", 4, 5), b=("blue", 5, 5), c=("blue", 6, 5), d=("red", 5, 5))
+    met = {}
+
+    def rule(ctx):
+        met["before"] = [pair[:2] for pair in gamms.rules.contacts(ctx, "red", "blue")]
+        ctx.game.eliminate("b")
+        ctx.game.eliminate("a")
+        met["after"] = [pair[:2] for pair in gamms.rules.contacts(ctx, "red", "blue")]
+        met["by a function"] = [
+            pair[:2] for pair in gamms.rules.contacts(ctx, lambda agent: agent.name == "d", lambda _: True)
+        ]
+
+    ctx.game.add(rule)
+    ctx.game.step()
+    assert sorted(met["before"]) == [("a", "b"), ("a", "c"), ("d", "b"), ("d", "c")]
+    assert met["after"] == [("d", "c")]
+    assert met["by a function"] == [("d", "c")]

@@ -218,3 +218,12 @@ def test_the_first_to_reach_the_goal_wins_and_later_moments_do_not_count():
     happened, over = open_way(first, second, flags=flags, territory={8: "red", 2: "blue"})
     assert happened == [("take", "r", 9), ("take", "b", 0), ("capture", "r", 8)]  # at 1/4, 1/3 and 1/2; the other at 1
     assert over["winner"] == "red"
+
+
+def test_whoever_goes_along_a_loop_is_back_at_the_end_of_the_turn(road):
+    ctx = road(r=("red", 5, [5, 5]), b=("blue", 9))
+    ctx.graph.add_edges([100], [5], [5])
+    ctx.agent.get_agent("r").speed = 1
+    ctx.game.add(capture_flag({"blue": 5}, territory={5: "red"}, goal=None))
+    ctx.game.step()
+    assert [kind for _, kind, _ in flag_events(ctx)] == ["take", "capture", "take"]

@@ -91,11 +91,23 @@ class TurnMoves:
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
     def are_steps(self, block: AgentBlock) -> bool:
-        """Whether all living agents are those that moved, on the ground, along one edge at once or none."""
+        """Whether all living agents are among those that moved, on the ground, along one edge at once or none."""
         order = self.order
-        if block.travellers or order.whole.on_ground is not None or order.structure_version != block.structure.version:
+        if block.travellers or order.whole.on_ground is not None:
+            return False
+        if order.structure_version != block.structure.version and not self._have_all_living(block):
             return False
         return not self.actions or all(map(_is_step, self.actions.values()))
+
+    def _have_all_living(self, block: AgentBlock) -> bool:
+        """Return whether all living agents moved, and are of the same teams; others may have gone out since."""
+        order = self.order
+        if order.structure_version < 0 or order.rows_version != block.rows.version or block.removed:
+            return False
+        rows = order.selection.rows
+        if sum(map(block.alive.__getitem__, rows)) != len(block) - len(block.inactive):
+            return False
+        return [block.teams[row] for row in rows] == order.all_teams()
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, of all on the ground, in the order of the names."""

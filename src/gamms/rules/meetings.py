@@ -192,20 +192,22 @@ class Owners:
 
 
 class Roster:
-    """The living agents of a game in the order of their names, and their columns.
+    """The living agents of a game, and maybe some that are out, in the order of their names, and their columns.
 
     Args:
         names: of these.
         teams: of each.
+        keys: of the names, for draws.
         fly: whether each flies; None: none does.
+        out: which of these are out, and take no part; None: all are living.
 
     Attributes:
         names: as given.
         team_of: as given, the teams.
         number: name -> number of the agent.
         teams: team -> number of the team, in the order of their first agents.
-        fly: as given.
-        keys: (agents,) of the names, for draws.
+        fly, out: as given.
+        keys: (agents,) as given.
         team: (agents,) numbers of teams.
         games: the columns of agents, of one game.
         turn: (1,) how many turns were played.
@@ -215,14 +217,23 @@ class Roster:
         kept: what rules know of these agents, by rule.
     """
 
-    def __init__(self, names: Sequence[str], teams: Sequence[Hashable], fly: Sequence[bool] | None) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        teams: Sequence[Hashable],
+        keys: BitArray,
+        *,
+        fly: Sequence[bool] | None = None,
+        out: Sequence[bool] | None = None,
+    ) -> None:
         agents = len(names)
         self.names = names
         self.number = {name: i for i, name in enumerate(names)}
         self.teams = {team: i for i, team in enumerate(dict.fromkeys(teams))}
         self.fly = fly
         self.team_of = teams
-        self.keys: Any = kernels.name_keys(names).data
+        self.out = out
+        self.keys: Any = keys.data
         self.team = column("q", [self.teams[team] for team in teams])
         ints, floats = np.zeros((8, agents), np.int64), np.zeros((2, agents))
         self.turn = column("q", [0])
@@ -274,16 +285,25 @@ class Roster:
 
     def _members(self, ctx: Context, side: Side, *, air: bool) -> list[bool]:
         """Return of each agent whether it is of a side and takes part."""
-        fly = self.fly
-        if callable(side):
-            agents: list[IAgent] = ctx.game.agents
-            if air or fly is None:
-                return [bool(side(agent)) for agent in agents]
-            return [not flies and bool(side(agent)) for agent, flies in zip(agents, fly, strict=True)]
-        members = [team == side for team in self.team_of]
-        if air or fly is None:
-            return members
-        return [one and not flies for one, flies in zip(members, fly, strict=True)]
+        fly = None if air else self.fly
+        if not callable(side):
+            return self._of_those([team == side for team in self.team_of], fly)
+        agents: Sequence[IAgent | None] = ctx.game.agents
+        if self.out is not None:
+            living = iter(agents)
+            agents = [None if is_out else next(living) for is_out in self.out]
+        absent = fly or [False] * len(agents)
+        return [
+            agent is not None and not is_absent and bool(side(agent))
+            for agent, is_absent in zip(agents, absent, strict=True)
+        ]
+
+    def _of_those(self, members: list[bool], fly: Sequence[bool] | None) -> list[bool]:
+        """Return the same without agents that fly, or are out."""
+        for absent in (fly, self.out):
+            if absent is not None:
+                members = [one and not is_absent for one, is_absent in zip(members, absent, strict=True)]
+        return members
 
     def owners(self, territory: Mapping[int, Hashable], numbers: core.NodeNumbers) -> Any:
         """Return the number of the team that owns each node, (nodes,); -1 for a node of no team of these agents."""
@@ -294,10 +314,9 @@ class Roster:
         return self._owners[id(territory)].of(numbers)
 
     def ground(self) -> Any:
-        """Return 1 for each agent that does not fly, else 0."""
+        """Return 1 for each agent that neither flies nor is out, else 0."""
         if "ground" not in self._sides:
-            fly = self.fly or [False] * len(self.names)
-            self._sides["ground"] = column("q", [not flies for flies in fly])
+            self._sides["ground"] = column("q", self._of_those([True] * len(self.names), self.fly))
         return self._sides["ground"]
 
 
@@ -532,9 +551,12 @@ class InGame:
 
     def _of_steps(self, moves: TurnMoves, block: AgentBlock, turn: int, seed: int) -> InTurn:
         order = moves.order
-        if self._steps is None or self._steps_of != (order, seed):
-            self._steps_of = order, seed
-            self._steps = InTurn(self, Roster(order.names, order.all_teams(), None), seed)
+        key = order, seed, block.structure.version
+        if self._steps is None or self._steps_of != key:
+            self._steps_of = key
+            out = [not alive for alive in order.selection.of(block.alive)]
+            roster = Roster(order.names, order.all_teams(), order.keys, out=out if any(out) else None)
+            self._steps = InTurn(self, roster, seed)
         roster = self._steps.roster
         roster.turn[0] = turn
         starts, ends = _ids(moves.starts), _ids(moves.ends)
@@ -551,8 +573,8 @@ class InGame:
         names, teams = [agent.name for agent in agents], [agent.team for agent in agents]
         fly = [agent.type is AgentType.AERIAL for agent in agents] if ctx.agent.block.flyers else None
         roster = None if self._turn is None else self._turn.roster
-        if roster is None or (roster.names, roster.team_of, roster.fly) != (names, teams, fly):
-            roster = Roster(names, teams, fly)
+        if roster is None or (roster.names, roster.team_of, roster.fly, roster.out) != (names, teams, fly, None):
+            roster = Roster(names, teams, kernels.name_keys(names), fly=fly)
         roster.turn[0] = turn
         found = InTurn(self, roster, ctx.seed)
         found.follow(ctx, ctx.game.tracks(agents))
