@@ -4,7 +4,8 @@
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
-Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`), then
+Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`, which has the
+columns of a turn), `gamms.core.rules` for who tags whom and what becomes of flags, then
 `tagging.py`, `flags.py` and `endings.py`, which also has what a rule may carry besides its function; `places.py`,
 `resources.py` and `payoffs.py` count what comes of it, and `territory.py` makes the data that they share. Conflicts:
 `conflicts.py` says which agents win, `game/conflicts.py` what conflicts are. May import: `context` and below. To add a
