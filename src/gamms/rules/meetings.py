@@ -756,15 +756,18 @@ class _Legs(NamedTuple):
 
 
 def _legs_of(turn: ArrayTurn, legs: LegsOfTurn, by_move: BoolArray) -> _Legs:
-    columns, edge, back = movement_in(turn).columns, legs.edge, legs.back
-    ids = columns.edge_ids
-    counts = np.where(by_move, (edge >= 0).sum(axis=-1), 0)
+    columns, at = movement_in(turn).columns, np.nonzero(legs.edge >= 0)
+    edge, back, ids = legs.edge[at], legs.back[at], columns.edge_ids
+    counts = np.where(by_move, (legs.edge >= 0).sum(axis=-1), 0)
     streets = np.where((back >= 0) & (ids[back] < ids[edge]), back, edge)
-    flags = _BACKWARDS * (streets != edge) + _TURNS * (back >= 0)
-    at = np.nonzero(edge >= 0)
-    flags[at] += _REMOVED * (movement_in(turn).all_roads.states(edge[at], turn.games[at[0]]) == REMOVED)
-    ends, lengths = (columns.sources[edge], columns.targets[edge]), columns.lengths[edge]
-    return _Legs(edge, counts, *ends, streets, flags, legs.begin, legs.end, legs.since, legs.until, lengths)
+    removed = movement_in(turn).all_roads.states(edge, turn.games[at[0]]) == REMOVED
+    flags = _BACKWARDS * (streets != edge) + _TURNS * (back >= 0) + _REMOVED * removed
+    # NOTE: few agents go along as many edges as those that go along most (benchmarks: travel).
+    ints, lengths = np.zeros((4, *legs.edge.shape), np.int64), np.zeros(legs.edge.shape)
+    for column, values in zip(ints, (columns.sources[edge], columns.targets[edge], streets, flags), strict=True):
+        column[at] = values
+    lengths[at] = columns.lengths[edge]
+    return _Legs(*[legs.edge, counts, *ints, legs.begin, legs.end, legs.since, legs.until, lengths])
 
 
 def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
