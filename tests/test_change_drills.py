@@ -90,6 +90,54 @@ with gamms.create_context() as ctx:
     ]
 
 
+AXES = """    Column("mobility", np.int64, 2),
+    Column("scratch", np.int64, 7, is_copied=False, is_recorded=False),
+    Column("fuel", np.float64, 1.0, axis="team"),
+    Column("wind", np.float64, 0.0, shape=(2,), axis="game"),
+"""
+
+
+def test_a_number_of_agents_teams_or_games_is_one_entry_of_the_schema(tmp_path):
+    before = '    Column("sensors", '
+    source = changed(tmp_path, ("ir/schema.py", before, AXES + before))
+    program = """
+import gamms
+
+def shown(ctx):
+    game = ctx.agent.block.games
+    return [game.row(name).tolist() for name in ("mobility", "scratch", "fuel", "wind")]
+
+with gamms.create_context(seed=1) as ctx:
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    anna = ctx.agent.create_agent("anna", start_node_id=0, team="red")
+    ben = ctx.agent.create_agent("ben", start_node_id=0, team="blue", mobility=3)
+    print(shown(ctx))
+    anna.scratch, game = 5, ctx.agent.block.games
+    game.row("fuel")[1], game.row("wind")[0] = 0.5, 2.5
+    now, snapshot = shown(ctx), ctx.game.snapshot()
+    ctx.record.start("game")
+    ctx.game.step()
+    ctx.record.stop()
+    game.row("fuel")[0], game.row("wind")[1], anna.mobility, ben.team = 4.0, 1.0, 9, "green"
+    print(shown(ctx))
+    ctx.game.restore(snapshot)
+    print(shown(ctx) == [now[0], [7, 7], *now[2:]], shown(ctx.game.fork(seed=2).ctx) == shown(ctx))
+    print(shown(ctx))
+with gamms.recorder.open("game.ggr") as recording:
+    print(sorted(recording.state(0).agents.keys() & {"mobility", "scratch"}))
+    with recording.resume(1) as ctx:
+        print(shown(ctx))
+"""
+    assert printed(source, tmp_path, program).splitlines() == [
+        "[[2, 3], [7, 7], [1.0, 1.0], [0.0, 0.0]]",
+        "[[9, 3], [5, 7], [4.0, 0.5, 1.0], [2.5, 1.0]]",
+        "True True",
+        "[[2, 3], [7, 7], [1.0, 0.5], [2.5, 0.0]]",
+        "['mobility']",
+        "[[2, 3], [7, 7], [1.0, 0.5], [2.5, 0.0]]",
+    ]
+
+
 def test_a_number_of_agents_is_that_of_its_own_game_in_batches(tmp_path):
     program = """
 import gamms

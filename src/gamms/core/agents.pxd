@@ -1,5 +1,7 @@
 cimport cython
 
+from gamms.core cimport block as blocks
+
 ctypedef long long i64
 
 
@@ -11,6 +13,7 @@ cdef class AgentColumns:
     cdef object _journal
     cdef i64[::1] _nodes, _origins
 
+    cpdef i64 move_rows(self, const i64[::1] rows, const i64[::1] ends) except -1
     @cython.locals(log=list, ids=list)
     cdef int _move(self, Py_ssize_t row, i64 node) except -1
     cdef i64 _node_of(self, Py_ssize_t row) except? -1

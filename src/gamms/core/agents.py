@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from gamms.core import block as blocks
+
 
 class AgentColumns:
     """Columns of the agents of one game, and their moves; a subclass has the other columns and verbs.
@@ -52,6 +54,14 @@ class AgentColumns:
         """Move an agent on the ground; the node it was on is its previous one."""
         if not self.is_closed:
             self._move(row, node)
+
+    def move_rows(self, rows: memoryview[int], ends: memoryview[int]) -> int:
+        """Move agents to nodes and note nothing, `rows` and `ends` (agents,); return how many do not stay.
+
+        Raises:
+            IndexError: there is no such row; agents before it have moved.
+        """
+        return blocks.move_rows(self._nodes, self._origins, rows, ends)
 
     def _move(self, row: int, node: int) -> int:
         if row < 0 or row >= len(self._nodes):

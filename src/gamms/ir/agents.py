@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gamms.core.agents import AgentColumns
-from gamms.core.block import INT64, Block, move_rows
+from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop
 from gamms.ir.graph import NodeFinder
@@ -28,7 +28,7 @@ UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
 
 _COLUMNS = {column.name: column for column in AGENT_COLUMNS}
-_NUMBERS = [column.name for column in IN_GAMES]
+_NUMBERS = [column.name for column in IN_GAMES if column.axis == "agent"]
 _SHOWN = [name for name in _NUMBERS if name not in AgentColumns.__slots__]
 _LISTS = [name for name in BY_ROW if name not in _NUMBERS]
 _PLACES = [column.name for column in PLACES if column.name in _LISTS]
@@ -54,7 +54,8 @@ class AgentBlock(AgentColumns):
         quat: `(w, x, y, z)` of flyers, of length 1; None on the ground.
         speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
         alive: whether it takes part.
-        games: the block of one game, which holds the columns of numbers.
+        games: the block of one game, which holds the columns of numbers, those of teams and of the game too.
+        team_rows: team -> its row in columns of teams, in the order in which teams came.
         has_teams: whether a team was created, so that its members are made only when a program asks for them.
         progress: on the edge that an agent on the ground is moving along; None where it has covered nothing of one.
         graph: finds the nodes below flyers.
@@ -74,8 +75,8 @@ class AgentBlock(AgentColumns):
     __slots__ = (
         *(name for name in BY_ROW if name not in AgentColumns.__slots__),
         *("_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "copied", "flyers", "games"),
-        *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "travellers", "trusts_nodes"),
-        "under_way",
+        *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows", "travellers"),
+        *("trusts_nodes", "under_way"),
     )
 
     names: list[str]
@@ -95,6 +96,7 @@ class AgentBlock(AgentColumns):
         self.games = Block(IN_GAMES)
         self._show()
         self.has_teams = False
+        self.team_rows: dict[Any, int] = {}
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
         self.placed: set[int] = set()
@@ -161,6 +163,7 @@ class AgentBlock(AgentColumns):
         for column in _LISTS:
             getattr(self, column).append(given.get(column))
         self.rows.enter(name)
+        self.number_teams((team,))
         self.structure.note((row,))
         self._changed.add(row)
         if flies:
@@ -179,15 +182,23 @@ class AgentBlock(AgentColumns):
             getattr(self, column).extend(names if column == "names" else [team if column == "teams" else None] * count)
         rows = range(first, first + count)
         self.rows.enter_all(names)
+        self.number_teams((team,))
         self.structure.note(rows)
         self._changed.update(rows)
         return first
+
+    def number_teams(self, teams: Iterable[Any]) -> None:
+        """Add rows to columns of teams for those that have none; None is no team."""
+        for team in teams:
+            if team is not None and team not in self.team_rows:
+                self.team_rows[team] = self.games.add(1, "team")
 
     def take_over(self, source: AgentBlock, row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
         new = self.add(source.names[row], source.node[row], position=source.position[row])
         for name in BY_ROW:
             getattr(self, name)[new] = getattr(source, name)[row]
+        self.number_teams((self.teams[new],))
         self._follow_progress(new)
         if not self.alive[new]:
             self.inactive.add(new)
@@ -195,7 +206,7 @@ class AgentBlock(AgentColumns):
 
     def take_all(self, source: AgentBlock) -> None:
         """Take copies of all agents of another block into this one, which has none yet."""
-        for name in (*_LISTS, "placed"):
+        for name in (*_LISTS, "placed", "team_rows"):
             setattr(self, name, getattr(source, name).copy())
         self.has_teams = source.has_teams
         self.games = source.games.copied()
@@ -247,7 +258,7 @@ class AgentBlock(AgentColumns):
             self._changed |= rows.as_set
         ends = as_ids(nodes)
         before = rows.of(self.node) if self.is_noting else ()
-        moved = move_rows(self.node, self.previous, rows.buffer, ends)
+        moved = self.move_rows(rows.buffer, ends)
         if self.is_noting and moved:
             self._note_moves(rows, before, ends, moved)
 
@@ -271,6 +282,8 @@ class AgentBlock(AgentColumns):
             return
         journal = self.journal
         getattr(self, column)[row] = value
+        if column == "teams":
+            self.number_teams((value,))
         if _COLUMNS[column].is_watched:
             self._changed.add(row)
         if _COLUMNS[column].is_structure:
@@ -281,7 +294,7 @@ class AgentBlock(AgentColumns):
             (self.inactive.discard if value else self.inactive.add)(row)
         if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
             self.set_progress(row, None)
-        if self.is_noting:
+        if self.is_noting and column in CHANGE_EVENTS:
             event = CHANGE_EVENTS[column]
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
@@ -342,6 +355,7 @@ class AgentBlock(AgentColumns):
         """Overwrite columns of one agent and note nothing (used by replay and by batches)."""
         for name, value in values.items():
             getattr(self, name)[row] = value
+        self.number_teams((self.teams[row],))
         self._follow_progress(row)
         self._changed.add(row)
         if self.kind[row]:
@@ -426,8 +440,8 @@ class AgentBlock(AgentColumns):
         self._changed.clear()
 
     def values(self) -> dict[str, Any]:
-        """Return copies of all columns and of `placed`, for `restore`."""
-        copied = {name: getattr(self, name).copy() for name in (*_LISTS, "placed")}
+        """Return copies of all columns, and of `placed` and `team_rows`, for `restore`."""
+        copied = {name: getattr(self, name).copy() for name in (*_LISTS, "placed", "team_rows")}
         return {**copied, "games": self.games.copied()}
 
     def restore(self, values: dict[str, Any], *, has_structure: bool) -> None:
@@ -440,6 +454,7 @@ class AgentBlock(AgentColumns):
         for name in _PLACES if has_structure else _LISTS:
             getattr(self, name)[:] = values[name]
         self.games.copy_row(0, 0, values["games"])
+        self.team_rows = values["team_rows"].copy()
         self.placed = set(values["placed"])
         self._have_all_changed = True
         self._unlocated.update(self.flyers)

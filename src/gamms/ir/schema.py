@@ -1,4 +1,4 @@
-"""The schema: one table of the columns of agents, `AGENT_COLUMNS`.
+"""The schema: one table of the columns of agents, teams and games, `COLUMNS`.
 
 It is read by `ir/agents.py` (the block, snapshots and forks), `ir/events.py` (the kinds of event that note a change),
 `agent/agent.py` (properties), `recorder` (keyframes, replays, states of recordings) and `game/batch`. The fields of the
@@ -6,7 +6,8 @@ game are entries of `GameState` in `ir/game_state.py`, one for each.
 
 A further number per agent is one entry, such as
 `Column("battery", np.float64, 1.0, event=ChangeEvent(0x01100015, "AGENT_BATTERY", Audience.TEAM, "battery"))`. Then it
-is a property of agents that can be set, kept by snapshots and forks, and written to recordings where it is not 1.0.
+is a property of agents that can be set, kept by snapshots and forks, and written to recordings where it is not 1.0. A
+number for each team or for the game, such as the map that it is played on, is an entry with another `axis`.
 """
 
 from collections.abc import Callable, Container
@@ -52,7 +53,7 @@ class ChangeEvent(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A column of agents.
+    """A column of agents, of teams or of the game.
 
     Attributes:
         name: of the column.
@@ -66,6 +67,10 @@ class Column(NamedTuple):
         is_watched: whether a change of it gives a block another version.
         is_in_block: whether blocks have it; the other columns are in keyframes alone, from what agents hold.
         parts: the columns that stand for it in keyframes.
+        axis: what has a value in it: each "agent", each "team", or the "game". The last two are in blocks of games
+            (`AgentBlock.games`) and in keyframes where they are not as at first.
+        is_copied: whether snapshots and forks have the numbers; otherwise they begin with the initial one.
+        is_recorded: whether keyframes have it.
     """
 
     name: str
@@ -78,6 +83,9 @@ class Column(NamedTuple):
     is_watched: bool = False
     is_in_block: bool = True
     parts: "tuple[Column, ...]" = ()
+    axis: Literal["agent", "team", "game"] = "agent"
+    is_copied: bool = True
+    is_recorded: bool = True
 
     def checked(self, value: object, name: str) -> Any:
         """Return a value of the column as a plain number; `name` is what to call it in an error.
@@ -91,7 +99,7 @@ class Column(NamedTuple):
 _CHECKS: dict[type | None, Any] = {np.bool_: as_bool, np.int64: as_int, np.float64: as_float}
 _CODES: dict[type, str] = {np.bool_: "?", np.int64: INT64, np.float64: "d"}
 
-AGENT_COLUMNS = (  # in the order of keyframes
+COLUMNS = (  # in the order of keyframes
     Column("names", is_structure=True),
     Column("numbers", np.int64, is_in_block=False),  # by which moves in recordings name agents
     Column("kind", np.int64, is_structure=True),
@@ -147,23 +155,39 @@ AGENT_COLUMNS = (  # in the order of keyframes
     Column("attributes", is_in_block=False),
     Column("strategies", is_in_block=False),
 )
-"""All columns of agents."""
+"""All columns."""
+
+AGENT_COLUMNS = tuple(column for column in COLUMNS if column.axis == "agent")
+"""The columns of agents."""
+
+BESIDE_AGENTS = tuple(column for column in COLUMNS if column.axis != "agent")
+"""The columns of teams and of the game."""
 
 BY_ROW = tuple(column.name for column in AGENT_COLUMNS if column.is_in_block)
-"""The names of the columns of a block."""
+"""The names of the columns of agents in a block."""
 
 PLACES = tuple(column for column in AGENT_COLUMNS if column.is_in_block and not column.is_structure)
 """The columns of a block that say where agents are and how: whatever may change in each turn."""
 
 IN_GAMES = tuple(
-    BlockColumn(column.name, _CODES[column.kind], column.initial or 0)
-    for column in AGENT_COLUMNS
-    if column.is_in_block and column.kind is not None and not column.shape
+    BlockColumn(
+        column.name,
+        _CODES[column.kind],
+        column.initial or 0,
+        column.axis,
+        column.shape[0] if column.shape else 1,
+        column.is_copied,
+    )
+    for column in COLUMNS
+    if column.is_in_block and column.kind is not None and not (column.shape and column.axis == "agent")
 )
 """The columns of numbers that cannot be None, as a `core.block.Block` has them."""
 
 NUMBERS = tuple(column for column in AGENT_COLUMNS if column.initial is not None)
 """The columns of a further number per agent, which agents have as a property."""
+
+RECORDED_NUMBERS = tuple(column for column in NUMBERS if column.is_recorded)
+"""Those of them that keyframes have."""
 
 VECTORS = {column.name: column.shape[0] for column in AGENT_COLUMNS if column.shape}
 """Name -> how many numbers a row has, of columns that may be None."""
@@ -174,7 +198,7 @@ CHANGE_EVENTS = {column.name: column.event for column in AGENT_COLUMNS if column
 ATTRIBUTES = {column.name: column.attribute or column.name for column in AGENT_COLUMNS}
 """Name of a column -> what agents call it."""
 
-SETTABLE = {ATTRIBUTES[name] for name in CHANGE_EVENTS}
+SETTABLE = {ATTRIBUTES[name] for name in CHANGE_EVENTS} | {column.name for column in NUMBERS}
 """The names of the attributes of agents that stand for a column and can be set."""
 
 ON_EDGES = tuple(part.name for column in AGENT_COLUMNS for part in column.parts)

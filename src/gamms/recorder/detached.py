@@ -11,7 +11,7 @@ from gamms.ir.applied_to import AgentsState, State
 from gamms.ir.events import EVENTS, LOGGED, Log, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
-from gamms.ir.schema import NUMBERS, ON_EDGES, SETTABLE, VECTORS
+from gamms.ir.schema import ON_EDGES, RECORDED_NUMBERS, SETTABLE, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, Damaged, refusing
@@ -63,6 +63,7 @@ class DetachedState(State):
         game: what the game has come to, but for what was emitted and published.
         sensors: id -> a sensor, with its `type` and `keywords`.
         rng_state: of the context's own random stream; None: not known.
+        beside_agents: the columns of teams and of the game that its keyframe holds.
         component_classes: (module, name) of each class -> its fields.
         components: name -> its values by field.
     """
@@ -140,6 +141,7 @@ class DetachedState(State):
             following = keyframes.checked_following(columns["numbers"].tolist(), snapshot["next"])
             self.agents = DetachedAgents(columns, following)
             self.sensors = _by_id(snapshot.get("sensor_kinds", ()))
+            self.beside_agents = keyframes.held_beside_agents(snapshot)
             self.rng_state = snapshot.get("chance")
             self.game = GameState()
             keyframes.restore_game(self.game, snapshot)
@@ -179,8 +181,9 @@ class DetachedState(State):
         counted, at, pace = self._clock
         self.game.turn = counted + pace * (turns - at)
         classes = [[*key, fields] for key, fields in self.component_classes.items()]
+        columns, sensors = {**agents.columns, **self.beside_agents}, [*self.sensors.values()]
         return {
-            **keyframes.packed(agents.columns, agents.following, [*self.sensors.values()], self.game, self.rng_state),
+            **keyframes.packed(columns, agents.following, sensors, self.game, self.rng_state),
             "pace": pace,
             "components": {"classes": classes, "values": {name: dict(one) for name, one in self.components.items()}},
         }
@@ -466,7 +469,7 @@ def _row_of_creation(
         "node": int(state.get("node", node)),
         "previous": node,
         "alive": 1,
-        **{one.name: given.get(one.name, one.initial) for one in NUMBERS},
+        **{one.name: given.get(one.name, one.initial) for one in RECORDED_NUMBERS},
         **dict.fromkeys(ON_EDGES, 0),
         **places,
     }

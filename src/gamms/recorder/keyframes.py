@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from gamms.ir.agents import AgentBlock
 from gamms.ir.deflated import LARGE_COLUMN
 from gamms.ir.events import LOGGED
 from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Motion, Progress
-from gamms.ir.schema import AGENT_COLUMNS, NUMBERS, ON_EDGES, PLACES, VECTORS
+from gamms.ir.schema import AGENT_COLUMNS, BESIDE_AGENTS, ON_EDGES, PLACES, RECORDED_NUMBERS, VECTORS
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder.errors import Damaged
 from gamms.text import shown
@@ -23,7 +24,7 @@ from gamms.typing.game import strategy_name
 Keyframe = dict[str, Any]
 Columns = dict[str, Any]  # those of `LISTS` and `ARRAYS`
 
-_WRITTEN = [part for column in AGENT_COLUMNS for part in column.parts or (column,)]
+_WRITTEN = [part for column in AGENT_COLUMNS if column.is_recorded for part in column.parts or (column,)]
 LISTS = [column.name for column in _WRITTEN if column.kind is None]
 ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # kind, and shape of a row
     column.name: (np.int64 if column.kind is np.bool_ else column.kind, column.shape)
@@ -51,12 +52,51 @@ def captured(ctx: HostContext, members: Columns | None = None) -> Keyframe:
     columns: Columns = {
         **(members or members_of(ctx, described)),
         **empty,
-        **rows.arrays(column.name for column in PLACES if column.name not in empty),
+        **rows.arrays(column.name for column in PLACES if column.is_recorded and column.name not in empty),
+        **beside_agents(rows),
         **(progress_columns(rows.progress) if any(rows.progress) else {}),
     }
     attributes = {row: plain_subset(one) for row, one in ctx.agent.storage.attributes().items()}
     state = ctx.game.internals.state
     return _in_order(columns, len(rows.journal.names), grouped(described), attributes, state, ctx.rng_state())
+
+
+def beside_agents(rows: AgentBlock) -> Columns:
+    """Return the recorded columns of teams, as team -> its numbers, and of the game, but for those as at first."""
+    columns: Columns = {}
+    for one in BESIDE_AGENTS:
+        numbers = np.asarray(rows.games.row(one.name)).reshape(-1, *one.shape)
+        if one.is_recorded and (numbers != one.initial).any():
+            listed = numbers.tolist()
+            columns[one.name] = (
+                listed[0] if one.axis == "game" else to_plain(dict(zip(rows.team_rows, listed, strict=True)))
+            )
+    return columns
+
+
+def held_beside_agents(keyframe: Keyframe) -> Columns:
+    """Return the columns of teams and of the game that a keyframe holds."""
+    return {one.name: keyframe[one.name] for one in BESIDE_AGENTS if one.name in keyframe}
+
+
+def restore_beside_agents(rows: AgentBlock, keyframe: Keyframe) -> None:
+    """Write the columns of teams and of the game that a keyframe holds, or else what they have at first.
+
+    Raises:
+        Damaged: a column has more or fewer numbers, or others.
+    """
+    for one in BESIDE_AGENTS:
+        held = keyframe.get(one.name, {} if one.axis == "team" else one.initial)
+        values = held if one.axis == "team" else {None: held}
+        try:
+            if one.axis == "team":
+                rows.number_teams(values)
+            numbers = np.asarray(rows.games.row(one.name)).reshape(-1, *one.shape)
+            numbers[:] = one.initial
+            for team, value in values.items():
+                numbers[rows.team_rows[team] if one.axis == "team" else 0] = value
+        except (AttributeError, TypeError, ValueError, OverflowError):
+            raise Damaged(f"{shown(one.name)} has other numbers than a column of its kind: {shown(held)}") from None
 
 
 def members_of(ctx: HostContext, described: list[dict[str, Any]]) -> Columns:
@@ -98,7 +138,7 @@ def packed(
     It has `came` instead of `previous`, and `carried` instead of the `sensors` of each agent.
 
     Args:
-        columns: of the agents.
+        columns: of the agents, and those of teams and of the game that a keyframe holds.
         following: the number that the next new agent gets.
         sensors: each with its `id`, `type` and `keywords`.
         game: what the game has come to.
@@ -107,9 +147,8 @@ def packed(
     groups = grouped(sensors)
     attributes = {row: values for row, values in enumerate(columns["attributes"]) if values}
     copies = {name: columns[name].copy() for name in (*ARRAYS, *LISTS) if name in columns}
-    return _in_order(
-        {**copies, "carried": _carried(columns["sensors"], groups)}, following, groups, attributes, game, rng_state
-    )
+    copies |= {**held_beside_agents(columns), "carried": _carried(columns["sensors"], groups)}
+    return _in_order(copies, following, groups, attributes, game, rng_state)
 
 
 def _in_order(
@@ -126,8 +165,9 @@ def _in_order(
         "came": _narrowed((came << 1) ^ (came >> 63), np.int16, np.int32),  # 0, -1, 1, -2 as 0, 1, 2, 3
         **{name: columns[name] for name in (*VECTORS, "alive")},
         **{name: columns[name] for name in _needed(columns)},
-        **{one.name: columns[one.name] for one in NUMBERS if (columns[one.name] != one.initial).any()},
+        **{one.name: columns[one.name] for one in RECORDED_NUMBERS if (columns[one.name] != one.initial).any()},
         **{name: columns[name] for name in ("teams", "speed", "carried")},
+        **held_beside_agents(columns),
         "sensor_kinds": groups,
         "attributes": attributes,
         "strategies": columns["strategies"],
@@ -409,6 +449,6 @@ def row_of(columns: Columns, row: int) -> dict[str, Any]:
         "node": int(columns["node"][row]),
         "previous": int(columns["previous"][row]),
         **{name: None if isnan(columns[name][row][0]) else tuple(columns[name][row].tolist()) for name in VECTORS},
-        **{one.name: one.checked(columns[one.name][row].item(), one.name) for one in NUMBERS},
+        **{one.name: one.checked(columns[one.name][row].item(), one.name) for one in RECORDED_NUMBERS},
         "progress": progress_of(*(columns[name][row] for name in ON_EDGES)),
     }

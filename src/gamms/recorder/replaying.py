@@ -160,6 +160,7 @@ class LiveAgents(AgentsState):
         with self._engine.block.accepting_any_node():
             for row, name in enumerate(names):
                 self._put(name, columns, row)
+            keyframes.restore_beside_agents(self._engine.block, snapshot)
         self.names = dict(zip(numbers, names, strict=True))
 
     def _put(self, name: str, columns: dict[str, Any], row: int) -> None:

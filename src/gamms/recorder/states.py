@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, read_only
-from gamms.ir.schema import NUMBERS
+from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.recorder.detached import DetachedState
 from gamms.typing.map_storage import IPackedGraph
 
@@ -68,7 +68,7 @@ def state_of(
     agents["alive"] = read_only(columns["alive"] != 0)
     agents |= {name: read_only(columns[name].copy()) for name in ("node", "previous")}
     agents |= {name: named[name] for name in ("speed", "strategy")}
-    agents |= {one.name: read_only(columns[one.name].astype(one.kind)) for one in NUMBERS}
+    agents |= {one.name: read_only(columns[one.name].astype(one.kind)) for one in RECORDED_NUMBERS}
     for key, names in _PARTS.items():
         agents.update(zip(names, read_only(columns[key].T.copy()), strict=True))
     is_on_edge = columns["edge_motion"] != 0
