@@ -1,6 +1,5 @@
 """Strategies without an array form in games that are played in arrays: asked agent by agent, as in games alone."""
 
-import random
 
 import pytest
 from batch_scenes import plain, scene
@@ -206,11 +205,9 @@ def test_agents_that_are_asked_send_and_hear_messages_and_learn_which_could_not_
     assert [error["turn"] for error in games.result(0).errors] == [3, 3, 3]
 
 
-@pytest.mark.parametrize("what", ["random", "fork"])
-def test_games_are_played_alone_where_strategies_need_the_turn_engine(what):
+def test_games_are_played_alone_where_strategies_need_the_turn_engine():
     def strategy(state):
-        lot = random.random() if what == "random" else state["fork"](1).game.turn
-        state["action"] = state["legal"][int(lot * 2) % 2]
+        state["action"] = state["legal"][state["fork"](1).game.turn % 2]
 
     games = same({"red": strategy}, max_turns=5)
     assert len(games.detached) == len(SEEDS)

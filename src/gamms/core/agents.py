@@ -1,4 +1,4 @@
-# cython: binding=False, auto_pickle=False
+# cython: binding=False, auto_pickle=False, embedsignature=True, embedsignature.format=clinic
 """Agents of one game: the columns that each of their moves reads and writes, and agents as views of one row.
 
 The loop of a program over its agents asks `get_state` and `set_state` of each, which read nothing else than what is

@@ -1,8 +1,7 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
 from time import perf_counter
@@ -515,12 +514,12 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
-        are_stopped = self._stopped_in_arrays(turn)
-        if are_stopped is not None and isinstance(turn.slots, LazySlots):
+        are_stopped = self._stopped_in_arrays(turn) if isinstance(turn.slots, LazySlots) else None
+        if are_stopped is not None:
             stopped = np.flatnonzero(are_stopped)
             self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))
             turn.stop_each(stopped)
-            for slot in turn.slots.made_of(are_stopped):
+            for slot in cast("LazySlots", turn.slots).made_of(are_stopped):
                 slot.show_blocked()
             return
         places = turn.places()
@@ -536,9 +535,7 @@ class TurnEngine:
         a resolver is asked about each contest.
         """
         conflicts, order = ranked(self._settings.conflicts), turn.order
-        if conflicts is None or not isinstance(turn.slots, LazySlots):
-            return None
-        if turn.actions or order.whole.on_ground is not None:
+        if conflicts is None or turn.actions or order.whole.on_ground is not None:
             return None
         streets, seed = self._legality.streets, self._ctx.seed
         if self._shared.get("streets") is not streets:
@@ -558,8 +555,11 @@ class TurnEngine:
             first_keys=lambda purpose: order.first_keys(seed, purpose)[None],
             shared=lambda key, make: self._shared.setdefault(key, make()),
         )
-        with self._noting_conflicts():
+        try:
             found: BoolArray = stopped_in_arrays(conflicts, moves)[0]
+        except Exception as error:
+            self._note_in_conflicts(error)
+            raise
         return found
 
     def _losers(
@@ -567,17 +567,15 @@ class TurnEngine:
     ) -> list[int]:
         """Return the slots of the agents that the conflict resolver stops, of moves between such places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
-        with self._noting_conflicts():
-            return self._conflicts.losers(conflicts, turn.order, places, named, self._ctx)
-
-    @contextmanager
-    def _noting_conflicts(self) -> Iterator[None]:
-        """Say in errors of the conflict resolver in which turn it was."""
         try:
-            yield
+            return self._conflicts.losers(conflicts, turn.order, places, named, self._ctx)
         except Exception as error:
-            error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
+            self._note_in_conflicts(error)
             raise
+
+    def _note_in_conflicts(self, error: Exception) -> None:
+        """Say in an error of the conflict resolver in which turn it was."""
+        error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""

@@ -177,7 +177,10 @@ class _Flags(NamedTuple):
         if known.concern(turn, carriers):
             known.play(ctx, turn, data)
         data["seen"] = len(events)
-        self._publish(ctx, carriers)
+        told = carriers, ctx.game.internals.state.facts.get(self.key)
+        if told != known.told:
+            self._publish(ctx, carriers)
+            known.told = dict(carriers), ctx.game.internals.state.facts.get(self.key)
 
     def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
         for flag, name in carriers.items():
@@ -203,7 +206,10 @@ class _FlagsOfAgents:
 
     Attributes:
         flags, seed: as given.
+        told: who carried flags when that was published last, and what was.
     """
+
+    told: tuple[dict[Hashable, str | None], object] | None = None
 
     def __init__(self, flags: _Flags, turn: InTurn) -> None:
         roster, count, teams = turn.roster, len(flags.bases), list(turn.roster.teams)

@@ -486,7 +486,7 @@ class InGame:
 
     Attributes:
         edges: those that agents have gone along.
-        map: the graph, and its revision.
+        graph, revision: of the map.
         numbers: as given.
         place: node id -> where the node is, on the ground.
         near: unit and limit of a `Nearness` -> what is so near nodes.
@@ -495,10 +495,10 @@ class InGame:
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
         self.numbers = numbers
         self.edges = EdgesGoneAlong(ctx)
-        graph = self.edges.graph
+        self.graph = graph = self.edges.graph
+        self.revision = graph.revision
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
-        self._graph, self.map = graph, (graph, graph.revision)
         self._sizes = 0, 0
         self._pieces = _pieces(0, 0)
         self._contacts: core.Contacts | None = None
@@ -508,14 +508,14 @@ class InGame:
         self._key: tuple[Any, ...] = ()
 
     def _place(self, node: int) -> Position:
-        _, x, y = self._graph.get_node(node)
+        _, x, y = self.graph.get_node(node)
         return x, y, 0.0
 
     def _near(self, unit: str, limit: float) -> NearNodes:
         search = nodes_within if unit == "hops" else _by_length
 
         def found(rows: IntArray) -> Reached:
-            near = [search(self._graph, self.numbers.ids[row], limit) for row in rows.tolist()]
+            near = [search(self.graph, self.numbers.ids[row], limit) for row in rows.tolist()]
             pairs = [sorted([(self.numbers.number(node), far) for node, far in one.items()]) for one in near]
             ends, far = np.array([*chain.from_iterable(pairs)]).T
             return np.array([len(one) for one in near]), ends, far
@@ -596,7 +596,7 @@ def turn_of(ctx: Context) -> InTurn:
     """Return where agents of a game are in this turn, until they are moved or this is called again."""
     kept, graph = ctx.game.internals.kept, ctx.graph.graph
     known: InGame | None = kept.get("contacts")
-    if known is None or known.map != (graph, graph.revision):
+    if known is None or known.graph is not graph or known.revision != graph.revision:
         known = kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx)
 
