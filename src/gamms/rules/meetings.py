@@ -633,7 +633,7 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Cal
     columns = [*zip(*rows, strict=True)] or [()] * len(_NO_LEG)
     counts = [len(track.legs) for track in tracks]
     ints: Any = (counts, *columns[:4])
-    return core.Legs(most, *(column("q", column) for column in ints), *(column("d", one) for one in columns[4:]))
+    return core.Legs(most, *(column("q", one) for one in ints), *(column("d", one) for one in columns[4:]))
 
 
 def _by_length(graph: Graph, node: int, limit: float) -> dict[int, float]:
