@@ -1,6 +1,5 @@
 """Strategies without an array form in games that are played in arrays: asked agent by agent, as in games alone."""
 
-
 import pytest
 from batch_scenes import plain, scene
 

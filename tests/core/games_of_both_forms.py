@@ -63,7 +63,7 @@ def scenario_of(number):
 def results_of(number):
     """Return what becomes of a random game alone, and of two in a batch, as text."""
     scenario = scenario_of(number)
-    talking = {"blue": talk} if number % 2 else {}
+    talking = {"blue": talk} if number % 2 and scenario.to_dict().get("channels") else {}
     with scenario.batch(2, seed=number, strategies=talking) as games:
         games.run()
         results = [scenario.play(number, strategies=talking), *map(games.result, range(2))]

@@ -41,7 +41,7 @@ def test_importing_gamms_loads_few_modules():
 
 def test_a_first_context_loads_few_modules_beyond_those_of_numpy():
     first = modules_loaded_by("import gamms; gamms.create_context()")
-    assert first - modules_loaded_by("import numpy") <= 138  # 136, of which the compiled core needs 12
+    assert first - modules_loaded_by("import numpy") <= 144  # 142, of which the compiled core needs 18
 
 
 def modules_loaded_by(code):
@@ -102,20 +102,6 @@ def test_a_turn_allocates_little_and_keeps_little(ctx):
         tracemalloc.stop()
     assert (peak - before) / AGENTS <= 5_900  # 5,300
     assert (after - before) / (TURNS * AGENTS) <= 100  # 90, of which 60 once
-
-
-def test_states_of_a_second_kind_of_game_are_as_small(ctx):
-    first = ctx.agent.get_agent("a0").state
-    with gamms.create_context(seed=1) as other:
-        other.graph.attach_networkx_graph(gamms.graph.grid(12, 12))
-        for i in range(AGENTS):
-            other.agent.create_agent(f"b{i}", start_node_id=i, speed=5.0, strategy=stay)
-        other.game.speed_unit = "metres"
-        other.game.step()
-        second = other.agent.get_agent("b0").state
-    assert len(second) == len(first) + 3  # edge, offset_m and xy
-    for state in (first, second):
-        assert sys.getsizeof(state) < 0.8 * sys.getsizeof({**state})  # they share their keys
 
 
 def test_a_turn_of_a_small_game_makes_few_calls():
