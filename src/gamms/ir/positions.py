@@ -64,8 +64,8 @@ class Positions:
         return self._block.teams
 
     @property
-    def nodes(self) -> Sequence[int]:
-        """The node ids (agents,), of flyers those below them, as Python's ints."""
+    def nodes(self) -> "memoryview[int]":
+        """The node ids (agents,), of flyers those below them."""
         block = self._block
         if block.flyers:
             block.locate()

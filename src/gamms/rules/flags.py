@@ -13,6 +13,7 @@ from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
+from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published
@@ -114,7 +115,7 @@ class _Flags(NamedTuple):
     def prepare(self, ctx: Context) -> None:
         """Check the bases against the map, and publish where the flags are."""
         refuse_unknown(ctx, self.bases.values())
-        self._publish(ctx, self._state(ctx)["carriers"])
+        self._publish(ctx, self._state(ctx.game.internals.state)["carriers"])
 
     def prepare_arrays(self, state: GameArrays) -> None:
         """Publish where the flags of many games are: the carriers as numbers of agents, (games,)."""
@@ -156,9 +157,9 @@ class _Flags(NamedTuple):
 
         return make
 
-    def _state(self, ctx: Context) -> dict[str, Any]:
+    def _state(self, game: GameState) -> dict[str, Any]:
         """Return the state of the rule in this game."""
-        data = ctx.game.data
+        data = game.data
         if self.key not in data:
             carriers = dict.fromkeys(self.bases)
             data[self.key] = {"bases": dict(self.bases), "carriers": carriers, "captures": {}, "seen": 0}
@@ -166,7 +167,8 @@ class _Flags(NamedTuple):
         return state
 
     def play(self, ctx: Context) -> None:
-        data, events = self._state(ctx), ctx.game.events
+        game = ctx.game.internals.state
+        data, events = self._state(game), game.events
         carriers: dict[Hashable, str | None] = data["carriers"]
         if any(carriers.values()):
             self._drop(ctx, carriers, _stopped(events[data["seen"] :]))
@@ -177,10 +179,10 @@ class _Flags(NamedTuple):
         if known.concern(turn, carriers):
             known.play(ctx, turn, data)
         data["seen"] = len(events)
-        told = carriers, ctx.game.internals.state.facts.get(self.key)
+        told = carriers, game.facts.get(self.key)
         if told != known.told:
             self._publish(ctx, carriers)
-            known.told = dict(carriers), ctx.game.internals.state.facts.get(self.key)
+            known.told = dict(carriers), game.facts.get(self.key)
 
     def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
         for flag, name in carriers.items():

@@ -21,6 +21,7 @@ from gamms.game.batch.movement import Legs as LegsOfTurn
 from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
 from gamms.game.moves import TurnMoves
+from gamms.game.snapshots import GameInternals
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position, as_ids
 from gamms.ir.graph import FloatArray, IntArray
@@ -535,18 +536,18 @@ class InGame:
             self._contacts = new_contacts(pieces)
         return self._contacts
 
-    def turn(self, ctx: Context) -> InTurn:
+    def turn(self, ctx: Context, internals: GameInternals) -> InTurn:
         """Return where agents are in this turn."""
-        internals, block = ctx.game.internals, ctx.agent.block
-        moves: TurnMoves | None = internals.state.moves
-        key = moves, block, block.version, block.structure.version, internals.state.turn, ctx.seed
+        state, block, seed = internals.state, ctx.agent.block, ctx.seed
+        moves: TurnMoves | None = state.moves
+        key = moves, block, block.version, block.structure.version, state.turn, seed
         # NOTE: before agents are moved, rules may take their moves back, which no version says.
         if self._turn is None or key != self._key or internals.parts.turns.is_moving:
             self._key = key
             if moves is not None and moves.are_steps(block):
-                self._turn = self._of_steps(moves, block, internals.state.turn, ctx.seed)
+                self._turn = self._of_steps(moves, block, state.turn, seed)
             else:
-                self._turn = self._of_tracks(ctx, internals.state.turn)
+                self._turn = self._of_tracks(ctx, state.turn)
         return self._turn
 
     def _of_steps(self, moves: TurnMoves, block: AgentBlock, turn: int, seed: int) -> InTurn:
@@ -594,11 +595,11 @@ def living_teams(ctx: Context) -> frozenset[Hashable]:
 
 def turn_of(ctx: Context) -> InTurn:
     """Return where agents of a game are in this turn, until they are moved or this is called again."""
-    kept, graph = ctx.game.internals.kept, ctx.graph.graph
-    known: InGame | None = kept.get("contacts")
+    internals, graph = ctx.game.internals, ctx.graph.graph
+    known: InGame | None = internals.kept.get("contacts")
     if known is None or known.graph is not graph or known.revision != graph.revision:
-        known = kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
-    return known.turn(ctx)
+        known = internals.kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
+    return known.turn(ctx, internals)
 
 
 def _ids(nodes: Sequence[int]) -> memoryview:

@@ -112,10 +112,11 @@ class _Tagging(NamedTuple):
 
     def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
         """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
-        owners = NO_TERRITORY if self.ground is None else self.ground.in_turn(ctx, turn)
-        found = turn.find(ctx, *self.sides, self.nearness)
+        territory = None if self.ground is None else self.ground.of(ctx.game.facts)
+        found, roster = turn.find(ctx, self.taggers, self.tagged, self.nearness), turn.roster
         if found is not None:
-            turn.roster.tags.add(found, number, self.mutual, owners, turn.roster.team)
+            owners = NO_TERRITORY if territory is None else roster.owners(territory, turn.numbers)
+            roster.tags.add(found, number, self.mutual, owners, roster.team)
 
     def tags_in_arrays(self, turn: ArrayTurn) -> tuple[Met, BoolArray]:
         """Return the contacts of a turn that make tags, and whether agents of the first and second side tag: (n, 2)."""

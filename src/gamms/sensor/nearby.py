@@ -265,7 +265,7 @@ class NearbyAgents:
             return self._positions
         graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
         revision, positions = graph.revision, self._ctx.agent.positions
-        self._moment = None
+        version, self._moment = positions.version, None
         if revision != self._revision or revision is None or positions is not self._positions:
             self._revision = None  # until all are entered
             if positions is not self._positions:
@@ -273,17 +273,17 @@ class NearbyAgents:
                 self._moved_since = positions.subscribe()
             self._enter_all(positions, is_new=True)
             self._revision = revision
-        elif positions.version != self._version:
+        elif version != self._version:
             rows, count = self._moved_since.take(), len(positions.names)  # type: ignore[union-attr] # of these positions
             if rows is None or count != self._agents.count or _SHARE_MOVED * len(rows) > count:
                 self._enter_all(positions, is_new=len(self.places_of_nodes) > _MOST_NODES)
             else:
                 self._enter(positions, rows)
-        self._version, self._moment = positions.version, moment
+        self._version, self._moment = version, moment
         return positions
 
     def _enter_all(self, positions: Positions, *, is_new: bool) -> None:
-        nodes = np.asarray(positions.nodes).tolist()
+        nodes = positions.nodes.tolist()
         try:
             if is_new:
                 self.places_of_nodes.renew(nodes)
@@ -292,7 +292,8 @@ class NearbyAgents:
             self._revision = None
             self._xy_of(positions)  # which says whose node it is
             raise
-        for row in {*positions.inactive, *positions.travellers}:
+        inactive, travellers = positions.inactive, positions.travellers
+        for row in {*inactive, *travellers} if inactive or travellers else ():
             self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
         for one in self._sights.values():
             one.is_built = False
