@@ -360,7 +360,7 @@ class _Agents:
         """Number the places where agents begin and end."""
         are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)] if has_edges else ()
         if not any(are_edges):
-            self._numbering.number(_ids(starts), _ids(ends))
+            self._numbering.number(as_ids(starts), as_ids(ends))
             return
         self._numbering.number(as_ids([*map(_id_of, starts)]), as_ids([*map(_id_of, ends)]))
         self._numbers += self._most * np.array(are_edges)
@@ -400,10 +400,6 @@ class _Agents:
             memory.stays[[i for i, mover in zip(rows, contest.movers, strict=True) if mover.agent in winners]] = (
                 core.WINS
             )
-
-
-def _ids(nodes: Sequence[Any]) -> memoryview:
-    return nodes if type(nodes) is memoryview else as_ids(nodes)
 
 
 def _id_of(place: int | EdgePlace) -> int:

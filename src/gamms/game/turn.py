@@ -21,7 +21,7 @@ from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy, restart_draws
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -384,7 +384,7 @@ class TurnEngine:
         if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
             self._publish(order, part, decisions)
         ends = decisions.ends_to_write() if decisions.ends is starts else decisions.ends
-        return TurnMoves(order, starts, ends, decisions.actions)
+        return TurnMoves(order, as_ids(starts), as_ids(ends), decisions.actions)
 
     def _publish(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Publish what went wrong, what teams remember and what agents send, once all have decided."""

@@ -480,6 +480,8 @@ def as_ids(nodes: Sequence[int]) -> memoryview[int]:
     """Return ids of nodes as the core reads them: 64-bit integers, the same memory where they are such."""
     if type(nodes) is list:
         return memoryview(array(INT64, nodes))
+    if type(nodes) is memoryview and nodes.format == INT64:
+        return nodes
     return np.ascontiguousarray(nodes, np.int64).data
 
 

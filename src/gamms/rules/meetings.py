@@ -560,8 +560,8 @@ class InGame:
             self._steps = InTurn(self, roster, seed)
         roster = self._steps.roster
         roster.turn[0] = turn
-        starts, ends = _ids(moves.starts), _ids(moves.ends)
-        rules.take_moves(roster.games, self.numbers, starts, ends, _ids(block.node), order.selection.buffer)
+        starts, ends = as_ids(moves.starts), as_ids(moves.ends)
+        rules.take_moves(roster.games, self.numbers, starts, ends, block.node, order.selection.buffer)
         for row in block.placed:
             agent = roster.number.get(block.names[row])
             if agent is not None:
@@ -600,11 +600,6 @@ def turn_of(ctx: Context) -> InTurn:
     if known is None or known.graph is not graph or known.revision != graph.revision:
         known = internals.kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx, internals)
-
-
-def _ids(nodes: Sequence[int]) -> memoryview:
-    """Return ids of nodes as the core reads them; views, which all have 64 bits, are taken as they are."""
-    return nodes if type(nodes) is memoryview else as_ids(nodes)
 
 
 def new_contacts(pieces: core.Pieces) -> core.Contacts:
