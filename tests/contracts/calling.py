@@ -111,7 +111,7 @@ _NOT_CALLED = frozenset((
     # they end, restart or play the game, wait for a person, or need a network
     "terminate", "close", "simulate", "human_input", "stay_open", "run", "step", "reset", "set_alive", "update", "play",
     # what engines say to each other
-    "after_reset", "after_turn", "agent_engine", "block", "live_result", "positions", "sense_each",
+    "after_reset", "after_turn", "agent_engine", "block", "live_result", "positions",
     "columns", "copy", "described", "graph_engine", "internal_context", "is_copying",
     "kept", "make", "memory", "noted", "notice", "of_map", "packed",
     "packed_part", "places_of", "pointed", "put", "recorder", "renumber", "reseed",

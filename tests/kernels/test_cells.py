@@ -1,7 +1,5 @@
 """The cell grid: what it offers always includes the disc, wherever the points are."""
 
-from math import sqrt
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -85,41 +83,6 @@ def test_a_disc_over_everything_is_left_to_a_scan():
     assert kernels.candidate_rows(cells, 0.0, 0.0, 1e6) is None
     assert kernels.candidate_rows(cells, 0.0, 0.0, float("inf")) is None
     assert kernels.rows_between(cells, (0.5, -1e6), (0.5, 1e6)) is None
-
-
-def compared(a, b, limit):
-    """All pairs, one after the other."""
-    found = []
-    for row, one in enumerate(a.tolist()):
-        for other, there in enumerate(b.tolist()):
-            dx, dy, dz = (p - q for p, q in zip(one, there, strict=True))
-            if (square := dx * dx + dy * dy + dz * dz) <= limit * limit:
-                found.append((row, other, sqrt(square)))
-    return found
-
-
-@given(
-    cloud=st.sampled_from(sorted(CLOUDS)),
-    counts=st.tuples(st.integers(0, 60), st.integers(0, 60)),
-    share=st.sampled_from([0.0, 0.1, 1.0, 3.0, np.inf]),
-    seed=st.integers(0, 99),
-)
-def test_pairs_are_those_of_comparing_all(cloud, counts, share, seed):
-    rng = np.random.default_rng(seed)
-    a, b = (np.column_stack((CLOUDS[cloud](rng, n), rng.choice([0.0, 5.0], n))) for n in counts)
-    with np.errstate(over="ignore"):
-        apart = np.abs(a[:1] - b[:1]).sum() if len(a) and len(b) else 1.0
-    limit = float(share * min(apart, 1e300)) if share else 0.0
-    rows, others, distances = kernels.pairs_within(a, b, limit)
-    assert list(zip(rows.tolist(), others.tolist(), distances.tolist(), strict=True)) == compared(a, b, limit)
-
-
-def test_pairs_on_a_lattice_are_exact_and_need_no_array_of_all():
-    lattice = np.stack(np.meshgrid(np.arange(120.0), np.arange(120.0), [0.0]), axis=-1).reshape(-1, 3)
-    rows, others, distances = kernels.pairs_within(lattice, lattice, 1.0)
-    assert len(rows) == 120 * 120 + 4 * 120 * 119
-    assert set(distances.tolist()) == {0.0, 1.0}
-    assert (np.abs(lattice[rows] - lattice[others]).sum(axis=1) <= 1.0).all()
 
 
 @given(

@@ -21,7 +21,6 @@ from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
-from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import ISensor
 
@@ -226,7 +225,7 @@ class TurnOrder:
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_blocked", "_ended", "_most_stayed", "_moved", "_of_team", "_stayed", "_turns", "block"),
+        *("__dict__", "_blocked", "_ended", "_most_stayed", "_moved", "_stayed", "_turns", "block"),
         *("groups", "has_channels", "has_deeds", "has_parts", "is_usual", "parts", "progress", "rows_version"),
         *("selection", "slots", "structure_version", "unlisted", "whole"),
     )
@@ -260,7 +259,6 @@ class TurnOrder:
             self.selection = (
                 slots.selection if isinstance(slots, LazySlots) else Selection([slot.row for slot in slots])
             )
-        self._of_team: dict[Hashable, Selection] = {}
         self._first_keys: dict[tuple[int, str], BitArray] = {}
         self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
         self._blocked: RowArray  # and was stopped by conflicts
@@ -282,15 +280,6 @@ class TurnOrder:
             return
         before.update_counts()
         self.names = change.of(before.names, [self.block.names[row] for row in change.rows])
-
-    def of_side(self, side: Hashable | Callable[[IAgent], object]) -> Selection:
-        """Return the slots of the agents of a team, or of those for which a function says so."""
-        known = self._of_team.get(side)
-        if known is None and callable(side):
-            return Selection([i for i, slot in enumerate(self.slots) if side(slot.agent)])
-        if known is None:
-            known = self._of_team[side] = Selection([i for i, team in enumerate(self.all_teams()) if team == side])
-        return known
 
     @cached_property
     def names(self) -> list[str]:

@@ -12,7 +12,6 @@ from gamms.kernels.cells import (
     candidate_rows,
     candidates_of_each,
     near_each_other,
-    pairs_within,
     rows_around,
     rows_between,
 )

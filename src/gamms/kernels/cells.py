@@ -112,33 +112,6 @@ def _expanded(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple
         begin = end
 
 
-def pairs_within(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, IntArray, FloatArray]:
-    """Find the pairs of points, one of each set, that are at most `limit` apart.
-
-    Squares of distances are compared, (dx * dx + dy * dy) + dz * dz <= limit * limit in 64-bit floats: every machine
-    finds the same pairs.
-
-    Args:
-        a: (points, 3), finite.
-        b: (others, 3), finite.
-        limit: not negative, may be infinite.
-
-    Returns:
-        `rows` of `a` and `others` of `b` (pairs,), by row, then by other row, and how far apart these are (pairs,).
-    """
-    if limit >= _FAR:
-        rows, others = (part.reshape(-1) for part in np.indices((len(a), len(b))))
-    else:
-        (x, y), (x1, y1) = (np.clip(points[:, :2], -_FAR, _FAR).T for points in (a, b))
-        parts = [*near_each_other(Area(x, y), Area(x1, y1), limit)]
-        rows, others = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
-    with np.errstate(over="ignore"):
-        dx, dy, dz = (a[rows] - b[others]).T
-        squares = dx * dx + dy * dy + dz * dz
-        near = squares <= limit * limit
-    return rows[near], others[near], np.sqrt(squares[near])
-
-
 class Area(NamedTuple):
     """Points on maps of their own that have the same coordinates, such as the agents of several games.
 

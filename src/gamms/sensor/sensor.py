@@ -1,6 +1,6 @@
 """What built-in sensors have in common: a name, a kind, an owner, the last result, a fixed place, a field of view."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from functools import wraps
 from math import hypot, inf
@@ -127,11 +127,6 @@ class Sensor(ContextPart, ISensor):
     @data.setter
     def data(self, data: object) -> None:
         self._last[0] = data
-
-    @refused_while_deciding
-    def sense_each(self, sensors: Sequence[ISensor], node_ids: Sequence[int]) -> Iterator[Any]:
-        """Look with sensors that look alike, with one whenever the next is asked for, and yield what each sees."""
-        return super().sense_each(sensors, node_ids)
 
     @refused_while_deciding
     def update(self, data: dict[str, Any]) -> None:

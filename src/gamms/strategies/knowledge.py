@@ -174,11 +174,6 @@ def nodes_in_view(ctx: IContext, state: State) -> set[int]:
     return found
 
 
-def is_living(ctx: IContext, name: str) -> bool:
-    """Whether an agent is there and alive."""
-    return name in ctx.agent.agents and bool(getattr(ctx.agent.get_agent(name), "alive", True))
-
-
 def as_known_node(ctx: IContext, value: object, name: str) -> int:
     """Check that a value is the id of a node of the map.
 

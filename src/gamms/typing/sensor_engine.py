@@ -1,7 +1,7 @@
 """Contract of the sensor engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from enum import Enum
 from typing import Any, TypedDict, Unpack
 
@@ -101,16 +101,6 @@ class ISensor(ABC):
             self.sense(node_id)
             values[look] = self.data
         return Sensed(np.arange(len(values) + 1), values)
-
-    def sense_each(self, sensors: Sequence["ISensor"], node_ids: Sequence[int]) -> Iterator[Any]:
-        """Let sensors look that look alike, this one among them, one whenever the next is asked for.
-
-        Yields:
-            The `data` of each, after it has looked from its node.
-        """
-        for sensor, node_id in zip(sensors, node_ids, strict=True):
-            sensor.sense(node_id)
-            yield sensor.data
 
     def reset(self) -> None:  # noqa: B027 - most sensors of a user's own have nothing to forget
         """Forget what was sensed and drawn, as if it had just been made; called when a game is reset."""

@@ -477,11 +477,6 @@ def purposes_in(turn: ArrayTurn, *purpose: str | int) -> BitArray:
     return turn._state.purposes(*purpose)[turn.games]
 
 
-def part_of(turn: ArrayTurn, which: BoolArray) -> ArrayTurn:
-    """Return the turn of some of its games, (games,), to look at."""
-    return turn._of(which)
-
-
 def in_view(turn: ArrayTurn, look: Look, looks: tuple[IntArray, IntArray], nodes: IntArray) -> BoolArray:
     """Return which nodes, each given once, agents have in view with a sensor of theirs, (looks, nodes).
 
