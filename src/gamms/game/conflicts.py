@@ -502,7 +502,7 @@ class Table:
 
     def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.Requests:
         """Return the moves of games as the core takes them; of ranks that are drawn, the `first_key`s."""
-        return core.Requests(starts, ends, counts, self._places, self._limits, _flat(ranks, np.uint64))
+        return core.Requests(starts, ends, counts, self._places, self._limits, flat(ranks, np.uint64))
 
     @property
     def has_missing_ranks(self) -> bool:
@@ -514,9 +514,9 @@ class Table:
         stays = np.zeros(moves.ends.shape, np.uint8)
         ranks = moves.first_keys(_PURPOSE) if self.ranks is None else self.ranks
         requests = self.requests(
-            _flat(moves.starts, np.int64), _flat(moves.ends, np.int64), _flat(moves.counts, np.uint8), ranks
+            flat(moves.starts, np.int64), flat(moves.ends, np.int64), flat(moves.counts, np.uint8), ranks
         )
-        core.resolve_games(self.contests, requests, _flat(moves.turns, np.int64), stays.reshape(-1).data)
+        core.resolve_games(self.contests, requests, flat(moves.turns, np.int64), stays.reshape(-1).data)
         if self.ranks is not None and stays.max(initial=0) == core.LOSES_UNRANKED:
             agent = int(np.nonzero(stays == core.LOSES_UNRANKED)[1][0])
             roster = self.roster
@@ -524,8 +524,9 @@ class Table:
         return stays.astype(np.bool_)
 
 
-def _flat(values: BitArray | IntArray | BoolArray, kind: type[np.generic]) -> memoryview:
-    return np.ascontiguousarray(values, kind).reshape(-1).data
+def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable
+    """Return a column as the core takes it, to be read."""
+    return np.ascontiguousarray(column, kind).reshape(-1).data
 
 
 # -- resolvers -------------------------------------------------------------------------------------------------------

@@ -41,12 +41,12 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks: the loop).
 
-    def __init__(self, store: "GraphStore", source: "Neighborhoods | None" = None) -> None:
+    def __init__(self, store: "GraphStore") -> None:
         self._store = store
         self._misses = 0
         self._runs: tuple[memoryview, memoryview] | None = None  # see `targets_by_row`
         self._changed: set[int] = set()  # ids of nodes whose neighbours have changed since
-        self.source = source  # of a store with the same graph, which is asked instead
+        self.source: Neighborhoods | None = None  # of a store with the same graph, which is asked instead
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
         return deepcopy(self._store, memo).neighborhoods

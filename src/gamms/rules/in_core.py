@@ -9,28 +9,13 @@ import numpy as np
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
 from gamms.game.batch.columns import Roster
-from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, flat, floats, ints, memory_of
+from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats, ints, memory_of
 from gamms.game.batch.state import Arrays
+from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
-from gamms.rules.meetings import new_contacts
+from gamms.rules.meetings import NO_LEGS, NO_LINES, NO_PLACES, NO_REACH, new_contacts
 
-_NOTHING, _NO_FLOATS = ints(0), floats(0)
-_NO_LEGS = contacts.Legs(
-    0,
-    _NOTHING,
-    _NOTHING,
-    _NOTHING,
-    _NOTHING,
-    _NOTHING,
-    _NO_FLOATS,
-    _NO_FLOATS,
-    _NO_FLOATS,
-    _NO_FLOATS,
-    _NO_FLOATS,
-)
-_NO_REACH = contacts.Reach(_NOTHING, _NOTHING, _NOTHING, _NO_FLOATS)
-_NO_PLACES = contacts.Places(_NOTHING, _NO_FLOATS)
-_NO_LINES = contacts.Lines(_NOTHING, _NO_FLOATS, _NO_FLOATS, _NO_FLOATS, _NO_FLOATS)
+_NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
 
 
@@ -69,13 +54,13 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
         found = new_contacts(making.pieces)
         found.ask(
             tracks,
-            _NO_LEGS,
+            NO_LEGS,
             flat(roster.keys, np.uint64),
             purpose,
             turn,
-            reach=_NO_REACH,
-            places=_NO_PLACES,
-            lines=_NO_LINES,
+            reach=NO_REACH,
+            places=NO_PLACES,
+            lines=NO_LINES,
             crossing=one.nearness.crossing,
             by_metres=False,
         )
@@ -141,7 +126,7 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
         flags=core,
         steps=making.steps,
         tracks=making.tracks(sides, at_end=not flags.passing),
-        legs=_NO_LEGS,
+        legs=NO_LEGS,
         pieces=making.pieces,
         ground=making.plays(None),
         sides=sides,

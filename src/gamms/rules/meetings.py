@@ -113,9 +113,9 @@ class Finder:
                 self._make_room(*map(max, sizes, self._sizes))
             self._core.ask(
                 *columns,
-                reach=near if isinstance(near, core.Reach) else _NO_REACH,
-                places=near if isinstance(near, core.Places) else _NO_PLACES,
-                lines=near if isinstance(near, core.Lines) else _NO_LINES,
+                reach=near if isinstance(near, core.Reach) else NO_REACH,
+                places=near if isinstance(near, core.Places) else NO_PLACES,
+                lines=near if isinstance(near, core.Lines) else NO_LINES,
                 crossing=nearness.crossing,
                 by_metres=by_metres,
             )
@@ -153,11 +153,11 @@ def _most_pieces(agents: int, most: int, most_legs: int) -> int:
     return 2 * agents * (most + 2 * most_legs + 1)
 
 
-_NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
-_NO_PLACES = core.Places(column("q"), column("d"))
-_NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
+NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
+NO_PLACES = core.Places(column("q"), column("d"))
+NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
-_NO_LEGS = core.Legs(0, *[column("q")] * 5, *[column("d")] * 5)  # in games that count edges
+NO_LEGS = core.Legs(0, *[column("q")] * 5, *[column("d")] * 5)  # in games that count edges
 
 
 # -- in the game of a context ------------------------------------------------------------------------------------------
@@ -351,7 +351,7 @@ class InTurn:
         self.most = 2
         self.columns = roster.columns
         self.most_legs = 0
-        self.legs = _NO_LEGS
+        self.legs = NO_LEGS
         self.tracks: Sequence[Track] = ()
         self.edges: EdgesGoneAlong | None = None
         self.purpose = column("Q", [kernels.purpose_key(seed, "contacts")])
@@ -415,9 +415,9 @@ class InTurn:
             self.roster.keys,
             self.purpose,
             self.roster.turn,
-            reach=near if isinstance(near, core.Reach) else _NO_REACH,
-            places=near if isinstance(near, core.Places) else _NO_PLACES,
-            lines=near if isinstance(near, core.Lines) else _NO_LINES,
+            reach=near if isinstance(near, core.Reach) else NO_REACH,
+            places=near if isinstance(near, core.Places) else NO_PLACES,
+            lines=near if isinstance(near, core.Lines) else NO_LINES,
             crossing=nearness.crossing,
             by_metres=self.by_metres,
         )
@@ -693,7 +693,7 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         nearness,
         near,
         core.Tracks(agents, most, *_flat((nodes, times, lengths, sides)), at_end=not nearness.passing),
-        _NO_LEGS if legs is None else core.Legs(most_legs, *_flat(legs[1:])),
+        NO_LEGS if legs is None else core.Legs(most_legs, *_flat(legs[1:])),
         *_flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn)),
         pieces=_most_pieces(agents, most, most_legs),
         keys=max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),

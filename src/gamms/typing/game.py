@@ -365,10 +365,6 @@ class Leg(NamedTuple):
             return self.end
         return self.begin + (self.end - self.begin) * (time - self.since) / (self.until - self.since)
 
-    def on_street(self) -> tuple[float, float]:
-        """Return `begin` and `end` as shares of the edge that gives the street its id."""
-        return (self.begin, self.end) if self.street == self.edge else (1.0 - self.begin, 1.0 - self.end)
-
 
 class EdgePlace(NamedTuple):
     """Where an agent is that is not on a node."""

@@ -19,7 +19,7 @@ from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
 from gamms.game.batch.state import CoreEvents, GameArrays
-from gamms.game.conflicts import Table
+from gamms.game.conflicts import Table, flat
 from gamms.game.settings import as_called
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import IntArray
@@ -124,11 +124,6 @@ def ints(number: int) -> Any:  # memoryviews are not subscriptable
 def floats(number: int) -> Any:
     """Return memory for floats, as the core takes it."""
     return np.zeros(number).data
-
-
-def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:
-    """Return a column as the core takes it, to be read."""
-    return np.ascontiguousarray(column, kind).reshape(-1).data
 
 
 def memory_of(column: np.ndarray[Any, Any]) -> Any:
