@@ -114,8 +114,10 @@ cdef class Flags:
     cpdef int drop(self, Games games, Events events, i64 game, i64 rule) except -1 nogil
     @cython.locals(flag=i64)
     cpdef int note_stops(self, Games games, i64 game) except -1 nogil
-    @cython.locals(flag=i64, agent=i64)
+    @cython.locals(flag=i64, carrier=i64, agent=i64)
     cpdef bint concern(self, Games games, i64 game) except -1 nogil
+    @cython.locals(team=i64)
+    cdef bint _may_be_home(self, Games games, i64 game, i64 agent) except -1 nogil
     cdef bint _may_take(self, i64 agent, i64 flag) except -1 nogil
     @cython.locals(flag=i64, now=double)
     cpdef int pass_turn(self, Games games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, Pieces pieces) except -1 nogil

@@ -615,17 +615,25 @@ class Flags:
         return 0
 
     def concern(self, games: Games, game: int) -> bool:
-        """Return whether a flag is carried, or one that may take it is on its base.
+        """Return whether a carrier may be home, or one that may take a flag is on its base.
 
-        Else nothing happens where agents go along one edge.
+        Else nothing happens where agents go along one edge: a node that is left at once belongs to the turn before.
         """
         for flag in range(self.flags):
-            if self.carriers[game * self.flags + flag] >= 0:
+            carrier = self.carriers[game * self.flags + flag]
+            if carrier >= 0 and self._may_be_home(games, game, carrier):
                 return True
             for agent in range(games.agents):
                 if games.node[game * games.agents + agent] == self.base[flag] and self._may_take(agent, flag):
                     return True
         return False
+
+    def _may_be_home(self, games: Games, game: int, agent: int) -> bool:
+        """Return whether an agent is on the base of its team, or home is more than a base."""
+        team = self.takes[agent]
+        if team < 0 or len(self.owners) > 0 or self.home[team] < 0:
+            return True
+        return games.node[game * games.agents + agent] == self.home[team]
 
     def _may_take(self, agent: int, flag: int) -> bool:
         """Return whether a flag is one of another team."""

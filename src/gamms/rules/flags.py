@@ -218,6 +218,7 @@ class _FlagsOfAgents:
         self.flags, self.seed = flags, turn.seed
         self._teams = [] if flags.ground is not None else [team for team in teams if team not in flags.bases]
         number, purpose = turn.numbers.number, (turn.seed, "capture_flag", flags.key)
+        bases = {} if flags.ground is not None else flags.bases  # that are home
         takes = [-1 if team is None else roster.teams[team] for team in roster.team_of]
         if roster.fly is not None:
             takes = [-1 if flies else team for team, flies in zip(takes, roster.fly, strict=True)]
@@ -227,7 +228,7 @@ class _FlagsOfAgents:
             count,
             team=column("q", [roster.teams.get(team, -1) for team in flags.bases]),
             base=column("q", map(number, flags.bases.values())),
-            home=column("q", [number(flags.bases[team]) if team in flags.bases else -1 for team in teams]),
+            home=column("q", [number(bases[team]) if team in bases else -1 for team in teams]),
             owners=NO_TERRITORY,
             takes=column("q", takes),
             names=roster.keys,
