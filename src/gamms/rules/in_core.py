@@ -13,7 +13,7 @@ from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats,
 from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
-from gamms.rules.meetings import NO_LEGS, NO_LINES, NO_PLACES, NO_REACH, new_contacts
+from gamms.rules.meetings import NO_LEGS, ask, new_contacts
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -52,16 +52,15 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
         sides = ints(len(roster.names))
         tracks = making.tracks(sides, at_end=not one.nearness.passing)
         found = new_contacts(making.pieces)
-        found.ask(
+        ask(
+            found,
+            one.nearness,
+            None,
             tracks,
             NO_LEGS,
             flat(roster.keys, np.uint64),
             purpose,
             turn,
-            reach=NO_REACH,
-            places=NO_PLACES,
-            lines=NO_LINES,
-            crossing=one.nearness.crossing,
             by_metres=False,
         )
         taggers, tagged = (roster.plays_for([side]) for side in one.sides)

@@ -7,7 +7,6 @@ from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache, partial
 from itertools import accumulate, chain, compress
-from operator import gt
 from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
@@ -32,7 +31,6 @@ from gamms.rules.visits import EdgesGoneAlong, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
 
-_FIRST_ROOM = 64  # contacts
 _MOST_DISTANCES = 8  # for which a game keeps what is near nodes
 _MOST_TERRITORIES = 8  # of which a game keeps who owns nodes
 _MOST_NEAR_IN_GAME, _MOST_NEAR_IN_BATCH = 1 << 20, 1 << 25  # pairs of nodes, for each distance
@@ -79,63 +77,46 @@ class Met(NamedTuple):
 Near = core.Reach | core.Places | core.Lines | None
 
 
-class Finder:
-    """Finds the contacts of turns of one game or batch, with room for the largest turn so far."""
+class Room:
+    """Room for what finding contacts in one game or batch needs, as much as the largest turn so far has needed."""
 
     def __init__(self) -> None:
-        self._make_room(0, 0, _FIRST_ROOM)
+        self._sizes = 0, 0
+        self._pieces = _pieces(0, 0)
+        self._contacts: core.Contacts | None = None
 
-    def _make_room(self, pieces: int, keys: int, contacts: int) -> None:
-        self._sizes = pieces, keys, contacts
-        self._met, self._order = _columns(contacts), np.empty(contacts, np.int64)
-        self._core = core.Contacts(_pieces(pieces, keys), *_flat((*self._met, self._order)))
+    def scratch(self, pieces: int, keys: int) -> core.Pieces:
+        """Return scratch with room for so many pieces and keys."""
+        if pieces > self._sizes[0] or keys > self._sizes[1]:
+            self._sizes = 2 * pieces, 2 * keys
+            self._pieces = _pieces(*self._sizes)
+        return self._pieces
 
-    def find(
-        self, nearness: Nearness, near: Near, *columns: Any, pieces: int, keys: int, by_metres: bool
-    ) -> tuple[Met, IntArray]:
-        """Find the contacts of a turn.
-
-        Args:
-            nearness: what counts as a contact.
-            near: what says how far places are from each other; None: agents meet on nodes.
-            columns: of agents and games, as `core.Contacts.ask` takes them.
-            pieces: the most that the agents of one game do in a turn, one after the other.
-            keys: how many numbers of nodes and of streets there are at most.
-            by_metres: whether the games are by metres.
-
-        Returns:
-            Room for contacts, and the rows of those that were found, in their order; valid until the next call.
-        """
-        contacts, parts = 0, near.parts if isinstance(near, core.Lines) else 0
-        while True:
-            sizes = max(pieces, parts), keys, contacts
-            if any(map(gt, sizes, self._sizes)):
-                self._make_room(*map(max, sizes, self._sizes))
-            self._core.ask(
-                *columns,
-                reach=near if isinstance(near, core.Reach) else NO_REACH,
-                places=near if isinstance(near, core.Places) else NO_PLACES,
-                lines=near if isinstance(near, core.Lines) else NO_LINES,
-                crossing=nearness.crossing,
-                by_metres=by_metres,
-            )
-            if isinstance(near, core.Reach):
-                is_exact = by_metres and nearness.unit == "metres"
-                contacts = self._core.find_by_paths(nearness.limit, is_exact)
-            elif isinstance(near, core.Places):
-                contacts = self._core.find_near_places(nearness.limit)
-            elif isinstance(near, core.Lines):
-                contacts = self._core.find_on_lines(nearness.limit)
-            else:
-                contacts = self._core.find_on_nodes()
-            if contacts <= len(self._order):
-                return self._met, self._order[: self._core.kept]
+    def contacts(self, pieces: core.Pieces) -> core.Contacts:
+        """Return what finds contacts once."""
+        if self._contacts is None or self._contacts.pieces is not pieces:
+            self._contacts = new_contacts(pieces)
+        return self._contacts
 
 
-def _columns(contacts: int) -> Met:
-    games, a, b, a_nodes, b_nodes, on_edges = np.empty((6, contacts), np.int64)
-    times, distances = np.empty((2, contacts))
-    return Met(games, a, b, a_nodes, b_nodes, times, distances, np.empty(contacts, np.uint64), on_edges)
+def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_metres: bool) -> None:
+    """Say what contacts are to be found.
+
+    Args:
+        found: what finds them.
+        nearness: what counts as a contact.
+        near: what says how far places are from each other; None: agents meet on nodes.
+        columns: of agents and games, as `core.Contacts.ask` takes them.
+        by_metres: whether the games are by metres.
+    """
+    found.ask(
+        *columns,
+        reach=near if isinstance(near, core.Reach) else _NO_REACH,
+        places=near if isinstance(near, core.Places) else _NO_PLACES,
+        lines=near if isinstance(near, core.Lines) else _NO_LINES,
+        crossing=nearness.crossing,
+        by_metres=by_metres,
+    )
 
 
 def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # of memoryviews, which are not subscriptable
@@ -153,9 +134,9 @@ def _most_pieces(agents: int, most: int, most_legs: int) -> int:
     return 2 * agents * (most + 2 * most_legs + 1)
 
 
-NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
-NO_PLACES = core.Places(column("q"), column("d"))
-NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
+_NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
+_NO_PLACES = core.Places(column("q"), column("d"))
+_NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
 NO_LEGS = core.Legs(0, *[column("q")] * 5, *[column("d")] * 5)  # in games that count edges
 
@@ -409,18 +390,9 @@ class InTurn:
         return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
 
     def _ask(self, found: core.Contacts, sides: memoryview, nearness: Nearness, near: Near) -> None:
-        found.ask(
-            self._tracks(sides, at_end=not nearness.passing),
-            self.legs,
-            self.roster.keys,
-            self.purpose,
-            self.roster.turn,
-            reach=near if isinstance(near, core.Reach) else NO_REACH,
-            places=near if isinstance(near, core.Places) else NO_PLACES,
-            lines=near if isinstance(near, core.Lines) else NO_LINES,
-            crossing=nearness.crossing,
-            by_metres=self.by_metres,
-        )
+        columns = self.legs, self.roster.keys, self.purpose, self.roster.turn
+        tracks = self._tracks(sides, at_end=not nearness.passing)
+        ask(found, nearness, near, tracks, *columns, by_metres=self.by_metres)
 
     def visits(self, *, passing: bool) -> core.Tracks:
         """Return the tracks of the agents on the ground, for visits of nodes."""
@@ -478,7 +450,7 @@ def _search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
     return core.SEARCHES["near places" if isinstance(near, core.Places) else "on lines"]
 
 
-class InGame:
+class InGame(Room):
     """What finding contacts in one game has learned of its map, and of the last turn.
 
     Args:
@@ -494,15 +466,13 @@ class InGame:
     """
 
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
+        super().__init__()
         self.numbers = numbers
         self.edges = EdgesGoneAlong(ctx)
         self.graph = graph = self.edges.graph
         self.revision = graph.revision
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
-        self._sizes = 0, 0
-        self._pieces = _pieces(0, 0)
-        self._contacts: core.Contacts | None = None
         self._steps: InTurn | None = None
         self._steps_of: tuple[Any, ...] = ()
         self._turn: InTurn | None = None
@@ -522,19 +492,6 @@ class InGame:
             return np.array([len(one) for one in near]), ends, far
 
         return NearNodes(found, _MOST_NEAR_IN_GAME)
-
-    def scratch(self, pieces: int, keys: int) -> core.Pieces:
-        """Return scratch with room for so many pieces and keys."""
-        if pieces > self._sizes[0] or keys > self._sizes[1]:
-            self._sizes = 2 * pieces, 2 * keys
-            self._pieces = _pieces(*self._sizes)
-        return self._pieces
-
-    def contacts(self, pieces: core.Pieces) -> core.Contacts:
-        """Return what finds contacts once."""
-        if self._contacts is None or self._contacts.pieces is not pieces:
-            self._contacts = new_contacts(pieces)
-        return self._contacts
 
     def turn(self, ctx: Context, internals: GameInternals) -> InTurn:
         """Return where agents are in this turn."""
@@ -689,17 +646,25 @@ def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nea
         asked = nodes if legs is None else np.concatenate((nodes, legs.sources, legs.targets), axis=-1)
         near = _near_nodes(turn, nearness).around(asked, turn.streets.num_nodes)
     most_legs = 0 if legs is None else legs.sources.shape[-1]
-    met, rows = turn.shared("contacts", Finder).find(
+    pieces = max(_most_pieces(agents, most, most_legs), near.parts if isinstance(near, core.Lines) else 0)
+    keys = max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids))
+    room, by_metres = turn.shared("contacts", Room), legs is not None
+    found = room.contacts(room.scratch(pieces, keys))
+    ask(
+        found,
         nearness,
         near,
         core.Tracks(agents, most, *_flat((nodes, times, lengths, sides)), at_end=not nearness.passing),
         NO_LEGS if legs is None else core.Legs(most_legs, *_flat(legs[1:])),
         *_flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn)),
-        pieces=_most_pieces(agents, most, most_legs),
-        keys=max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids)),
-        by_metres=legs is not None,
+        by_metres=by_metres,
     )
-    return met.those(rows)
+    count = found.find(_search_for(near, nearness, by_metres=by_metres), nearness.limit)
+    rows = np.asarray(found.order)[:count]
+    columns: Any = found.games, found.a, found.b, found.a_nodes, found.b_nodes
+    return Met(
+        *(np.asarray(one)[rows] for one in (*columns, found.times, found.distances, found.draws, found.on_edges))
+    )
 
 
 def one_to_one_of_games(games: IntArray, a: IntArray, b: IntArray, agents: int) -> IntArray:
