@@ -49,16 +49,20 @@ class Refusals:
             self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
 
 
+Nodes = MutableSequence[int] | memoryview
+"""Ids of nodes by slot."""
+
+
 class TurnMoves:
-    """The moves of one turn by slot: as lists for the engine, by name for rules and resolvers."""
+    """The moves of one turn by slot: as sequences for the engine, by name for rules and resolvers."""
 
     __slots__ = ("_by_name", "actions", "ends", "order", "slots", "starts")
 
     def __init__(
         self,
         order: TurnOrder,
-        starts: MutableSequence[int],
-        ends: MutableSequence[int],
+        starts: Nodes,
+        ends: Nodes,
         actions: dict[int, ResolvedAction],
     ) -> None:
         self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
