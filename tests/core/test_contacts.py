@@ -30,7 +30,7 @@ def floats(values):
 NO_LEGS = core.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
 
 
-def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, room=1000, seed=7):
+def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, seed=7):
     """The contacts of games, each a list of agents (side, path, times), in their order.
 
     Each is (game, a, b, time, distance, on an edge?, where a was, where b was).
@@ -56,10 +56,7 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, roo
         ints([-1] * NODES),
         ints([0] * pieces),
     )
-    columns = [ints([0] * room) for _ in range(5)]
-    times, distances = floats([0.0] * room), floats([0.0] * room)
-    bits, on_edges, order = keys([0] * room), ints([0] * room), ints([0] * room)
-    found = core.Contacts(scratch, *columns, times, distances, bits, on_edges, order)
+    found = core.Contacts(scratch)
     names, purposes = keys(range(1, agents + 1)), keys([seed + game for game in range(len(games))])
     nodes = ints([node for _, path, _ in rows for node in (*path, *path[-1:] * (most - len(path)))])
     found.ask(
@@ -74,19 +71,10 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, roo
         crossing=crossing,
         by_metres=False,
     )
-    if reach is not None:
-        count = found.find_by_paths(limit, False)
-    elif limit is not None:
-        count = found.find_near_places(limit)
-    else:
-        count = found.find_on_nodes()
-    if count > room:
-        return count
-    at, a, b, a_nodes, b_nodes = columns
-    return [
-        (at[k], a[k], b[k], times[k], distances[k], bool(on_edges[k]), a_nodes[k], b_nodes[k])
-        for k in order[: found.kept]
-    ]
+    search = "by paths" if reach is not None else "on nodes" if limit is None else "near places"
+    kept = found.find(core.SEARCHES[search], limit or 0.0)
+    columns = found.games, found.a, found.b, found.times, found.distances, found.on_edges, found.a_nodes, found.b_nodes
+    return [tuple(column[k] for column in columns) for k in found.order[:kept]]
 
 
 def table(reach):
@@ -151,11 +139,6 @@ def test_lots_follow_from_both_names_in_their_order():
 def test_games_do_not_touch_each_other():
     near, apart = [(OURS, (0,), (0.0,)), (THEIRS, (0,), (0.0,))], [(OURS, (0,), (0.0,)), (THEIRS, (1,), (0.0,))]
     assert [one[0] for one in contacts([apart, near, apart, near])] == [1, 3]
-
-
-def test_more_contacts_than_there_is_room_for_are_counted():
-    game = [(OURS, (0,), (0.0,)), *[(THEIRS, (0,), (0.0,))] * 5]
-    assert contacts([game], room=4) == 5
 
 
 def test_contacts_are_matched_in_their_order():

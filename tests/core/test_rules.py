@@ -83,7 +83,7 @@ class Block:
         first = None
         for plays, more in reversed(rules):
             sides = ints([0] * self.agents)
-            found = meeting.Contacts(self.pieces(), *[ints([])] * 5, *[floats([])] * 2, keys([]), *[ints([])] * 2)
+            found = meeting.Contacts(self.pieces())
             found.ask(
                 meeting.Tracks(self.agents, 2, nodes, times, lengths, sides, at_end=False),
                 NO_LEGS,

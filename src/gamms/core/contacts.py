@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from array import array
 from math import fabs, sqrt
+from typing import Any
 
 from gamms.core import draws
 
@@ -315,8 +316,7 @@ class Pieces:
 class Contacts:
     """Finds the contacts of a turn of games.
 
-    `ask` says of which agents; then `find_on_nodes`, `find_by_paths`, `find_near_places` or `find_on_lines` finds their
-    contacts.
+    `ask` says of which agents; then `find` finds their contacts.
 
     Attributes:
         pieces: scratch, with room for all of one game.
@@ -331,32 +331,9 @@ class Contacts:
         kept: how many are in `order`.
     """
 
-    def __init__(
-        self,
-        pieces: Pieces,
-        games: memoryview[int],
-        a: memoryview[int],
-        b: memoryview[int],
-        a_nodes: memoryview[int],
-        b_nodes: memoryview[int],
-        times: memoryview[float],
-        distances: memoryview[float],
-        draws: memoryview[int],
-        on_edges: memoryview[int],
-        order: memoryview[int],
-    ) -> None:
+    def __init__(self, pieces: Pieces) -> None:
         self.pieces = pieces
-        self.games = games
-        self.a = a
-        self.b = b
-        self.a_nodes = a_nodes
-        self.b_nodes = b_nodes
-        self.times = times
-        self.distances = distances
-        self.draws = draws
-        self.on_edges = on_edges
-        self.order = order
-        self.room = len(order)
+        self.make_room(0)
         self.count = 0
         self.kept = 0
 
@@ -405,8 +382,10 @@ class Contacts:
         """Make room for so many contacts, in columns of its own; none of those that were found is kept."""
         ints = [memoryview(array("q", bytes(8 * contacts))) for _ in range(7)]
         self.games, self.a, self.b, self.a_nodes, self.b_nodes, self.on_edges, self.order = ints
-        self.times = memoryview(array("d", bytes(8 * contacts)))
-        self.distances = memoryview(array("d", bytes(8 * contacts)))
+        times: Any = memoryview(array("d", bytes(8 * contacts)))
+        distances: Any = memoryview(array("d", bytes(8 * contacts)))
+        self.times: memoryview[float] = times
+        self.distances: memoryview[float] = distances
         self.draws = memoryview(array("Q", bytes(8 * contacts)))
         self.room = contacts
         return 0

@@ -13,7 +13,7 @@ from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats,
 from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
-from gamms.rules.meetings import NO_LEGS, ask, new_contacts
+from gamms.rules.meetings import NO_LEGS, ask
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -51,7 +51,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
     for one in reversed(taggings):
         sides = ints(len(roster.names))
         tracks = making.tracks(sides, at_end=not one.nearness.passing)
-        found = new_contacts(making.pieces)
+        found = contacts.Contacts(making.pieces)
         ask(
             found,
             one.nearness,

@@ -95,7 +95,7 @@ class Room:
     def contacts(self, pieces: core.Pieces) -> core.Contacts:
         """Return what finds contacts once."""
         if self._contacts is None or self._contacts.pieces is not pieces:
-            self._contacts = new_contacts(pieces)
+            self._contacts = core.Contacts(pieces)
         return self._contacts
 
 
@@ -372,7 +372,7 @@ class InTurn:
         if nearness.unit is not None:
             near = self._near(sides, nearness, in_air(ctx, nearness))
         elif self.are_steps and not (callable(a) or callable(b)):
-            self._ready[key] = found = new_contacts(self.scratch())
+            self._ready[key] = found = core.Contacts(self.scratch())
             self._ask(found, sides, nearness, near)
             return found if found.find(_ON_NODES, 0.0) else None
         found = self.game.contacts(self.scratch(near.parts if isinstance(near, core.Lines) else 0))
@@ -557,12 +557,6 @@ def turn_of(ctx: Context) -> InTurn:
     if known is None or known.graph is not graph or known.revision != graph.revision:
         known = internals.kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx, internals)
-
-
-def new_contacts(pieces: core.Pieces) -> core.Contacts:
-    """Return what finds contacts, which makes room for them itself."""
-    columns = [column(kind) for kind in "qqqqqddQqq"]
-    return core.Contacts(pieces, *columns)
 
 
 def _pieces(pieces: int, keys: int) -> core.Pieces:
