@@ -123,8 +123,14 @@ class Block:
 
     def copied(self, game: int = 0) -> Block:
         """Return a block of one game, which is a copy of one of these."""
-        copy = Block([*self.columns.values()])
-        copy.copy_row(game, 0, self)
+        copy = Block(())
+        copy.columns = self.columns
+        copy.sizes = self.sizes.copy()
+        copy._room = self.sizes.copy()
+        for name, column in self.columns.items():
+            numbers = self.row(name, game)
+            kept = _view(bytearray(numbers), column.code) if column.is_copied else _initial(column, len(numbers))
+            copy.numbers[name] = kept
         return copy
 
     def _on(self, axis: str) -> list[BlockColumn]:
