@@ -1,8 +1,9 @@
-"""Beliefs of one game: where targets are by a Markov chain and by what was observed, and which nodes they can reach.
+"""Beliefs of one game: predict targets by a Markov chain, update by observations, and find the nodes they can reach.
 
-A belief about a target is a probability for each state of a chain, one after the other; `values` holds those of several
-targets, and `at` says where the first of them begins. A state is on a node, or on an edge behind the node that it has
-passed last, which counts as its node. Sums are taken in one order, so that the bits depend on nothing else.
+A belief about a target is one probability for each state of a chain. `values` holds the beliefs about several targets,
+one after the other; `at` is the index where the first belief begins. A state is on a node, or on an edge; a state on an
+edge belongs to the node that the target passed last. Sums are taken in a fixed order, so that results are the same bit
+for bit on every machine.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ ON_NODES = 0  # a look that covers nodes only
 ON_STRAIGHT_EDGES = 1  # and the straight edges between these nodes
 ON_ALL_EDGES = 2  # and all edges between them
 UNSEEN = -1  # a target that no look has found
-UNKNOWN = -2  # one of which nothing is known: it was found on a node that is gone
+UNKNOWN = -2  # a target that was found on a node that no longer exists, so that nothing is known about it
 ANY_PLACE = -2  # a target that was found on its node or on an edge behind it
 # names for callers in Python, which do not see constants with a C type
 LOOKS_AT_NODES = ON_NODES
@@ -23,12 +24,12 @@ IS_ANYWHERE_ON_NODE = ANY_PLACE
 
 
 class Ways:
-    """What leads to each of some rows, such as the states of a chain, or the nodes of a map.
+    """The ways that lead to each row of a table, such as the states of a chain or the nodes of a map.
 
     Args:
-        first: (rows + 1,) 32-bit integers: where the ways that lead to each row begin, and at last where they end.
-        sources: (ways,) 32-bit integers: the row that each way begins at.
-        weights: (ways,) how probable each is, or what it costs.
+        first: (rows + 1,) 32-bit integers: the ways to row `i` are `first[i]` to `first[i + 1] - 1`.
+        sources: (ways,) 32-bit integers: the row where each way begins.
+        weights: (ways,) the probability or the cost of each way.
     """
 
     def __init__(self, first: memoryview[int], sources: memoryview[int], weights: memoryview[float]) -> None:
@@ -42,12 +43,13 @@ class Chain:
     """The states of a Markov chain on a map.
 
     Args:
-        shares: (states,) how probable each state is at first among those on its node.
-        first_on: (nodes + 1,) 32-bit integers: where the states on each node begin, and at last where they end.
-        states_on: (states,) 32-bit integers: these states, ascending for each node.
-        ends: (states,) the node at the end of its edge; -1: it is on a node.
-        are_bent: (states,) bytes: whether its edge is not straight.
-        offsets: (states,) metres from its node.
+        shares: (states,) the initial probability of each state, given its node.
+        first_on: (nodes + 1,) 32-bit integers: the states of node `i` are `first_on[i]` to `first_on[i + 1] - 1` in
+            `states_on`.
+        states_on: (states,) 32-bit integers: states by node, ascending for each node.
+        ends: (states,) the node at the end of the edge of each state; -1: the state is on a node.
+        are_bent: (states,) bytes: whether the edge of the state is not straight.
+        offsets: (states,) metres from the node of the state.
     """
 
     def __init__(
@@ -73,10 +75,10 @@ class Work:
     """Working memory for a chain.
 
     Args:
-        likelihoods: (states,) of the target that is looked at.
-        sums: (states,)
-        weighed: (states,)
-        missed: (nodes,) all 1.0, as it is again after each call.
+        likelihoods: (states,) of the target that is being updated.
+        sums: (states,) partial sums.
+        weighed: (states,) the weighted belief about one target.
+        missed: (nodes,) all 1.0; each call leaves it so.
     """
 
     def __init__(
@@ -93,18 +95,19 @@ class Work:
 
 
 class Evidence:
-    """What was observed of some targets: where looks have missed them, and where they were found.
+    """Observations of targets: the nodes where looks have missed them, and the places where they were found.
 
     Args:
-        targets: how many there are.
-        first: (looks + 1,) where the nodes of each look begin, and at last where they end.
-        rows: of these nodes.
-        missed: likewise, how probable it is that a target there is missed.
+        targets: the number of targets.
+        first: (looks + 1,) the nodes of look `i` are entries `first[i]` to `first[i + 1] - 1` of `rows` and `missed`.
+        rows: (entries,) the nodes that looks cover.
+        missed: (entries,) the probability that a look misses a target on the node.
         kinds: (looks,) bytes: `ON_NODES`, `ON_STRAIGHT_EDGES` or `ON_ALL_EDGES`.
-        shown: (looks * targets,) bytes: whether a look says something about a target.
+        shown: (looks * targets,) bytes: whether a look can show the target.
         found: (findings * targets,) the node of each target; `UNSEEN` or `UNKNOWN`.
-        found_ends: likewise, the node at the end of its edge; -1: on the node; `ANY_PLACE`: any state on the node.
-        found_m: likewise, how many metres it is from the node; not read where it may be in any place.
+        found_ends: (findings * targets,) the node at the end of the edge of the target; -1: it is on the node;
+            `ANY_PLACE`: it may be in any state of the node.
+        found_m: (findings * targets,) metres from the node; not read for `ANY_PLACE`.
     """
 
     def __init__(
@@ -140,19 +143,19 @@ def predict(
     targets: int,
     steps: int,
 ) -> int:
-    """Write where targets are after some steps.
+    """Predict the beliefs about targets after a number of steps of the chain.
 
-    What comes to a row is added in the order of its ways.
+    Contributions to a row are added in the order of its ways.
 
     Args:
-        ways: where a step leads.
+        ways: the transitions of one step.
         sums: (rows,) working memory.
-        values: how probable each row is for each target.
-        at: where it begins.
-        out: the same after the steps; may be `values`.
-        to: where it begins.
-        targets: how many there are.
-        steps: how many.
+        values: the beliefs.
+        at: the index where they begin.
+        out: the predicted beliefs; may be `values`.
+        to: the index where they begin.
+        targets: the number of targets.
+        steps: the number of steps.
     """
     for target in range(targets):
         here = at + target * ways.rows
@@ -183,20 +186,20 @@ def observe(
     finding: int,
     totals: memoryview[float],
 ) -> int:
-    """Write where all targets are by some looks and one finding: Bayes' rule.
+    """Update the beliefs about all targets by looks and one finding, by Bayes' rule.
 
     Args:
-        c: by which the targets move.
-        e: what was observed.
+        c: the chain by which the targets move.
+        e: the observations.
         w: working memory.
-        values: what was believed.
-        at: where it begins.
-        out: what is believed now; may be `values`.
-        to: where it begins.
-        begin: the first of the looks.
-        end: the first that does not count any more.
+        values: the beliefs before.
+        at: the index where they begin.
+        out: the beliefs after; may be `values`.
+        to: the index where they begin.
+        begin: the first look.
+        end: one past the last look.
         finding: the number of the finding.
-        totals: (targets,) how probable this was by what was believed; see `weigh`.
+        totals: (targets,) is set to the probability of the observation under the belief before; see `weigh`.
     """
     for target in range(e.targets):
         is_changed = fill_likelihoods(c, e, w, target, begin, end, finding)
@@ -205,7 +208,7 @@ def observe(
 
 
 def fill_likelihoods(c: Chain, e: Evidence, w: Work, target: int, begin: int, end: int, finding: int) -> bool:
-    """Write how probable some looks and a finding are for each state of a target; return whether one is not 1.0."""
+    """Write the likelihood of looks and a finding for each state of a target; return whether one is not 1.0."""
     found = finding * e.targets + target
     if e.found[found] >= 0:
         for s in range(c.states):
@@ -223,9 +226,9 @@ def fill_likelihoods(c: Chain, e: Evidence, w: Work, target: int, begin: int, en
 
 
 def take_look(c: Chain, e: Evidence, w: Work, look: int) -> bool:
-    """Multiply the likelihoods by how probable it is that a look misses a target; return whether that is not 1.0.
+    """Multiply the likelihoods by the probability that a look misses the target; return whether one of them is not 1.0.
 
-    On an edge that is covered this is the greater one of both ends; on another edge nothing is ruled out.
+    On a covered edge, the greater probability of its two ends counts. A look does not change other edges.
     """
     kind = e.kinds[look]
     if kind != ON_NODES:
@@ -250,7 +253,7 @@ def take_look(c: Chain, e: Evidence, w: Work, look: int) -> bool:
 
 
 def mark_found(c: Chain, e: Evidence, w: Work, found: int) -> int:
-    """Set the likelihoods of the states that a target was found in to 1.0: of those on an edge, the nearest ones."""
+    """Set the likelihoods of the states where a target was found to 1.0; on an edge, of the nearest states."""
     end = e.found_ends[found]
     node = e.found[found]
     nearest = -1.0
@@ -272,19 +275,19 @@ def mark_found(c: Chain, e: Evidence, w: Work, found: int) -> int:
 def weigh(
     c: Chain, w: Work, is_changed: bool, values: memoryview[float], at: int, out: memoryview[float], to: int
 ) -> float:
-    """Write where one target is by the likelihoods in the working memory; `out` may be `values`.
+    """Update the belief about one target by the likelihoods in the working memory.
 
     Args:
-        c: by which the target moves.
-        w: where the likelihoods are.
-        is_changed: whether one of them is not 1.0.
-        values: what was believed.
-        at: where it begins.
-        out: what is believed now.
-        to: where it begins.
+        c: the chain by which the target moves.
+        w: working memory with the likelihoods.
+        is_changed: whether a likelihood is not 1.0.
+        values: the belief before.
+        at: the index where it begins.
+        out: the belief after; may be `values`.
+        to: the index where it begins.
 
     Returns:
-        How probable the observation was by what was believed. Where it was 0.0, the belief was wrong, and begins again
+        The probability of the observation under the belief before. If it is 0.0, the belief was wrong, and starts again
         from this observation alone.
     """
     for s in range(c.states):
@@ -301,10 +304,10 @@ def weigh(
 
 
 def begin_again(c: Chain, w: Work, out: memoryview[float], to: int) -> float:
-    """Write weights of the states by the likelihoods alone; return their sum.
+    """Write weights of the states from the likelihoods alone; return their sum.
 
-    At first no target is on an edge, so that all shares of the states that are possible may be 0.0; then these states
-    are equal, and if none is possible, all states have their shares.
+    The initial shares of states on edges are 0.0. If all possible states have a share of 0.0, they get equal weights.
+    If no state is possible, the weights are the initial shares.
     """
     for s in range(c.states):
         out[to + s] = c.shares[s] * w.likelihoods[s]
@@ -321,7 +324,7 @@ def begin_again(c: Chain, w: Work, out: memoryview[float], to: int) -> float:
 
 
 def sum_of(c: Chain, w: Work, values: memoryview[float], at: int) -> float:
-    """Return the sum over all states: the second half is added to the first, until one number is left."""
+    """Return the sum over all states by pairwise summation: add the second half to the first until one is left."""
     number = c.states
     if number == 1:
         return values[at]
@@ -342,7 +345,7 @@ def sum_of(c: Chain, w: Work, values: memoryview[float], at: int) -> float:
 
 
 def add_to_nodes(c: Chain, values: memoryview[float], at: int, out: memoryview[float], to: int) -> int:
-    """Add to each node how probable it is that a target is there."""
+    """Add the probability that a target is on each node to `out`."""
     for node in range(c.nodes):
         total = 0.0
         for j in range(c.first_on[node], c.first_on[node + 1]):
@@ -366,22 +369,22 @@ def expect(
     out: memoryview[float],
     to: int,
 ) -> int:
-    """Add to each node how many of some targets are to be expected there, by some looks and one finding; see `observe`.
+    """Add the expected number of targets on each node, after looks and one finding, to `out`; see `observe`.
 
     Args:
-        c: by which the targets move.
-        e: what was observed.
+        c: the chain by which the targets move.
+        e: the observations.
         w: working memory.
-        values: what was believed.
-        at: where it begins.
-        begin: the first of the looks.
-        end: the first that does not count any more.
+        values: the beliefs before.
+        at: the index where they begin.
+        begin: the first look.
+        end: one past the last look.
         finding: the number of the finding.
         targets: the numbers of the targets.
         counts: bytes, whether each target counts.
-        first: where these begin.
-        out: of the nodes.
-        to: where they begin.
+        first: the index where the bytes of these targets begin.
+        out: the expected numbers of targets, by node.
+        to: the index where they begin.
     """
     for i in range(len(targets)):
         target = targets[i]
@@ -393,13 +396,13 @@ def expect(
 
 
 def likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nodes: int) -> int:
-    """Return the node with the highest chance for each turn until an agent is there, the first of equals; -1: all 0.0.
+    """Return the node with the greatest chance per turn of travel, the first if several are equal; -1: all are 0.0.
 
     Args:
-        chances: of nodes, or how many targets are expected there.
-        turns: that the agent takes to these.
-        at: where the nodes begin in both.
-        nodes: how many there are.
+        chances: the probability, or the expected number, of targets on each node.
+        turns: the turns that the agent takes to reach each node.
+        at: the index where the nodes begin in both columns.
+        nodes: the number of nodes.
     """
     best = -1
     most = 0.0
@@ -412,12 +415,14 @@ def likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nod
 
 
 def spread(ways: Ways, labels: memoryview[float], at: int) -> int:
-    """Raise the labels of nodes to the most that is left on a way that leads there, if that is more than 0.0.
+    """Spread a budget over a map: set each label to the greatest budget that is left on a way to the node.
+
+    Only budgets above 0.0 spread (label correcting, as in the Bellman-Ford algorithm).
 
     Args:
-        ways: what it costs to go from node to node.
-        labels: of the nodes, how much is left there; -inf: none has come.
-        at: where they begin.
+        ways: the cost of each way from node to node.
+        labels: the budget left on each node; -inf: not reached.
+        at: the index where they begin.
     """
     is_changed = True
     while is_changed:

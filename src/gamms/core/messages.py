@@ -1,12 +1,12 @@
-"""Messages of a turn: who hears what is sent by a channel, and when, and who does not.
+"""Messages of a turn: which agents hear the messages of a channel, when, and which do not.
 
-Messages spread when all agents have moved. First the sender of a message reaches others. On a channel with relays, the
-agents that hear it and pass messages on reach others next, until nobody hears it for the first time. Rows of columns
-are agents, game by game: the row of agent `i` of a game is `game * agents + i`.
+Messages spread after all agents have moved. First the sender of a message transmits it. On a channel with relays, the
+agents that hear it and may relay transmit it next, until nobody hears it for the first time. Columns have a row for
+each agent of each game: the row of agent `i` is `game * agents + i`.
 
-A channel may depend on the number of edges between agents, or on sight. Then a transmitter needs a row of
-`Network.reach` that the caller makes: `spread_all` lists the transmitters without one, and is called again when they
-have it.
+The reach of a channel may depend on the number of edges between agents, or on line of sight. Then each transmitter
+needs a row of `Network.reach`, which the caller computes: `spread_all` lists the transmitters that have no row, and is
+called again when they have one.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ UNKNOWN = IS_UNKNOWN
 
 
 class Channel:
-    """How messages go by one channel.
+    """The properties of one channel.
 
     Attributes:
-        agents: how many a game has.
-        range_m: how far a transmission goes; infinite if there is no limit.
-        needs_rows: whether `Network.reach` says whom a transmitter reaches.
-        is_relayed: whether some agents pass messages on.
-        delay: how many turns a transmission takes.
+        agents: the number of agents of a game.
+        range_m: the range of a transmission, metres; infinite if there is no limit.
+        needs_rows: whether `Network.reach` has the agents that a transmitter reaches.
+        is_relayed: whether some agents relay messages.
+        delay: the turns that a transmission takes.
         roles: (agents,) sums of `USES`, `OVERHEARS` and `RELAYS`.
         distances: (points,) ascending, metres.
-        chances: (points,) how probably a transmission over these distances is lost; no points: none is.
-        jammers: (jammers,) the agents; -1: it is a place.
-        places: (jammers * 3,) where those are that are places.
-        radii: (jammers,) within how many metres nothing is heard.
+        chances: (points,) the probability that a transmission over these distances is lost; no points: none is lost.
+        jammers: (jammers,) the agents that jam; -1: a fixed place.
+        places: (jammers * 3,) x, y and z of jammers at fixed places, metres.
+        radii: (jammers,) the radius within which nothing is heard, metres.
     """
 
     def __init__(
@@ -91,17 +91,17 @@ class Channel:
 
 
 class Network:
-    """Where the agents of games are, and whom they reach by a channel.
+    """The places of the agents of games, and the agents that they reach by a channel.
 
     Attributes:
-        xyz: (rows * 3,) where they are, metres.
-        alive: (rows,) 1: the agent lives.
-        names: (agents,) hashes, for draws.
-        purposes: (rows,) hashes of the seed of the game, the channel and the agent, of senders; nothing where nothing
-            is lost.
-        turns: (games,) how many turns were played before this one.
-        slots: (rows,) where the row of a transmitter is in `reach`; -1: it has none; -2: it is awaited.
-        awaited: (rows,) the rows of the transmitters that are awaited.
+        xyz: (rows * 3,) the places of agents, metres.
+        alive: (rows,) 1: the agent is alive.
+        names: (agents,) hashes of names, for draws.
+        purposes: (rows,) of senders, hashes of the seed of the game, the channel and the agent; empty where no message
+            can be lost.
+        turns: (games,) the number of turns played before this one.
+        slots: (rows,) the slot of a transmitter in `reach`; -1: it has none; -2: the caller has to compute it.
+        awaited: (rows,) the rows of the transmitters that the caller has to compute.
         reach: (slots * agents,) 1: the transmitter reaches the agent.
         rows: (3 * agents,) working memory.
         jammed, states: (agents,) working memory.
@@ -137,18 +137,18 @@ class Network:
 
 
 class Messages:
-    """Messages of one turn by one channel, and what becomes of them.
+    """Messages of one turn by one channel, and their outcomes.
 
     Attributes:
         games: (messages,) ascending.
         senders: (messages,) the agents that send them.
-        groups: (messages,) the number of the group of agents that each is meant for; -1: everybody.
-        first: (groups + 1,) where each group begins in `members`, and where the last one ends.
+        groups: (messages,) the group of recipients of each message; -1: everybody.
+        first: (groups + 1,) the members of group `i` are entries `first[i]` to `first[i + 1] - 1` of `members`.
         members: the agents of all groups.
-        numbers: (messages,) how many messages the sender has sent before in this turn.
-        is_known: (messages,) 1: it is known what becomes of it.
+        numbers: (messages,) the number of messages that the sender sent before in this turn.
+        is_known: (messages,) 1: the outcome is known.
         outcomes: (messages * agents,) `HEARD`, `OVERHEARD`, `LOST`, `JAMMED`, or 0.
-        arrivals: (messages * agents,) the number of the turn, from 1, in which those that hear it do; else 0.
+        arrivals: (messages * agents,) the turn, from 1, in which the agent hears the message; 0: it does not.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class Messages:
 
 
 def distance(places: memoryview[float], k: int, others: memoryview[float], other: int) -> float:
-    """Return how many metres are between two places, each the number `k` of some, (x, y, z) one after the other."""
+    """Return the distance in metres between place `k` of one column of x, y, z and place `other` of another."""
     x = places[3 * k] - others[3 * other]
     y = places[3 * k + 1] - others[3 * other + 1]
     z = places[3 * k + 2] - others[3 * other + 2]
@@ -183,7 +183,7 @@ def distance(places: memoryview[float], k: int, others: memoryview[float], other
 
 
 def chance_at(channel: Channel, far: float) -> float:
-    """Return how probably a transmission is lost over a distance, with straight lines between the points."""
+    """Return the probability that a transmission over a distance is lost, by linear interpolation between points."""
     k = 0
     while k < len(channel.distances) and channel.distances[k] < far:
         k += 1
@@ -222,7 +222,7 @@ def is_in_range(channel: Channel, network: Network, row: int, other: int) -> boo
 
 
 def find_in_range(channel: Channel, network: Network, count: int, reach: memoryview[int]) -> int:
-    """Write which agents are in the range of the first `count` awaited transmitters, (count * agents,)."""
+    """Write which agents are within range of the first `count` awaited transmitters, (count * agents,)."""
     for k in range(count):
         row = network.awaited[k]
         base = row - row % channel.agents
@@ -232,7 +232,7 @@ def find_in_range(channel: Channel, network: Network, count: int, reach: memoryv
 
 
 def is_lost(channel: Channel, network: Network, sent: Messages, m: int, by: int, to: int) -> bool:
-    """Return whether chance loses a message between two agents of its game."""
+    """Return whether a message between two agents is lost at random."""
     if not len(channel.distances):
         return False
     base = sent.games[m] * channel.agents
@@ -245,7 +245,7 @@ def is_lost(channel: Channel, network: Network, sent: Messages, m: int, by: int,
 
 
 def prepare(channel: Channel, network: Network, sent: Messages, m: int) -> int:
-    """Find whom a message is meant for, and who can hear it."""
+    """Find the recipients of a message, and the agents that can hear it."""
     base = sent.games[m] * channel.agents
     for i in range(channel.agents):
         network.waves[i] = 0
@@ -261,7 +261,7 @@ def prepare(channel: Channel, network: Network, sent: Messages, m: int) -> int:
 
 
 def transmit(channel: Channel, network: Network, sent: Messages, m: int, wave: int, transmitters: int) -> int:
-    """Let agents transmit a message; return how many transmit it next."""
+    """Transmit a message from agents; return the number of agents that transmit it next."""
     base = sent.games[m] * channel.agents
     found = 0
     for k in range(transmitters):
@@ -287,7 +287,7 @@ def transmit(channel: Channel, network: Network, sent: Messages, m: int, wave: i
 
 
 def spread(channel: Channel, network: Network, sent: Messages, m: int, awaited: int) -> int:
-    """Find what becomes of a message, unless a row is missing; return how many rows are awaited by now."""
+    """Find the outcome of a message, unless a row of `reach` is missing; return the number of awaited rows so far."""
     base = sent.games[m] * channel.agents
     prepare(channel, network, sent, m)
     network.now[0] = sent.senders[m]
@@ -312,7 +312,7 @@ def spread(channel: Channel, network: Network, sent: Messages, m: int, awaited: 
 
 
 def note(channel: Channel, network: Network, sent: Messages, m: int) -> int:
-    """Write what becomes of a message."""
+    """Write the outcome of a message."""
     at = m * channel.agents
     for i in range(channel.agents):
         state = network.states[i]
@@ -343,21 +343,21 @@ def admit(
     left: memoryview[int],
     verdicts: memoryview[int],
 ) -> int:
-    """Find which messages can be sent, one after the other, by a channel.
+    """Find which messages can be sent by a channel, in the order in which they are given.
 
     Args:
-        games: as in `Messages`, but in any order.
-        senders: likewise.
-        groups: likewise.
-        first: likewise.
-        members: likewise.
+        games: (messages,) as in `Messages`, but in any order.
+        senders: (messages,) as in `Messages`.
+        groups: (messages,) as in `Messages`.
+        first: (groups + 1,) as in `Messages`.
+        members: as in `Messages`.
         uses: (agents,) 1: the agent may use the channel.
         there: (rows,) 1: the agent is in the game, alive or not.
         sizes: (messages,) bytes.
-        left: (rows,) how many bytes each agent may still send. Those of messages that can be sent are taken from it.
-        verdicts: (messages,) where it is written: `ADMITTED`; or why not: `UNKNOWN`, no agent is in the group;
-            `FOR_SENDER`, its sender alone is; `FOR_OTHERS`, none of the others may use the channel; or, from 0, how
-            many bytes were left, of which it has more.
+        left: (rows,) the bytes that each agent may still send; reduced by each message that can be sent.
+        verdicts: (messages,) the result: `ADMITTED`, or the reason of a refusal: `UNKNOWN`, the group has no agent;
+            `FOR_SENDER`, the group has only the sender; `FOR_OTHERS`, no other agent of the group may use the channel;
+            or a number from 0: the bytes that were left, fewer than the message has.
     """
     for m in range(len(games)):
         base = games[m] * len(uses)
@@ -380,13 +380,13 @@ def admit(
 def count_messages(
     games: memoryview[int], senders: memoryview[int], counts: memoryview[int], numbers: memoryview[int]
 ) -> int:
-    """Write how many messages the sender of each message has sent before in the turn.
+    """Count the messages that the sender of each message sent before it in the turn.
 
     Args:
         games: (messages,) ascending.
         senders: (messages,) the agents that send them.
         counts: (agents,) working memory.
-        numbers: (messages,) the column that is written.
+        numbers: (messages,) the counts.
     """
     for m in range(len(games)):
         if m == 0 or games[m] != games[m - 1]:
@@ -398,7 +398,7 @@ def count_messages(
 
 
 def spread_all(channel: Channel, network: Network, sent: Messages) -> int:
-    """Find what becomes of messages; return how many rows of transmitters are awaited, 0 if all is known."""
+    """Find the outcomes of messages; return the number of awaited rows of transmitters, 0 if all outcomes are known."""
     game = -1
     awaited = 0
     for m in range(len(sent.games)):
