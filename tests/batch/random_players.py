@@ -7,6 +7,7 @@ from itertools import accumulate
 import numpy as np
 
 import gamms
+from gamms.game.batch.forms import StrategySpec, declare
 from gamms.strategies import (
     assign,
     chase,
@@ -59,7 +60,7 @@ def busy_in_arrays(view):
     return actions
 
 
-busy.array_form = busy_in_arrays
+declare(busy, StrategySpec(array_form=busy_in_arrays))
 
 
 def curious(state):

@@ -8,6 +8,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue
+from gamms.game.batch.forms import spec_of
 
 SEEING = {
     "sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}},
@@ -210,14 +211,14 @@ def test_a_form_is_replaced_by_itself_alone():
     again = declare("cell", -1)  # the cell of a notebook is run again
     with pytest.raises(BadValue, match=r"last has an array form already, form: it is not replaced"):
         declare("other", -1)
-    assert last.array_form is again
+    assert spec_of(last).array_form is again
 
     @functools.wraps(last)
     def decorated(state):
         last(state)
 
     gamms.array_strategy(of=decorated)(lambda view: view.counts - 1)
-    assert last.array_form is again
+    assert spec_of(last).array_form is again
 
 
 def test_what_takes_no_form_is_refused():

@@ -10,6 +10,7 @@ import gamms
 from gamms import belief
 from gamms.errors import BadType, BadValue
 from gamms.game import IllegalAction
+from gamms.game.batch.forms import StrategySpec, declare
 from gamms.scenario import Scenario
 from gamms.sensor.ground import AgentSensor
 from gamms.strategies import (
@@ -280,7 +281,7 @@ def test_agents_with_equal_strategies_are_asked_together():
     def wait(state):
         state["action"] = state["curr_pos"]
 
-    wait.array_form = count
+    declare(wait, StrategySpec(array_form=count))
     with hunted().build(seed=1) as ctx:
         for agent in ctx.agent.agents.values():
             agent.register_strategy(

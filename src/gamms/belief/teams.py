@@ -18,17 +18,17 @@ from gamms.belief.motion import Motion, chain_of, evidence_of
 from gamms.core import belief as core
 from gamms.game.batch.begun import remembers
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, places_of
-from gamms.game.batch.forms import form_of, key_of
+from gamms.game.batch.forms import key_of, spec_of
 from gamms.game.batch.sight import looks_from_the_air
 from gamms.game.batch.state import Arrays, NotTakenUp
-from gamms.game.batch.view import BOARDS, ArrayView, looks_in, movement_in, parts_of, put_back
+from gamms.game.batch.view import ArrayView, looks_in, movement_in, parts_of, put_back
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.limits import max_memory
 from gamms.typing import IAgent
 
-BOARD = "belief"  # what marks the array forms of strategies that observe; see `gamms.game.batch.view`
+BOARD = "belief"  # one of the `boards` of strategies that observe, see `StrategySpec`
 _MOST_AT_ONCE = 1 << 20  # probabilities of members that are worked out together
 _NOW, _BY_NONE, _NEXT = range(3)  # by which looks
 
@@ -37,9 +37,9 @@ def why_not_believed(motion: Motion, game: PlayedGame, agent: IAgent) -> str | N
     """Return why an agent cannot observe in arrays, in words; None: it can."""
     settings, plans = game.settings(), game.settings()["plans"]
     mates = [one for one in agents_of(game) if one.team == agent.team is not None]
-    forms = [form_of(decider_of(one, plans)) for one in (agent, *mates)]
+    specs = [spec_of(decider_of(one, plans)) for one in (agent, *mates)]
     chain = chain_of(motion, ground_of(game.ctx.graph.columns()))
-    others = {key_of(form) for form in forms if BOARD in getattr(form, BOARDS, ())}
+    others = {key_of(spec.array_form) for spec in specs if BOARD in spec.boards}
     reasons = {
         "in a game by metres": settings["speed_unit"] != "edges",
         "with rules of the phase 'deeds'": any(one.phase == "deeds" for one in game.rules),

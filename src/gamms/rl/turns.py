@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms.game.batch import ArrayView, Batch
+from gamms.game.batch.forms import StrategySpec
 from gamms.game.batch.given import flown
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -174,11 +175,14 @@ class Hand:
         node = legal[int(move) if move < len(legal) else 0]
         state["action"] = {"node_id": node, "do": done} if done else node
 
-    def array_form(self, view: ArrayView) -> IntArray:
+    @property
+    def strategy_spec(self) -> StrategySpec:
+        """How batches play it."""
+        return StrategySpec(array_form=self._decide, looks=False)
+
+    def _decide(self, view: ArrayView) -> IntArray:
         """Return what it is given for each game."""
         moves, deeds = np.moveaxis(self._taken[view.turn, view.games, None, :2].astype(np.int64), -1, 0)
         if self._choices is not None:
             self._choices.do(deeds, view)
         return np.where(moves < view.counts, moves, 0)
-
-    array_form.is_blind = True  # type: ignore[attr-defined] # it does not ask what sensors show

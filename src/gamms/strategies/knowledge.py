@@ -18,20 +18,11 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.begun import Begins, begins_of
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import BEGINS
+from gamms.game.batch.forms import StrategySpec, declare, spec_of
 from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.view import (
-    BOARDS,
-    IS_BLIND,
-    MAY_SKIP,
-    REFUSES,
-    ArrayStrategy,
-    ArrayView,
-    movement_in,
-    numbers_in,
-)
+from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.memories import Kept
@@ -339,6 +330,7 @@ def offer_form(
     may_skip: bool | None = None,
     kept: Kept | None = None,
     refuses: Refusing | None = None,
+    flies: bool = False,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
 
@@ -351,24 +343,31 @@ def offer_form(
         may_skip: whether it may set no action; None: where one of its parts may.
         kept: what it remembers, besides its parts; None: nothing.
         refuses: says in words why the form is not for an agent of a game; None: it is for all.
+        flies: whether the form is for agents that fly, too.
     """
-    forms = [getattr(part, "array_form", None) for part in parts]
-    boards = [one for form in forms for one in getattr(form, BOARDS, ())]
-    boards += [] if kept is None or kept.board is None else [kept.board]
+    specs = [spec_of(part) for part in parts]
+    forms = [spec.array_form for spec in specs]
+    boards = [one for spec in specs for one in spec.boards]
+    refusing = [one for spec in specs for one in spec.refuses]
+    begun: list[Begins] = [spec.begins for spec in specs if spec.begins is not None]
+    takes_up = len(begun) == len(specs)
+    if kept is not None:
+        begun.append(kept.begins)
+        boards += [] if kept.board is None else [kept.board]
     if None in forms or len(set(boards)) < len(boards):
         return
-    made: Any = partial(form, *values, *forms)
-    setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
-    setattr(made, BOARDS, tuple(boards))
-    passing = any(getattr(one, MAY_SKIP, False) for one in forms)
-    setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
-    refusing = [one for form in forms for one in getattr(form, REFUSES, ())]
-    if refusing := refusing if refuses is None else [*refusing, refuses]:
-        setattr(made, REFUSES, tuple(refusing))
-    strategy.__dict__["array_form"] = made
-    begun: list[Begins] = [getattr(part, BEGINS) for part in parts if hasattr(part, BEGINS)]
-    if len(begun) == len(forms):
-        setattr(strategy, BEGINS, begins_of(begun if kept is None else [*begun, kept.begins]))
+    declare(
+        strategy,
+        StrategySpec(
+            array_form=partial(form, *values, *forms),
+            flies=flies,
+            looks=looks or any(spec.looks for spec in specs),
+            may_skip=any(spec.may_skip for spec in specs) if may_skip is None else may_skip,
+            boards=tuple(boards),
+            refuses=tuple(refusing if refuses is None else [*refusing, refuses]),
+            begins=begins_of(begun) if takes_up else None,
+        ),
+    )
 
 
 def no_actions(view: ArrayView) -> IntArray:
@@ -381,11 +380,7 @@ def filled(view: ArrayView, number: int) -> IntArray:
     return np.full_like(view.node, number)
 
 
-_pass_in_arrays = partial(no_actions)
-setattr(_pass_in_arrays, IS_BLIND, True)
-setattr(_pass_in_arrays, MAY_SKIP, True)
-_pass.__dict__["array_form"] = _pass_in_arrays
-setattr(_pass, BEGINS, begins_of(()))
+offer_form(_pass, no_actions, may_skip=True)
 
 
 def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:

@@ -1,6 +1,7 @@
 """Strategies that need no enemies: they go somewhere, or are made of others."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from math import cos, frexp, inf, ldexp, pi, sin
 from typing import Any, TypeVar, overload
@@ -11,9 +12,9 @@ from gamms.arguments import as_array, as_context, as_count, as_float, as_int, si
 from gamms.context import Context
 from gamms.core import moves
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import CORE_FORM, FLIES, flies
+from gamms.game.batch.forms import declare, spec_of
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView, movement_in, numbers_in
+from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -125,13 +126,12 @@ def _walk_in_arrays(view: ArrayView) -> IntArray | FloatArray:
     return actions
 
 
-offer_form(stay, _stay_in_arrays)
-offer_form(random_walk, _walk_in_arrays)
-for _one in (stay, random_walk):
-    setattr(_one, FLIES, True)
-IN_CORE = {stay: moves.STAY, random_walk: moves.RANDOM_WALK}  # strategies that the core plays in batches
-for _one, _number in IN_CORE.items():
-    setattr(_one, CORE_FORM, _number)
+for _strategy, _form, _core_form in (
+    (stay, _stay_in_arrays, moves.STAY),
+    (random_walk, _walk_in_arrays, moves.RANDOM_WALK),
+):
+    offer_form(_strategy, _form, flies=True)
+    declare(_strategy, replace(spec_of(_strategy), core_form=_core_form))
 
 
 @shown_as_called
@@ -312,9 +312,9 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
             if "action" in state:
                 return
 
-    passing = all(getattr(getattr(option, "array_form", None), MAY_SKIP, False) for option in options)
-    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing)
-    setattr(strategy, FLIES, all(map(flies, options)))
+    specs = [spec_of(option) for option in options]
+    may_skip = all(spec.may_skip for spec in specs)
+    offer_form(strategy, _first_in_arrays, parts=options, may_skip=may_skip, flies=all(spec.flies for spec in specs))
     return strategy
 
 
@@ -348,8 +348,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
-    offer_form(strategy, _mix_in_arrays, chance, parts=options)
-    setattr(strategy, FLIES, all(map(flies, options)))
+    offer_form(strategy, _mix_in_arrays, chance, parts=options, flies=all(spec_of(one).flies for one in options))
     return strategy
 
 

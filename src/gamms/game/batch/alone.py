@@ -12,12 +12,12 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.begun import IS_WHOLE, Begins, movement_of
+from gamms.game.batch.begun import Begins, movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, kept_in, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import as_flights
-from gamms.game.batch.forms import FLIES, F, form_declared
+from gamms.game.batch.forms import F, StrategySpec, declare, form_declared
 from gamms.game.batch.given import flown
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.last_turn import LastTurn
@@ -78,7 +78,7 @@ def array_strategy(
     """
     _refuse_begins_alone(begins, of, "array_strategy", "strategy")
     if of is not None:
-        return form_declared(of, "array_strategy", "a view", begins=begins)
+        return form_declared(of, "array_strategy", "a view", begins=begins, is_strategy=True)
     function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
     name = getattr(function, "__name__", "array strategy")
 
@@ -100,8 +100,7 @@ def array_strategy(
             else:
                 state["action"] = {"node_id": action, "do": done} if done else action
 
-        setattr(strategy, FLIES, True)
-        form_declared(strategy, name, "a view", begins=_remembered_alone)(function)
+        declare(strategy, StrategySpec(array_form=function, flies=True, begins=_remembered_alone, takes_up_all=True))
         return _documented(strategy, function)
 
     return _documented(make, function)
@@ -175,9 +174,6 @@ def _remembered_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arr
         names = dict.fromkeys(chain.from_iterable(kept.values()))
         found[key] = {name: _joined(key, {number: one[name] for number, one in kept.items()}) for name in names}
     return found
-
-
-setattr(_remembered_alone, IS_WHOLE, True)
 
 
 def _joined(key: Hashable, arrays: Mapping[int, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:

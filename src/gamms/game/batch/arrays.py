@@ -16,7 +16,7 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, p
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.flights import Flyers
-from gamms.game.batch.forms import form_of, key_of
+from gamms.game.batch.forms import key_of, spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.given import Given
 from gamms.game.batch.headings import Headings
@@ -124,7 +124,10 @@ class ArrayEngine:
         """Have an agent that has come, with its sensors as they are described; or return why that is not possible."""
         roster, settings, game = self.state.roster, self._game.settings(), self._game
         like, decider = roster.agents[roster.names.index(agent.name)], decider_of(agent, settings["plans"])
-        named, kind = shown(agent.name), (agent.type, agent.team, agent.speed, key_of(form_of(decider)), sensors)
+        named, kind = (
+            shown(agent.name),
+            (agent.type, agent.team, agent.speed, key_of(spec_of(decider).array_form), sensors),
+        )
         if kind[:3] != (like.type, like.team, like.speed):
             return f"agent {named} comes with another team, kind or speed than the first of its team has"
         if agent.name not in self._kinds:

@@ -18,7 +18,7 @@ from gamms.game.batch.movement import NO_ACTION, Illegal, Moves, Route
 from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.batch.view import MAY_SKIP, ArrayView, as_actions
+from gamms.game.batch.view import ArrayView, as_actions
 from gamms.game.legality import IllegalAction
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -250,8 +250,7 @@ class Asking:
                     if group.flies:
                         self._fly(turn, agents, chosen, view.mask)
                     else:
-                        may_skip = getattr(group.form, MAY_SKIP, False)
-                        actions[:, columns] = self._without_skips(view, chosen) if may_skip else chosen
+                        actions[:, columns] = self._without_skips(view, chosen) if group.may_skip else chosen
                     deeds += view._deeds or []
                     self._send(view._outboxes or [])
                     if asked is not None:
@@ -284,7 +283,7 @@ def _decided_by(group: Group, view: ArrayView) -> np.ndarray[Any, Any]:
     given = group.form(view)
     if group.flies:
         return as_flights(given, f"{group.name}: what agents that fly do", view.node.shape)
-    if not getattr(group.form, MAY_SKIP, False):
+    if not group.may_skip:
         return view._checked(given, group.name, may_aim=True)
     actions = as_actions(given, view.node.shape, group.name)
     skips = actions == NO_ACTION

@@ -9,7 +9,7 @@ import numpy as np
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.forms import form_of, key_of
+from gamms.game.batch.forms import form_of, key_of, spec_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
@@ -37,6 +37,7 @@ class Group(NamedTuple):
     agents: IntArray  # numbers in the roster
     form: ArrayStrategy
     flies: bool  # whether they fly, all of them
+    may_skip: bool  # whether the form may set no action
 
 
 def _moves_of(turn: ArrayTurn, ends: IntArray) -> ArrayMoves:
@@ -251,9 +252,11 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan], left_out: Collection[int]
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         if decider is not None and number not in left_out:
-            found.setdefault((key_of(form_of(decider)), bool(roster.flies[number])), []).append(number)
+            found.setdefault((key_of(spec_of(decider).array_form), bool(roster.flies[number])), []).append(number)
     groups = []
     for numbers in found.values():
         decider = decider_of(roster.agents[numbers[0]], plans)
-        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider), bool(roster.flies[numbers[0]])))
+        spec, flies = spec_of(decider), bool(roster.flies[numbers[0]])
+        assert spec.array_form is not None  # noqa: S101 - the others are asked one by one
+        groups.append(Group(as_code(decider), np.array(numbers), spec.array_form, flies, spec.may_skip))
     return groups

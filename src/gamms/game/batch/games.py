@@ -11,13 +11,14 @@ import numpy as np
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine
-from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
+from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, decider_of, reserved
+from gamms.game.batch.forms import spec_of
 from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
-from gamms.game.batch.view import REFUSES, ArrayView
+from gamms.game.batch.view import ArrayView
 from gamms.game.batch.why_not import teams_asked, why_not_in_arrays
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
@@ -103,8 +104,8 @@ class Batch(Fixed):
         why = why_slower(source.game, who_are_asked, len(seeds), are_called=self._has_calls)
         self._why_slower = why if self.is_in_arrays else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
-        forms = self._engine.forms if isinstance(self._engine, ArrayEngine) else ()
-        may_leave = bool(scalar or source.game.turn) or any(hasattr(form, REFUSES) for form in forms)
+        plans = source.game.settings()["plans"]
+        may_leave = bool(scalar or source.game.turn) or any(spec_of(decider_of(one, plans)).refuses for one in agents)
         may_leave &= self.is_in_arrays
         is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None

@@ -1,7 +1,7 @@
 """Plays the games of a batch in the core: those of which every part is a function of it.
 
-`CORE_FORM` is the attribute by which a strategy or a rule says so: a strategy has the number by which
-`gamms.core.moves` knows it, a rule a function that makes what `gamms.core.rules` plays.
+`StrategySpec.core_form` of a strategy is the number by which `gamms.core.moves` knows it; `CORE_FORM` is the attribute
+of a rule that has a function which makes what `gamms.core.rules` plays.
 """
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
@@ -14,7 +14,7 @@ from gamms import core
 from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame, decider_of
-from gamms.game.batch.forms import CORE_FORM
+from gamms.game.batch.forms import CORE_FORM, spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
@@ -151,7 +151,7 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
         yield "what is called, or looks at the games, in a turn"
     for agent in roster.agents:
         decider = decider_of(agent, settings["plans"])
-        if decider is not None and not hasattr(decider, CORE_FORM):
+        if decider is not None and spec_of(decider).core_form is None:
             yield "a strategy"
     for one in as_called(game.rules):
         if one.phase != "after" or getattr(one.rule, CORE_FORM, None) is None:
@@ -171,7 +171,8 @@ class CoreGames:
         self._rules = [getattr(one.rule, CORE_FORM) for one in as_called(game.rules)]
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        self._decides_by = np.array([getattr(one, CORE_FORM, moves.STAY) for one in deciders], np.uint8)
+        forms = [moves.STAY if one is None else spec_of(one).core_form for one in deciders]
+        self._decides_by = np.array(forms, np.uint8)
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))

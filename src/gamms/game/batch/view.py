@@ -32,13 +32,7 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
-IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
-BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
 MOMENTS = 1 << 24  # in a turn, more than there are
-REFUSES = (
-    "refuses"  # an attribute of forms: functions of a game and an agent that say in words why they cannot be asked
-)
-MAY_SKIP = "may_skip"  # an attribute of forms that may give `NO_ACTION`
 
 
 class ArrayView(Mapping[str, Any]):

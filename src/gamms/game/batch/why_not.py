@@ -4,11 +4,10 @@ from collections.abc import Hashable, Iterator, Sequence
 
 from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
-from gamms.game.batch.forms import flies, form_of
+from gamms.game.batch.forms import spec_of
 from gamms.game.batch.scalar_rules import called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import why_not_asked
 from gamms.game.batch.sight import why_not_seen
-from gamms.game.batch.view import IS_BLIND, REFUSES
 from gamms.game.conflicts import ranked
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
@@ -55,15 +54,16 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
     plans = game.settings()["plans"]
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
-        if form_of(one) is None or may_forget(game, agent):
+        spec = spec_of(one)
+        if spec.array_form is None or may_forget(game, agent):
             kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
-            yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
-        for refuses in getattr(form_of(one), REFUSES, ()):
+            yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (spec.array_form is not None)}"
+        for refuses in spec.refuses:
             if (why := refuses(game, agent)) is not None:
                 yield agent, f"the strategy {as_code(one)}, {why}"
-        if _flies(agent) and (agent.team in plans or not flies(one)):
+        if _flies(agent) and (agent.team in plans or not spec.flies):
             yield agent, f"{as_code(one)} of agent {agent.name!r}, which flies"
-        for name in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}):
+        for name in getattr(agent, "sensors", {}) if spec.looks else ():
             why = why_not_seen(agent, name)
             if why is not None:
                 yield agent, why
