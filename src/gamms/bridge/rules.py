@@ -10,8 +10,8 @@ from gamms.bridge.lines import Roads
 from gamms.bridge.links import Link
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.plain import as_json
-from gamms.rules.endings import Rank, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
 
@@ -51,7 +51,7 @@ def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
             _message("turn", ctx, agents=len(messages), crs=ctx.graph.crs, over=None if over is None else as_json(over))
         )
 
-    return with_hooks(publish, prepare=prepare, rank=_LAST)
+    return declared(publish, RuleSpec(prepare=prepare, rank=_LAST))
 
 
 def positions(ctx: Context) -> list[Message]:

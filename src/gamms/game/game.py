@@ -172,7 +172,7 @@ class Game(RuleVerbs):
     @property
     def last_turn(self) -> int | None:
         """The turn after which the game ends at the latest: by `run`, the settings or a time limit; None: not known."""
-        limits = [self._state.last_turn, self.max_turns, *(getattr(one.rule, "last_turn", None) for one in self.rules)]
+        limits = [self._state.last_turn, self.max_turns, *(one.spec.last_turn for one in self.rules)]
         return min((limit for limit in limits if isinstance(limit, int)), default=None)
 
     def step(self) -> bool:

@@ -48,14 +48,16 @@ def copy_known(
         setattr(state, log, [dict(entry) for entry in getattr(source.state, log) if entry.get("agent") in names])
     state.began = {name: place for name, place in starts.items() if name in names}
     for rule in target.rules.rules:
-        if not hasattr(rule.rule, "disclose"):  # it may draw at random what no agent knows
-            getattr(rule.rule, "prepare", bool)(target.ctx)
+        prepare = rule.spec.prepare
+        if prepare is not None and rule.spec.disclose is None:  # it may draw at random what no agent knows
+            prepare(target.ctx)
     state.put_known(source.state, names, teams)
     for name in filter(names.__contains__, source.state.memories):
         state.memory_of(name)  # also of agents that remember nothing
     for rule in source.rules.rules:
-        if hasattr(rule.rule, "disclose"):
-            _put_in(state.data, copied(rule.rule.disclose(source.state.data, names), memo))
+        disclose = rule.spec.disclose
+        if disclose is not None:
+            _put_in(state.data, copied(disclose(source.state.data, names), memo))
     state.stream_version += 1
 
 

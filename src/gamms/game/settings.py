@@ -1,8 +1,13 @@
-"""What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
+"""What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order.
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+A rule is a function; `RuleSpec` has what it says about itself, and `spec_of` returns it.
+"""
+
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
 from inspect import iscoroutinefunction
-from typing import Any, Literal, NamedTuple, Unpack
+from typing import Any, Literal, NamedTuple, TypeVar, Unpack
 
 from gamms.arguments import (
     as_bool,
@@ -16,6 +21,7 @@ from gamms.arguments import (
     as_text,
     with_options,
 )
+from gamms.core.rules import Rule as CoreRule
 from gamms.deciding import ContextPart, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
@@ -24,8 +30,11 @@ from gamms.ir.game_state import GameState
 from gamms.plain import to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code, shown
+from gamms.typing import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import ChannelOptions, IConflicts, Rule
+
+R = TypeVar("R", bound=Rule)
 
 _ALWAYS_NOTED = ("legal", "on_illegal", "on_error", "speed_unit", "time_budget", "deadline_s", "max_turns")
 _TRAVEL = ("turn_seconds", "weight", "decide")
@@ -295,12 +304,113 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
 PHASES = ("before", "deeds", "after")
 
 
+class Rank(IntEnum):
+    """When a rule is called among those of its phase; those of one rank are called as they were added."""
+
+    USUAL = 0  # what moves and tags agents
+    RESOURCES = 1
+    PLACES = 2  # who is where
+    RESPAWNS = 3
+    PAYOFFS = 4  # what came of the others
+    END = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class RuleSpec:
+    """What a rule says about itself, besides the function of the context that it is.
+
+    `declared` gives a rule its spec. A rule of a user may have the first seven as attributes of the function instead.
+
+    Any: turns and states of batches are of `gamms.game.batch`, which imports this module.
+
+    Attributes:
+        prepare: called with the context when the rule is added, to look at the map and to publish facts.
+        check: called with the context when all have decided, to refuse moves and deeds.
+        teams: that the rule names; one without agents is warned about.
+        drawer: draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn
+            alike.
+        disclose: called with `ctx.game.data`, which it must not change, and names of agents; returns what these know
+            of it, for copies to look ahead in. Without it, copies have what `prepare` makes.
+        rank: a `Rank`: a rule of a higher one is called later in its phase.
+        key: under which the rule keeps what it remembers in `ctx.game.data`; no two rules have the same.
+        act_as_one: makes one rule of the `parts` of all rules of a phase with the same function here, which is called
+            in the place of the first.
+        parts: what it makes the rule of.
+        brings_back: whether agents that are out come back, so that learners wait for that.
+        last_turn: the turn after which the rule ends the game, for windows to show how far it is.
+        array_form: does the same in many games: called with a `batch.turn.ArrayTurn`; None: it is called game by game.
+        array_check: the same for `check`: called with the turn and where agents go, (games, agents), returns which
+            moves it refuses.
+        core_form: called with a `batch.in_core.Making`, returns the rule as the core plays it in batches; None: the
+            core does not.
+        why_not_in_arrays: called with the agents, says what of them the array form cannot deal with; None: nothing.
+        prepare_arrays: called with the state of a batch when it begins, to publish facts in the form that they have in
+            arrays.
+        begin_arrays: called with the context and the state of the batch, returns what the array form keeps of the game
+            of a context, which may have begun: key -> name -> an array of one game. A form that keeps something
+            without it plays no games that have begun.
+        facts_in_game: called with that state and the number of a game, returns its facts as strategies get them that
+            are asked agent by agent.
+        is_in_arrays_alone: whether the rule itself is made of its array form.
+    """
+
+    prepare: Callable[[Any], object] | None = None
+    check: Callable[[Any], object] | None = None
+    teams: Collection[Hashable] = ()
+    drawer: Callable[..., object] | None = None
+    disclose: Callable[[Mapping[str, Any], Collection[str]], Mapping[str, Any]] | None = None
+    rank: int = Rank.USUAL
+    key: str | None = None
+    act_as_one: Callable[[Sequence[Any]], Rule] | None = None
+    parts: Sequence[Any] = ()
+    brings_back: bool = False
+    last_turn: int | None = None
+    array_form: Callable[[Any], None] | None = None
+    array_check: Callable[[Any, Any], object] | None = None
+    core_form: Callable[[Any], CoreRule] | None = None
+    why_not_in_arrays: Callable[[Sequence[IAgent]], str | None] | None = None
+    prepare_arrays: Callable[[Any], object] | None = None
+    begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
+    facts_in_game: Callable[[Any, int], Mapping[str, Any]] | None = None
+    is_in_arrays_alone: bool = False
+
+
+_SPEC = "_rule_spec"
+_ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of rules of users
+_ARRAY_FORM = ("array_form", "begin_arrays")  # which `gamms.array_rule(of=rule)` gives a rule
+_NOTHING = RuleSpec()
+
+
+def declared(rule: R, spec: RuleSpec) -> R:
+    """Return a rule that says this about itself."""
+    rule.__dict__[_SPEC] = spec
+    return rule
+
+
+def spec_of(rule: object) -> RuleSpec:
+    """Return what a rule says about itself: what was declared, and the attributes that a user has given it."""
+    spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
+    own = {name: value for name in (*_ATTRIBUTES, *_ARRAY_FORM) if (value := getattr(rule, name, None)) is not None}
+    if not own:
+        return spec
+    if "check" in own:
+        own["array_check"] = getattr(own["check"], "array_form", None)
+    if "array_form" in own:
+        own = {"core_form": None, "begin_arrays": None, **own}
+    return replace(spec, **own)
+
+
 class NamedRule(NamedTuple):
     """A rule that was added to a game."""
 
     name: str
     rule: Rule
     phase: str  # one of PHASES
+
+    @property
+    def spec(self) -> RuleSpec:
+        """What the rule says about itself."""
+        return spec_of(self.rule)
 
     def __repr__(self) -> str:
         """Show the name, the rule as a program writes it, and the phase."""
@@ -316,7 +426,7 @@ def _groups(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule
     """Return the rules that are called as one, and that one, in the order of the first of each."""
     groups: dict[Hashable, list[NamedRule]] = {}
     for one in rules:
-        join = getattr(one.rule, "act_as_one", None)
+        join = one.spec.act_as_one
         groups.setdefault(one.name if join is None else (one.phase, join), []).append(one)
     return [(group, _joined(group)) for group in groups.values()]
 
@@ -325,8 +435,9 @@ def _joined(group: Sequence[NamedRule]) -> NamedRule:
     """Return the rule that several are called as."""
     if len(group) == 1:
         return group[0]
-    join: Callable[[Sequence[Rule]], Rule] = group[0].rule.act_as_one  # type: ignore[attr-defined] # these have one
-    return NamedRule(" and ".join([one.name for one in group]), join([one.rule for one in group]), group[0].phase)
+    join: Any = group[0].spec.act_as_one  # the same of all
+    parts = [part for one in sorted(group, key=lambda one: as_code(one.rule)) for part in one.spec.parts]
+    return NamedRule(" and ".join([one.name for one in group]), join(parts), group[0].phase)
 
 
 class RuleSet:
@@ -349,8 +460,8 @@ class RuleSet:
         """Replace all rules, without what they draw."""
         self.rules = rules
         self._of_phase = {phase: _groups([one for one in rules if one.phase == phase]) for phase in PHASES}
-        checks = ["check" for one in rules if hasattr(one.rule, "check")]
-        self.phases = frozenset([*checks, *(one.phase for one in rules)])
+        self._checks = [(one, check) for one in rules if (check := one.spec.check) is not None]
+        self.phases = frozenset(["check"] * len(self._checks) + [one.phase for one in rules])
         self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
@@ -362,14 +473,13 @@ class RuleSet:
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)
-        key = getattr(rule, "key", None)
-        if key is not None and any(getattr(one.rule, "key", None) == key for one in self.rules):
-            raise Duplicate("a rule with a key", key)
+        spec = spec_of(rule)
+        if spec.key is not None and any(one.spec.key == spec.key for one in self.rules):
+            raise Duplicate("a rule with a key", spec.key)
         named = NamedRule(_free_name(_name_of(rule), taken) if name is None else name, rule, phase)
-        prepare = getattr(rule, "prepare", None)
-        if prepare is not None:
-            prepare(self._ctx)
-        self.replace(tuple(sorted((*self.rules, named), key=_rank_of)))
+        if spec.prepare is not None:
+            spec.prepare(self._ctx)
+        self.replace(tuple(sorted((*self.rules, named), key=lambda one: one.spec.rank)))
         self.unchecked.append(named)
         self._propose(named)
 
@@ -424,20 +534,19 @@ class RuleSet:
 
     def check(self, state: GameState) -> bool:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
-        checks = [(named, check) for named in self.rules if (check := getattr(named.rule, "check", None)) is not None]
-        for named, check in checks:
+        for named, check in self._checks:
             try:
                 check(self._ctx)
             except Exception as error:
                 _add_place(error, named, "check", state)
                 raise
-        return bool(checks)
+        return bool(self._checks)
 
     def warn(self) -> None:
         """Warn about new rules that name teams which no agent plays for."""
         for named in [one for one in self.unchecked if one in self.rules]:
             teams = sorted({*self._ctx.agent.block.teams}, key=str)  # which makes no members of large teams
-            for team in getattr(named.rule, "teams", ()):
+            for team in named.spec.teams:
                 if team not in teams:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
         self.unchecked.clear()
@@ -445,7 +554,7 @@ class RuleSet:
     def _propose(self, named: NamedRule) -> None:
         artist = _artist_of(named)
         if artist is not None:
-            drawer: Any = named.rule.drawer  # type: ignore[attr-defined] # rules that are drawn have one
+            drawer = named.spec.drawer
             artists: Any = getattr(self._ctx.visual, "artists", None)
             propose = self._ctx.visual.add_artist if artists is None else artists.propose
             propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
@@ -455,13 +564,9 @@ def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState)
     error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
 
 
-def _rank_of(named: NamedRule) -> int:
-    return getattr(named.rule, "rank", 0)
-
-
 def _artist_of(named: NamedRule) -> str | None:
     """Return the name of the artist that draws a rule; None if it is not drawn."""
-    drawer = getattr(named.rule, "drawer", None)
+    drawer = named.spec.drawer
     return None if drawer is None else str(getattr(drawer, "artist", f"rule_{named.name}"))
 
 

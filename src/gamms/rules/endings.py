@@ -1,93 +1,31 @@
-"""How games end: an agent reaches its goal, time is up, or one team is left; and what a rule may carry."""
+"""How games end: an agent reaches its goal, time is up, or one team is left."""
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
-from enum import IntEnum
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from functools import lru_cache
-from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
+from typing import Annotated, Any, overload
 
 import numpy as np
 
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.core import rules as core
-from gamms.core.rules import Rule as CoreRule
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, reason_of_goals
-from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.in_core import ONE_THAT_SHOWS, reason_of_goals
 from gamms.game.batch.turn import ArrayTurn, Visits
+from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import living_teams, turn_of
 from gamms.text import shown, shown_as_called
-from gamms.typing import IAgent, NodeId, Rule
+from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
-
-R = TypeVar("R", bound=Callable[[Context], object])
 
 _STARTS = "starts of "
 _MOST_GOALS = 64  # of which it is kept whose they are
 
 Nodes = NodeId | Iterable[NodeId] | str  # a node, several, or "starts of X"
-
-
-class Rank(IntEnum):
-    """When a rule is called among those of its phase; those of one rank are called as they were added."""
-
-    USUAL = 0  # what moves and tags agents
-    RESOURCES = 1
-    PLACES = 2  # who is where
-    RESPAWNS = 3
-    PAYOFFS = 4  # what came of the others
-    END = 5
-
-
-class Hooks(TypedDict, total=False):
-    """Attributes of a rule that `ctx.game.add` looks for."""
-
-    prepare: Callable[[Context], object]
-    """Called when the rule is added."""
-    drawer: Callable[..., object]
-    """Draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn alike."""
-    teams: Sequence[Hashable]
-    """The teams that the rule names; one without agents is warned about."""
-    act_as_one: Callable[[Sequence[Rule]], Rule]
-    """Makes one rule of all rules of a phase with the same `act_as_one`, which is called in the place of the first."""
-    taggings: Sequence[object]
-    """By what a rule tags agents, see `gamms.rules.tagging`."""
-    last_turn: int
-    """The turn after which the rule ends the game, for windows to show how far it is."""
-    array_form: Callable[..., object] | None
-    """The same for many games at once, of a check too, see `gamms.array_rule`; None: they are played one by one."""
-    core_form: Callable[[Making], CoreRule] | None
-    """Makes the rule as the core plays it in batches, see `gamms.rules.in_core`; None: the core does not."""
-    why_not_in_arrays: Callable[[Sequence[IAgent]], str | None]
-    """Returns what of these agents the array form cannot deal with, in words; None: nothing."""
-    prepare_arrays: Callable[[GameArrays], object]
-    """Called when a batch begins: publishes facts in the form that they have in arrays."""
-    begin_arrays: Callable[[Context, GameArrays], Mapping[Hashable, Arrays]]
-    """Returns what the array form keeps of the game of a context, which may have begun: key -> name -> an array of one
-    game. A form that keeps something without it plays no games that have begun."""
-    facts_in_game: Callable[[GameArrays, int], Mapping[str, Any]]
-    """Returns the facts of one game of those arrays as strategies get them that are asked agent by agent."""
-    brings_back: bool
-    """Whether agents that are out come back, so that learners wait for that."""
-    check: Callable[[Context], object]
-    """Called when all have decided, to refuse moves and deeds."""
-    disclose: Callable[[Mapping[str, Any], Collection[str]], dict[str, Any]]
-    """Returns what agents of some names know of `ctx.game.data`, for copies to look ahead in, which get nothing else of
-    it but what `prepare` makes; called with the data, which it must not change, and the names."""
-    rank: int
-    """A `Rank`, so that the order in which rules are added does not count."""
-    key: Hashable
-    """What the rule remembers is under this key of `ctx.game.data`; no two rules have the same."""
-
-
-def with_hooks(rule: R, **hooks: Unpack[Hooks]) -> R:
-    """Return a rule with what `ctx.game.add` looks for."""
-    rule.__dict__.update(hooks)
-    return rule
 
 
 class _Winner:
@@ -169,15 +107,17 @@ def reach(
         ends = [_end_of([one for one, at in there.items() if game in at], winner) for game in ended.tolist()]
         turn.end(ended, [reason for reason, _ in ends], [won for _, won in ends])
 
-    return with_hooks(
+    return declared(
         reach,
-        prepare=prepare,
-        drawer=render_goals,
-        teams=named,
-        array_form=in_arrays,
-        core_form=in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
-        if _are_nodes(goals) and fits_core(score)
-        else None,
+        RuleSpec(
+            prepare=prepare,
+            drawer=render_goals,
+            teams=named,
+            array_form=in_arrays,
+            core_form=in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
+            if _are_nodes(goals) and fits_core(score)
+            else None,
+        ),
     )
 
 
@@ -221,13 +161,15 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
         turn.add_score(team, visits.at, points)
         turn.eliminate(visits.at, visits.agents)
 
-    return with_hooks(
+    return declared(
         arrive,
-        prepare=prepare,
-        drawer=render_goals,
-        teams=list(goals),
-        array_form=in_arrays,
-        core_form=in_core("arrive", team, goal, points) if _are_nodes(goals) and fits_core(points) else None,
+        RuleSpec(
+            prepare=prepare,
+            drawer=render_goals,
+            teams=list(goals),
+            array_form=in_arrays,
+            core_form=in_core("arrive", team, goal, points) if _are_nodes(goals) and fits_core(points) else None,
+        ),
     )
 
 
@@ -257,13 +199,15 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
             winners = _leaders(turn, at) if winner is LEADER else [winner] * len(at)
             turn.end(at, "time limit", winners, truncated=True)
 
-    return with_hooks(
+    return declared(
         time_limit,
-        teams=named,
-        last_turn=last,
-        rank=Rank.END,
-        array_form=in_arrays,
-        core_form=in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner),
+        RuleSpec(
+            teams=named,
+            last_turn=last,
+            rank=Rank.END,
+            array_form=in_arrays,
+            core_form=in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner),
+        ),
     )
 
 
@@ -291,12 +235,14 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         if len(at):
             turn.end(at, _none_in_play(team), _leaders(turn, at) if winner is LEADER else [winner] * len(at))
 
-    return with_hooks(
+    return declared(
         none_left,
-        teams=named,
-        rank=Rank.END,
-        array_form=in_arrays,
-        core_form=in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner),
+        RuleSpec(
+            teams=named,
+            rank=Rank.END,
+            array_form=in_arrays,
+            core_form=in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner),
+        ),
     )
 
 
@@ -332,7 +278,7 @@ def last_team() -> Rule:
         left = [names[row.argmax()] if row.any() else None for row in alive[at]]
         turn.end(at, "last team", left)
 
-    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays, core_form=in_core("last_team"))
+    return declared(last_team, RuleSpec(rank=Rank.END, array_form=in_arrays, core_form=in_core("last_team")))
 
 
 def _named_winner(winner: Team) -> list[Hashable]:

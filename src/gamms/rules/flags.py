@@ -13,11 +13,12 @@ from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
+from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import published
-from gamms.rules.endings import all_know, refuse_unknown, with_hooks
+from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, column, turn_of
 from gamms.rules.territory import NO_TERRITORY, Colors, Ground, Territory, as_territory
@@ -87,17 +88,19 @@ def capture_flag(
     def in_arrays(turn: ArrayTurn) -> None:
         _FlagsInArrays(game, turn).play()
 
-    return with_hooks(
+    return declared(
         capture_flag,
-        prepare=game.prepare,
-        drawer=FlagsDrawer(game.key, colors),
-        disclose=all_know(game.key),
-        key=game.key,
-        array_form=in_arrays,
-        core_form=in_core("capture_flag", game) if fits_core(score) else None,
-        prepare_arrays=game.prepare_arrays,
-        begin_arrays=game.begin_arrays,
-        facts_in_game=game.facts_in_game,
+        RuleSpec(
+            prepare=game.prepare,
+            drawer=FlagsDrawer(game.key, colors),
+            disclose=all_know(game.key),
+            key=game.key,
+            array_form=in_arrays,
+            core_form=in_core("capture_flag", game) if fits_core(score) else None,
+            prepare_arrays=game.prepare_arrays,
+            begin_arrays=game.begin_arrays,
+            facts_in_game=game.facts_in_game,
+        ),
     )
 
 

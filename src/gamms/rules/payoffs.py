@@ -10,8 +10,9 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.state import Arrays, Emitted, GameArrays
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.rules.endings import Rank, all_know, state_of, with_hooks
+from gamms.rules.endings import all_know, state_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import Rule
 
@@ -66,14 +67,16 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         state.events.read(state_key, ctx.game.data.get(_PAYOFFS, {}).get(state_key, {}).get("seen", 0))
         return {}
 
-    return with_hooks(
+    return declared(
         payoff,
-        prepare=prepare,
-        rank=Rank.PAYOFFS,
-        key=state_key,
-        disclose=all_know(_PAYOFFS, state_key),
-        array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
-        begin_arrays=begin_arrays,
+        RuleSpec(
+            prepare=prepare,
+            rank=Rank.PAYOFFS,
+            key=state_key,
+            disclose=all_know(_PAYOFFS, state_key),
+            array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
+            begin_arrays=begin_arrays,
+        ),
     )
 
 

@@ -11,11 +11,12 @@ from gamms.errors import BadType, NotOffered
 from gamms.game.batch.reports import Look
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, in_view
+from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.plain import to_plain, why_not_plain
-from gamms.rules.endings import Rank, all_know, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.rules.endings import all_know, as_nodes, as_teams, refuse_unknown, state_of
 from gamms.rules.meetings import nodes_within
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
@@ -69,16 +70,18 @@ def hold(
     def hold(ctx: Context) -> None:
         place.play(ctx)
 
-    return with_hooks(
+    return declared(
         hold,
-        prepare=place.prepare,
-        drawer=render_held,
-        teams=sorted(place.teams or (), key=str),
-        rank=Rank.PLACES,
-        key=place.key,
-        disclose=all_know(HELD, place.key),
-        array_form=place.play_in_arrays,
-        begin_arrays=place.begin_arrays,
+        RuleSpec(
+            prepare=place.prepare,
+            drawer=render_held,
+            teams=sorted(place.teams or (), key=str),
+            rank=Rank.PLACES,
+            key=place.key,
+            disclose=all_know(HELD, place.key),
+            array_form=place.play_in_arrays,
+            begin_arrays=place.begin_arrays,
+        ),
     )
 
 
@@ -222,18 +225,20 @@ def discover(
         game.play(ctx)
 
     named = sorted(game.teams or (), key=str)
-    return with_hooks(
+    return declared(
         discover,
-        prepare=game.prepare,
-        drawer=render_discovered,
-        teams=named,
-        rank=Rank.PLACES,
-        key=game.key,
-        disclose=all_know(DISCOVERED, game.key),
-        array_form=game.play_in_arrays,
-        prepare_arrays=game.prepare_arrays,
-        begin_arrays=game.begin_arrays,
-        why_not_in_arrays=_why_not_looked,
+        RuleSpec(
+            prepare=game.prepare,
+            drawer=render_discovered,
+            teams=named,
+            rank=Rank.PLACES,
+            key=game.key,
+            disclose=all_know(DISCOVERED, game.key),
+            array_form=game.play_in_arrays,
+            prepare_arrays=game.prepare_arrays,
+            begin_arrays=game.begin_arrays,
+            why_not_in_arrays=_why_not_looked,
+        ),
     )
 
 

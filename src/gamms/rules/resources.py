@@ -16,9 +16,10 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, movement_in
+from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.rules.endings import as_teams, refuse_unknown, state_of
 from gamms.rules.visits import EdgesGoneAlong
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
@@ -94,18 +95,21 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     def check(ctx: Context) -> None:
         tank.check(ctx, lengths)
 
-    return with_hooks(
+    return declared(
         resource,
-        prepare=tank.prepare,
-        check=with_hooks(check, array_form=tank.check_in_arrays),
-        drawer=render_amounts,
-        teams=sorted(tank.teams or (), key=str),
-        rank=Rank.RESOURCES,
-        key=tank.name,
-        disclose=tank.disclose,
-        array_form=tank.charge_in_arrays,
-        prepare_arrays=tank.prepare_arrays,
-        begin_arrays=tank.begin_arrays,
+        RuleSpec(
+            prepare=tank.prepare,
+            check=check,
+            array_check=tank.check_in_arrays,
+            drawer=render_amounts,
+            teams=sorted(tank.teams or (), key=str),
+            rank=Rank.RESOURCES,
+            key=tank.name,
+            disclose=tank.disclose,
+            array_form=tank.charge_in_arrays,
+            prepare_arrays=tank.prepare_arrays,
+            begin_arrays=tank.begin_arrays,
+        ),
     )
 
 
@@ -480,14 +484,17 @@ def cooldown(deed: str, turns: int) -> Rule:
         known[turn.games] = np.maximum(known[turn.games] - 1, 0)
         known[turn.games[done.at], done.agents] = wait
 
-    return with_hooks(
+    return declared(
         cooldown,
-        prepare=prepare,
-        check=with_hooks(check, array_form=check_in_arrays),
-        drawer=render_cooldowns,
-        rank=Rank.RESOURCES,
-        key=f"cooldown of {kind}",
-        disclose=partial(_cooling, kind),
-        array_form=in_arrays,
-        begin_arrays=partial(_left_in_arrays, kind),
+        RuleSpec(
+            prepare=prepare,
+            check=check,
+            array_check=check_in_arrays,
+            drawer=render_cooldowns,
+            rank=Rank.RESOURCES,
+            key=f"cooldown of {kind}",
+            disclose=partial(_cooling, kind),
+            array_form=in_arrays,
+            begin_arrays=partial(_left_in_arrays, kind),
+        ),
     )

@@ -12,14 +12,15 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.columns import joined_rows
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import as_nearness, as_side
-from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
+from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, Met, Nearness, Side, met_in_turn, one_to_one_of_games, turn_of
 from gamms.rules.territory import NO_TERRITORY, Ground, Territory, as_territory
-from gamms.text import as_code, shown, shown_as_called
+from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
 
@@ -133,16 +134,6 @@ class _Tagging(NamedTuple):
         return met.those(made), tags[made]
 
 
-def _joined(rules: Sequence[Rule]) -> Rule:
-    """Make one rule of several by which agents tag: none comes before another."""
-    return _rule_of([tagging for rule in sorted(rules, key=as_code) for tagging in _taggings_of(rule)])
-
-
-def _taggings_of(rule: Rule) -> Sequence[_Tagging]:
-    taggings: Sequence[_Tagging] = rule.taggings  # type: ignore[attr-defined] # `_rule_of` gives it one
-    return taggings
-
-
 def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
     def tag(ctx: Context) -> None:
         _tag(ctx, taggings)
@@ -150,14 +141,16 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
     def in_arrays(turn: ArrayTurn) -> None:
         _tag_in_arrays(turn, taggings)
 
-    return with_hooks(
+    return declared(
         tag,
-        drawer=render_tags,
-        teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
-        act_as_one=_joined,
-        taggings=taggings,
-        array_form=in_arrays if all(tagging.has_form for tagging in taggings) else None,
-        core_form=in_core("tag", taggings) if all(tagging.has_core_form for tagging in taggings) else None,
+        RuleSpec(
+            drawer=render_tags,
+            teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
+            act_as_one=_rule_of,
+            parts=taggings,
+            array_form=in_arrays if all(tagging.has_form for tagging in taggings) else None,
+            core_form=in_core("tag", taggings) if all(tagging.has_core_form for tagging in taggings) else None,
+        ),
     )
 
 
@@ -292,14 +285,16 @@ def respawn(
         kept["out"][turn.games] = out
         turn.respawn(at, agents)
 
-    return with_hooks(
+    return declared(
         respawn,
-        teams=named,
-        rank=Rank.RESPAWNS,
-        key=key,
-        brings_back=True,
-        disclose=all_know("respawns", key),
-        array_form=in_arrays,
-        core_form=in_core("respawn", key, those, wait, most),
-        begin_arrays=begin_arrays,
+        RuleSpec(
+            teams=named,
+            rank=Rank.RESPAWNS,
+            key=key,
+            brings_back=True,
+            disclose=all_know("respawns", key),
+            array_form=in_arrays,
+            core_form=in_core("respawn", key, those, wait, most),
+            begin_arrays=begin_arrays,
+        ),
     )

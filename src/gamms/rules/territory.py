@@ -11,9 +11,10 @@ from gamms.arguments import as_choice, as_int, as_known, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.settings import RuleSpec, declared
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
-from gamms.rules.endings import all_know, with_hooks
+from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
 from gamms.rules.meetings import InTurn
 from gamms.text import shown, shown_as_called
@@ -114,13 +115,15 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         if fact not in turn.facts:
             turn.publish(fact, territory)
 
-    return with_hooks(
+    return declared(
         published,
-        prepare=prepare,
-        drawer=TerritoryDrawer(fact, colors),
-        disclose=all_know(TERRITORIES, fact),
-        array_form=in_arrays,
-        core_form=in_core("published", fact, territory),
+        RuleSpec(
+            prepare=prepare,
+            drawer=TerritoryDrawer(fact, colors),
+            disclose=all_know(TERRITORIES, fact),
+            array_form=in_arrays,
+            core_form=in_core("published", fact, territory),
+        ),
     )
 
 

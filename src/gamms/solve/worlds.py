@@ -169,7 +169,7 @@ class Terms(NamedTuple):
         """Return those of a game that is cut after a turn; None: it is not."""
         order = game.settings()["order"]
         last = min((turn for turn in (game.last_turn, cut) if turn is not None), default=None)
-        ends = [getattr(one.rule, "last_turn", None) for one in game.rules]
+        ends = [one.spec.last_turn for one in game.rules]
         return cls(order if order is not None and len(order) > 1 else None, last, last is not None and last in ends)
 
 

@@ -26,11 +26,12 @@ from gamms.game.batch.one_by_one import Noted, note_sights
 from gamms.game.batch.sight import Seen, noted_sensors
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, Visits
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
 from gamms.game.random_streams import ViewDraws
+from gamms.game.settings import RuleSpec, declared
 from gamms.game.snapshots import GameInternals
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray, locked_columns
@@ -145,9 +146,8 @@ def array_rule(
         turn._lock()
         function(turn)
 
-    setattr(rule, IN_ARRAYS_ALONE, True)
-    form_declared(rule, name, "a turn", begins=_kept_alone)(function)
-    return _documented(rule, function)
+    spec = RuleSpec(array_form=function, begin_arrays=_kept_alone, is_in_arrays_alone=True)
+    return declared(_documented(rule, function), spec)
 
 
 def _refuse_begins_alone(begins: object, of: object, decorator: str, kind: str) -> None:

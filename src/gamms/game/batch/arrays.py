@@ -41,7 +41,7 @@ from gamms.game.batch.scalar_strategies import Players, ScalarStrategies
 from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn
+from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayView
 from gamms.game.batch.why_not import as_prepared, teams_asked, why_not_decided
 from gamms.game.deeds import checked_value
@@ -197,7 +197,7 @@ class ArrayEngine:
         self.state.facts.update(facts)
         for rules in self._here.rules.values():
             for one, _ in rules:
-                prepare = getattr(one.rule, "prepare_arrays", None)
+                prepare = one.spec.prepare_arrays
                 if prepare is not None:
                     prepare(self.state)
 
@@ -454,7 +454,7 @@ class ArrayEngine:
         move(turn, moves, in_conflict, part)
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
-        turn._may_publish = not getattr(named.rule, IN_ARRAYS_ALONE, False)
+        turn._may_publish = not named.spec.is_in_arrays_alone
         turn._lock()
         try:
             self._here.play(named, form, turn)

@@ -12,7 +12,7 @@ from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
 from gamms.game.batch.flights import Flights
-from gamms.game.batch.forms import BEGINS, key_of, spec_of
+from gamms.game.batch.forms import key_of, spec_of
 from gamms.game.batch.last_turn import LastTurn, last_flights
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
@@ -83,7 +83,7 @@ class Beginning:
         self.put(state, np.arange(len(state)))
         state.has_begun = self._turn > 0
         for one in game.rules:
-            _take_up(game, state, f"the rule {one.name!r}", getattr(one.rule, BEGINS, None))
+            _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
         self._take_up_memories(game, state)
 
     def _take_moves(self, game: PlayedGame, state: GameArrays) -> None:

@@ -7,14 +7,14 @@ from typing import Any, TypeVar
 
 from gamms.arguments import as_function_of
 from gamms.errors import BadType, BadValue
+from gamms.game.settings import spec_of as rule_spec_of
 from gamms.text import as_code, shown
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _SPEC = "strategy_spec"  # the attribute of a strategy, or of the plan of a team, that has its `StrategySpec`
-_FORM = "array_form"  # the attribute of a rule or a check that has its array form
+_FORM = "array_form"  # the attribute of a rule of a user, or of a check, that has its array form
 BEGINS = "begin_arrays"  # that of a rule which has `begins`, see `array_rule`
-CORE_FORM = "core_form"  # that of a rule which the core plays in batches, see `in_core.py`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ def form_declared(
         raise BadType(f"{decorator}(of=…) needs the function whose form it declares, not {shown(of)}.")
 
     def declared(form: F) -> F:
-        find = _strategy_form if is_strategy else form_of
+        find = _strategy_form if is_strategy else _rule_form
         known, wrapped = find(of), getattr(of, "__wrapped__", None)  # of which a decorator has copied the form
         if known is not None and known is not find(wrapped) and _place_of(known) != _place_of(form):
             raise BadValue(
@@ -91,8 +91,7 @@ def form_declared(
             declare(of, StrategySpec(array_form=made, begins=begins))
             return form
         of.__dict__[_FORM] = made
-        for name in (BEGINS, CORE_FORM):  # of what it was copied from
-            of.__dict__.pop(name, None)
+        of.__dict__.pop(BEGINS, None)  # of what it was copied from
         of.__dict__.update({} if begins is None else {BEGINS: begins})
         return form
 
@@ -104,9 +103,8 @@ def _place_of(form: object) -> tuple[object, object]:
     return getattr(form, "__module__", None), getattr(form, "__qualname__", id(form))
 
 
-def form_of(function: object) -> Any:
-    """Return the array form of a rule or a check; None: it has none."""
-    return getattr(function, _FORM, None)
+def _rule_form(rule: object) -> Any:
+    return rule_spec_of(rule).array_form
 
 
 def _strategy_form(strategy: object) -> Any:

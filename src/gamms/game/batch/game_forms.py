@@ -9,7 +9,7 @@ import numpy as np
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.forms import form_of, key_of, spec_of
+from gamms.game.batch.forms import key_of, spec_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.scalar_strategies import ScalarStrategies
@@ -67,9 +67,8 @@ def _resolved_in_arrays(conflicts: object) -> Stopping | None:
     )
 
 
-def _checked_form(of: object, named: str) -> Stopping | None:
+def _checked_form(form: Callable[[Any, Any], object] | None, named: str) -> Stopping | None:
     """Return the array form of a check, whose result is checked; None: it has none."""
-    form = form_of(of)
     return None if form is None else _noted(lambda turn, ends: as_stopped(form(turn, ends), named, ends.shape), named)
 
 
@@ -111,11 +110,10 @@ class GameForms:
         conflicts = settings["conflicts"]
         self.has_conflicts = conflicts is not None
         self.conflicts = _resolved_in_arrays(conflicts)
-        checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
+        checks = [(one, one.spec.array_check) for one in game.rules if one.spec.check is not None]
         self.checks = [
-            (one.name, _checked_form(check, f"the check of the rule {one.name!r}") or partial(context.check, one))
-            for one, check in checks
-            if check is not None
+            (one.name, _checked_form(form, f"the check of the rule {one.name!r}") or partial(context.check, one))
+            for one, form in checks
         ]
         self.gather()
 
@@ -125,7 +123,7 @@ class GameForms:
 
     def play(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         """Apply a rule to a turn, in games with the same roads at a time where it asks for what differs."""
-        if form_of(named.rule) is form:
+        if named.spec.array_form is form:
             self._play(("rule", named.name), turn, lambda part, _: form(part))
         else:
             form(turn)
@@ -219,7 +217,7 @@ class GameForms:
         for one in as_called(self.game.rules):
             if one.phase != phase:
                 continue
-            form = form_of(one.rule)
+            form = one.spec.array_form
             if form is not None:
                 found.append((one, form))
                 group = []
@@ -233,9 +231,8 @@ class GameForms:
     @property
     def forms(self) -> list[Callable[..., object]]:
         """The array forms, and what is called that has none."""
-        rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
-        checks = [getattr(one.rule, "check", None) for one in self.game.rules]
-        declared = [form for one in checks if (form := form_of(one)) is not None]
+        rules = [form for rules in self.rules.values() for named, form in rules if named.spec.array_form is form]
+        declared = [form for one in self.game.rules if (form := one.spec.array_check) is not None]
         asked = [] if self.asked is None else self.asked.functions()
         return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions(), *asked]
 

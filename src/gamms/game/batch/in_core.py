@@ -1,7 +1,7 @@
 """Plays the games of a batch in the core: those of which every part is a function of it.
 
-`StrategySpec.core_form` of a strategy is the number by which `gamms.core.moves` knows it; `CORE_FORM` is the attribute
-of a rule that has a function which makes what `gamms.core.rules` plays.
+`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy. `RuleSpec.core_form` is a function
+that makes the rule that `gamms.core.rules` plays.
 """
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
@@ -14,7 +14,7 @@ from gamms import core
 from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame, decider_of
-from gamms.game.batch.forms import CORE_FORM, spec_of
+from gamms.game.batch.forms import spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
@@ -154,7 +154,7 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
         if decider is not None and spec_of(decider).core_form is None:
             yield "a strategy"
     for one in as_called(game.rules):
-        if one.phase != "after" or getattr(one.rule, CORE_FORM, None) is None:
+        if one.phase != "after" or one.spec.core_form is None:
             yield f"the rule {one.name!r}"
 
 
@@ -168,7 +168,7 @@ class CoreGames:
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
         self._state, settings, shape = state, game.settings(), state.node.shape
-        self._rules = [getattr(one.rule, CORE_FORM) for one in as_called(game.rules)]
+        self._rules = [form for one in as_called(game.rules) if (form := one.spec.core_form) is not None]
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         forms = [moves.STAY if one is None else spec_of(one).core_form for one in deciders]

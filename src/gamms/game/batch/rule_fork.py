@@ -12,7 +12,6 @@ from gamms.errors import BadValue, GammsError
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.flights import InAir
-from gamms.game.batch.forms import form_of
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -21,7 +20,7 @@ from gamms.game.conflicts import TurnConflicts
 from gamms.game.legality import ResolvedAction
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import TurnOrder
-from gamms.game.settings import NamedRule, as_called
+from gamms.game.settings import NamedRule, RuleSpec, as_called, spec_of
 from gamms.game.snapshots import SnapshotTaker, Start
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.columns import Selection
@@ -141,7 +140,7 @@ class RuleFork:
         values.has_begun, values.last_turn = True, self.game.settings()["max_turns"]
         self.parts.turns.is_playing = True
         self.game.internals.after_reset.append(lambda: self.notes.append("it resets the game"))
-        keys = [key for rule in self.rules_in_arrays if (key := getattr(rule, "key", None)) is not None]
+        keys = [spec.key for spec in self.specs_in_arrays if spec.key is not None]
         self._first_data = {
             key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value
             for key, value in values.data.items()
@@ -221,9 +220,9 @@ class RuleFork:
             sensor.notice.continue_from(self._state.roster.names[number], state.turn, counts.item(number))
 
     @property
-    def rules_in_arrays(self) -> list[Callable[..., object]]:
-        """The rules that have array forms."""
-        return [one.rule for one in as_called(self.game.rules) if form_of(one.rule) is not None]
+    def specs_in_arrays(self) -> list[RuleSpec]:
+        """What the rules that have array forms say about themselves."""
+        return [one.spec for one in as_called(self.game.rules) if one.spec.array_form is not None]
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -393,7 +392,8 @@ class RuleFork:
     def refusals(self, named: NamedRule) -> Refusals:
         """Return what the check of a rule refuses."""
         refusals = self.parts.turns.refusals = Refusals(self._values.moves)
-        self.functions[named.name].check(self.ctx)
+        check: Any = spec_of(self.functions[named.name]).check  # it has one
+        check(self.ctx)
         self.parts.turns.refusals = None
         return refusals
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.flights import InAir
-from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Moves, Paths
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
@@ -30,10 +29,14 @@ from gamms.text import as_code
 
 def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
     """Return what of a game has no array form and is called game by game: in words -> it."""
-    checks = [(one.name, check) for one in game.rules if (check := getattr(one.rule, "check", None)) is not None]
+    specs = [(one.name, one.spec) for one in game.rules]
     conflicts = game.settings()["conflicts"]
-    found = {f"the rule {one.name!r}": one.rule for one in as_called(game.rules) if form_of(one.rule) is None}
-    found |= {f"the check of the rule {name!r}": check for name, check in checks if form_of(check) is None}
+    found = {f"the rule {one.name!r}": one.rule for one in as_called(game.rules) if one.spec.array_form is None}
+    found |= {
+        f"the check of the rule {name!r}": spec.check
+        for name, spec in specs
+        if spec.check is not None and spec.array_check is None
+    }
     found |= {f"the collector {name!r}": one.fn for name, one in collectors_of(game).items()}
     if conflicts is not None and ranked(conflicts) is None:
         found[f"the conflicts {as_code(conflicts)}"] = conflicts.resolve

@@ -442,7 +442,7 @@ class ScalarStrategies:
         self._is_exact, self._cells_in_air = {}, {}
         plans, movement = self._context.start().settings()["plans"], self._state.movement
         own, by_metres = fork.parts.settings.plans, movement.leaves_nodes
-        self._facts = [facts for rule in fork.rules_in_arrays if (facts := getattr(rule, "facts_in_game", None))]
+        self._facts = [spec.facts_in_game for spec in fork.specs_in_arrays if spec.facts_in_game is not None]
         has_reserved = not self._state.roster.is_first.all()
         for number in self.agents.tolist():
             agent = self._state.roster.agents[number]

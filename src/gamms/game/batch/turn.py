@@ -27,7 +27,6 @@ T = TypeVar("T")
 ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule; `gamms.array_rule` declares it."""
 
-IN_ARRAYS_ALONE = "is_in_arrays_alone"  # an attribute of rules whose scalar form is made of the array form
 _READ_ONLY = ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
 
 

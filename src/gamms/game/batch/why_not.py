@@ -27,7 +27,7 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     found += [as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
     found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]
-    found += [one.rule.why_not_in_arrays(agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
+    found += [why_not(agents) for one in game.rules if (why_not := one.spec.why_not_in_arrays) is not None]
     return next((why for why in found if why is not None), None)
 
 
