@@ -2,6 +2,8 @@
 
 import numpy as np
 
+import gamms
+
 ROADS = 1520  # edges of the grid of 20 x 20
 WALK = {"count": 5, "strategy": "gamms.strategies:random_walk"}
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -48,14 +50,14 @@ def talk_alone(state):
     state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
 
 
-def batch_of(rules, settings, strategies=None, games=1024, turns=50, **more):
-    """Games of 5 against 5 on a grid of 20 x 20 in a batch, and the same one by one."""
+def batch_of(rules, settings, strategies=None, plain=None, games=1024, turns=50, **more):
+    """Games of 5 against 5 on a grid of 20 x 20 in a batch, and the same one by one, perhaps by plain strategies."""
     from gamms.scenario import Scenario
 
     given = {"map": {"grid": {"width": 20, "height": 20}}, "teams": {"red": WALK, "blue": WALK}, **more}
     agents = sum(team["count"] for team in given["teams"].values())
     scenario = Scenario(rules=rules, settings=settings, max_turns=turns, **given)
-    batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=strategies)
+    batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=plain or strategies)
     if not batch.is_in_arrays:
         raise RuntimeError(f"This batch is played one by one, because of {batch.slow}.")
 
@@ -92,29 +94,19 @@ def by_metres():
 
 def with_deeds():
     """Agents that do two kinds of deeds, with a price and a cooldown."""
-    import gamms
-
-    gamms.array_strategy(of=act_alone)(act)
-    return batch_of(PRICED, {"deeds": DEEDS}, {"red": act_alone, "blue": act_alone})
+    acts = gamms.array_strategy(act)
+    return batch_of(PRICED, {"deeds": DEEDS}, {"red": acts, "blue": acts}, {"red": act_alone, "blue": act_alone})
 
 
-def close_roads(ctx):
+@gamms.array_rule
+def close_roads(turn):
     """Close another road in each game in every fifth turn."""
-    if ctx.game.turn % 5 == 0:
-        ctx.graph.close_roads([(7 * ctx.seed + ctx.game.turn) % ROADS])
-
-
-def close_roads_in_arrays(turn):
-    """Do the same in many games."""
     for place in np.flatnonzero(turn.turn % 5 == 0):
         turn.close_roads([place], [(7 * int(turn.seeds[place]) + int(turn.turn[place])) % ROADS])
 
 
 def with_closed_roads():
     """Agents that walk at random and tag, in games with other roads closed in each."""
-    import gamms
-
-    gamms.array_rule(of=close_roads)(close_roads_in_arrays)
     return batch_of([TAG, {"rule": "parts:close_roads"}], {}, games=256, allow=["parts"])
 
 
@@ -144,8 +136,7 @@ def with_close_tags():
 
 def with_messages():
     """Agents that call all others now and then, of which some do not hear it."""
-    import gamms
-
-    gamms.array_strategy(of=talk_alone)(talk)
+    talks = gamms.array_strategy(talk)
     radio = {"radio": {"range_m": 60.0, "loss": 0.2}}
-    return batch_of([], {}, {"red": talk_alone, "blue": talk_alone}, channels=radio)
+    alone = {"red": talk_alone, "blue": talk_alone}
+    return batch_of([], {}, {"red": talks, "blue": talks}, alone, channels=radio)

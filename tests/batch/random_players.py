@@ -5,9 +5,9 @@ import zlib
 from itertools import accumulate
 
 import numpy as np
+from batch_scenes import rule_form, strategy_form
 
 import gamms
-from gamms.game.batch.forms import StrategySpec, declare
 from gamms.strategies import (
     assign,
     chase,
@@ -60,7 +60,7 @@ def busy_in_arrays(view):
     return actions
 
 
-declare(busy, StrategySpec(array_form=busy_in_arrays))
+strategy_form(busy)(busy_in_arrays)
 
 
 def curious(state):
@@ -211,7 +211,7 @@ def strike_in_arrays(turn):
     turn.end(ended, "rest", [None] * len(ended))
 
 
-strike.array_form = strike_in_arrays
+rule_form(strike)(strike_in_arrays)
 
 
 def look(ctx):
@@ -310,7 +310,7 @@ def collect_toll(ctx):
             ctx.game.emit("toll", agent=agent.name, times=paid[agent.name])
 
 
-@gamms.array_rule(of=collect_toll)
+@rule_form(collect_toll)
 def collect_toll_in_arrays(turn):
     paid = turn.keep("toll", lambda games: {"times": np.zeros((games, len(turn.roster.names)), np.int64)})["times"]
     at, agents = np.nonzero(turn.alive & (turn.streets.columns.node_ids[turn.node] % 3 == 0))

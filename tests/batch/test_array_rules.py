@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, rule_form, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -96,7 +96,7 @@ def test_the_array_form_of_a_rule_goes_on_with_what_the_rule_has_kept(begins):
     def kept(ctx, arrays):
         return {"toll": {"paid": arrays.roster.column(ctx.game.data.get("toll", {}), 0)}}
 
-    @gamms.array_rule(of=toll, begins=kept if begins else None)
+    @rule_form(toll, begins=kept if begins else None)
     def toll_in_arrays(turn):
         paid = turn.keep("toll", lambda games: {"paid": np.zeros((games, 6), np.int64)})["paid"]
         at, agents = np.nonzero(turn.alive)
@@ -115,8 +115,6 @@ def test_the_array_form_of_a_rule_goes_on_with_what_the_rule_has_kept(begins):
             for number, seed in enumerate(SEEDS):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
-    with pytest.raises(BadType, match="begins"):
-        gamms.array_rule(begins=kept)
 
 
 def test_it_knows_how_agents_with_speeds_pass_nodes():
@@ -255,17 +253,22 @@ def test_what_it_cannot_do_alone_is_refused():
         gamms.array_rule(lambda turn, agents: None)
     with scene().build(seed=1) as ctx:
         ctx.game.add(publishes)
-        with pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for forms"):
+        with pytest.raises(BadValue, match=r"turn\.publish of 'storm' is not for array rules"):
             ctx.game.step()
     with scene().build(seed=1) as ctx:
         ctx.game.add(publishes)
-        with ctx.game.batch(2) as games, pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for forms"):
+        with (
+            ctx.game.batch(2) as games,
+            pytest.raises(BadValue, match=r"turn\.publish of 'storm' is not for array rules"),
+        ):
             games.step()
-    with scene().build(seed=1) as ctx:
-        ctx.game.speed_unit = "metres"
-        ctx.game.add(tolls())
-        with pytest.raises(BadValue, match=r"turn\.visits is not known in a game by metres"):
-            ctx.game.step()
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+def test_it_knows_how_agents_pass_nodes_by_metres(decide):
+    scenario = scene([TAG], side=4, max_turns=10, settings={"speed_unit": "metres", "decide": decide})
+    results = same_in_both(scenario.replace(**{"teams.red.speed": 17.0, "teams.blue.speed": 4.0}), tolls())
+    assert any(event["kind"] == "toll" for result in results for event in result.events)
 
 
 WRITES = {

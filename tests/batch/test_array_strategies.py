@@ -4,11 +4,10 @@ import functools
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import check_form, plain, rule_form, scene, strategy_form
 
 import gamms
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import spec_of
 
 SEEING = {
     "sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}},
@@ -93,6 +92,28 @@ def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
     same_as_one_by_one(scene(sensors=sensors, teams=teams), [1, 2], {"red": wary})
 
 
+@pytest.mark.parametrize("speed", [0.5, 2.0, 17.0])
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"legal": "any"}, {"speed_unit": "metres"}, {"speed_unit": "metres", "decide": "arrival"}],
+    ids=["edges", "anywhere", "metres", "arrivals"],
+)
+def test_agents_with_speeds_play_it_alone_as_in_batches(same_as_one_by_one, settings, speed):
+    @gamms.array_strategy
+    def wander(view):
+        """Go on to a node that is far away, or to a legal one, or not beyond some nodes."""
+        far = view.draw.below(25)
+        goes = view.draw.random()
+        legal, allowed = view.draw.below(view.counts), np.arange(25) < 20
+        ahead = view.towards(np.where(goes < 0.3, far % 20, far))
+        within = view.towards(np.minimum(far, 19), allowed=allowed)
+        actions = np.where(goes < 0.3, within, ahead)
+        return np.where((goes > 0.7) | (actions < 0), legal, actions)
+
+    scenario = scene([], settings=settings).replace(**{"teams.red.speed": speed, "teams.blue.speed": 3.0})
+    same_as_one_by_one(scenario, [1, 2], {"red": wander, "blue": wander})
+
+
 def test_it_plays_in_games_that_have_no_array_form():
     scenario = scene(**SEEING, settings={"time_budget": 60.0})
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
@@ -123,13 +144,12 @@ def test_what_it_cannot_do_is_refused():
     with scene().build() as ctx:
         ctx.agent.get_agent("red_0").strategy = hunt
         assert ctx.agent.get_agent("red_0").strategy is not hunt
-    with scene(**SEEING).build(seed=1, strategies={"red": gamms.array_strategy(lambda view: view.counts)}) as ctx:
-        with pytest.raises(BadValue, match="is not the number of a legal node"):
-            ctx.game.step()
-        ctx.game.reset()
-        ctx.agent.get_agent("red_0").speed = 3.0
-        with pytest.raises(BadValue, match="one edge in a turn"):
-            ctx.game.step()
+    too_many = {"red": gamms.array_strategy(lambda view: view.counts)}
+    with (
+        scene(**SEEING).build(seed=1, strategies=too_many) as ctx,
+        pytest.raises(BadValue, match="is not the number of a legal node"),
+    ):
+        ctx.game.step()
     for legal in ("edges", "any"):  # where numbers so large are no aims of agents with speeds
         far = {"red": gamms.array_strategy(lambda view: view.counts + (1 << 33))}
         with (
@@ -153,10 +173,10 @@ def test_a_form_can_be_declared_beside_a_strategy_a_rule_and_its_check():
                 ctx.game.refuse(name, "it is closed")
 
     storm.check = check
-    gamms.array_strategy(of=last)(lambda view: view.counts - 1)
-    gamms.array_rule(of=check)(lambda turn, ends: turn.streets.ids(ends) % 3 == 0)
+    strategy_form(last)(lambda view: view.counts - 1)
+    check_form(storm)(lambda turn, ends: turn.streets.ids(ends) % 3 == 0)
 
-    @gamms.array_rule(of=storm)
+    @rule_form(storm)
     def storm_in_arrays(turn):
         at = np.flatnonzero((turn.turn == 5) & (turn.seeds % 2 == 1))
         turn.end(at, "storm", [None] * len(at))
@@ -184,7 +204,7 @@ def test_plans_with_a_form_are_played_in_arrays_and_others_asked(unit):
     with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as alone:
         for has_form in (False, True):
             if has_form:
-                gamms.array_strategy(of=ahead)(lambda view: view.counts - 1)
+                strategy_form(ahead)(lambda view: view.counts - 1)
             for one in (ctx, alone):
                 one.game.command("red", ahead, arrays=True)
             with ctx.game.batch(seeds=[3, 4]) as games:
@@ -196,42 +216,23 @@ def test_plans_with_a_form_are_played_in_arrays_and_others_asked(unit):
                     assert plain(games.result(number)) == plain(alone.game.run())
 
 
-def test_a_form_is_replaced_by_itself_alone():
+def test_a_function_beside_the_form_is_refused():
+    with pytest.raises(BadType, match=r"array_strategy takes neither of= .* pass the array function itself"):
+        gamms.array_strategy(of=lambda state: None)
+    with pytest.raises(BadType, match=r"array_rule takes neither of= .* pass the array function itself"):
+        gamms.array_rule(of=lambda ctx: None, begins=lambda ctx, arrays: {})
+    with pytest.raises(BadType, match="must be a function of a turn"):
+        gamms.array_rule(lambda turn, ends: None)
+
+
+def test_a_function_that_wraps_a_strategy_is_asked_itself():
+    @functools.wraps(gamms.strategies.random_walk)
     def last(state):
         state["action"] = state["legal"][-1]
 
-    def declare(name, index):
-        def form(view):
-            return view.counts + index
-
-        form.__qualname__ = name
-        return gamms.array_strategy(of=last)(form)
-
-    declare("cell", -2)
-    again = declare("cell", -1)  # the cell of a notebook is run again
-    with pytest.raises(BadValue, match=r"last has an array form already, form: it is not replaced"):
-        declare("other", -1)
-    assert spec_of(last).array_form is again
-
-    @functools.wraps(last)
-    def decorated(state):
-        last(state)
-
-    gamms.array_strategy(of=decorated)(lambda view: view.counts - 1)
-    assert spec_of(last).array_form is again
-
-
-def test_what_takes_no_form_is_refused():
-    with pytest.raises(BadType, match="the function whose form it declares"):
-        gamms.array_rule(of=3)
-    with pytest.raises(BadType, match="the function whose form it declares"):
-        gamms.array_strategy(of=len)
-    with pytest.raises(BadType, match="must be a function of a turn"):
-        gamms.array_rule(of=lambda ctx: None)(4)
-    with pytest.raises(BadType, match="must be a function of a turn"):
-        gamms.array_rule(of=lambda ctx: None)(lambda turn, ends, more: None)
-    with pytest.raises(BadType, match="must be a function of a view"):
-        gamms.array_strategy(of=lambda state: None)(lambda view, turn: None)
+    with scene().batch(2, strategies={"red": last}) as games:
+        games.run()
+        assert plain(games.result(1)) == plain(scene().play(seed=1, strategies={"red": last}))
 
 
 def test_forms_that_remember_outside_of_their_games_are_refused():
@@ -243,12 +244,12 @@ def test_forms_that_remember_outside_of_their_games_are_refused():
     def storm(ctx):
         pass
 
-    @gamms.array_strategy(of=last)
+    @strategy_form(last)
     def last_in_arrays(view):
         calls.append(1)
         return view.counts - 1
 
-    @gamms.array_rule(of=storm)
+    @rule_form(storm)
     def storm_in_arrays(turn):
         turns["storm"] += int(turn.turn.max()) > 2
 
@@ -270,7 +271,7 @@ def test_a_form_may_use_what_changes_between_turns():
     def last(state):
         state["action"] = state["legal"][-1]
 
-    @gamms.array_strategy(of=last)
+    @strategy_form(last)
     def last_in_arrays(view):
         return np.minimum(view.counts - 1, int(weights.sum()))
 

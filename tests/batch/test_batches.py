@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import check_form, plain, rule_form, scene
 
 import gamms
 from gamms import recorder
@@ -278,7 +278,7 @@ def test_actions_of_a_wrong_shape_are_refused_before_rules_are_called():
     def counted(turn):
         turn.add_score("turns", np.arange(len(turn.games)), 1)
 
-    count.array_form = counted
+    rule_form(count)(counted)
     with scene().build(seed=0) as ctx:
         ctx.game.add(count, phase="before")
         with ctx.game.batch(2) as games:
@@ -538,7 +538,7 @@ def test_a_rule_that_raises_leaves_a_turn_that_was_played():
     def rule(_):
         pass
 
-    rule.array_form = fail
+    rule_form(rule)(fail)
     with scene().build(seed=1) as ctx:
         ctx.game.add(rule)
         with ctx.game.batch(2, seed=3) as games:
@@ -789,8 +789,8 @@ def test_an_error_in_the_form_of_a_check_names_the_rule_and_the_game_if_it_is_on
         pass
 
     guard.check = lambda ctx: None
-    gamms.array_rule(of=guard)(lambda turn: None)
-    gamms.array_rule(of=guard.check)(lambda turn, ends: 1 / 0)
+    rule_form(guard)(lambda turn: None)
+    check_form(guard)(lambda turn, ends: 1 / 0)
     with scene([TAG]).build() as ctx:
         ctx.game.add(guard)
         with ctx.game.batch(number) as games, pytest.raises(ZeroDivisionError) as caught:

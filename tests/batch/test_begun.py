@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, scene, strategy_form
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_players import DEEDS, busy, look
@@ -190,7 +190,7 @@ def waiting(begins=None):
     def strategy(state):
         patient(state)
 
-    gamms.array_strategy(of=strategy, begins=begins)(patient_in_arrays)
+    strategy_form(strategy, begins=begins)(patient_in_arrays)
     ctx = scene(side=4, max_turns=9).build(seed=1, strategies={"red": strategy, "blue": first(strategy, random_walk)})
     for _ in range(3):
         ctx.game.step()
@@ -224,13 +224,6 @@ def test_authors_say_what_their_forms_keep_of_what_agents_remember():
 def test_arrays_that_are_not_those_of_the_form_are_refused(returned, kind, message):
     with waiting(lambda ctx, arrays: returned) as ctx, pytest.raises(kind, match=message):
         ctx.game.batch(2).run()
-
-
-def test_what_agents_remember_is_taken_up_beside_a_plain_strategy_alone():
-    with pytest.raises(BadType, match=r"array_strategy\(of=…, begins=…\) needs a strategy"):
-        gamms.array_strategy(begins=begun)
-    with pytest.raises(BadType, match="function of its context, not 3"):
-        gamms.array_strategy(of=patient, begins=3)
 
 
 @pytest.mark.parametrize("is_shared", [False, True])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, scene, strategy_form
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS
@@ -30,7 +30,7 @@ def talk(state):
     state["action"] = node
 
 
-@gamms.array_strategy(of=talk)
+@strategy_form(talk)
 def talk_in_arrays(view):
     heard, shape = view["inbox"]["radio"], view.node.shape
     told, number, last = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
@@ -155,7 +155,7 @@ def chatter(state):
     state["action"] = state["legal"][-1]
 
 
-@gamms.array_strategy(of=chatter)
+@strategy_form(chatter)
 def chatter_in_arrays(view):
     turn, names = int(view.turn[0]), ("red_0", "blue_1", None)
     view.send("radio", True, list(range(turn)))
@@ -220,7 +220,7 @@ def summon(state):
     state["action"] = state["curr_pos"]
 
 
-@gamms.array_strategy(of=summon)
+@strategy_form(summon)
 def summon_in_arrays(view):
     for to in ("red_3", "red"):
         view.send("radio", True, int(view.turn[0]), to=to)
@@ -253,7 +253,7 @@ def tell(state):
     state["action"] = {"node_id": (1, None, 2, 2, 2, 2)[state["turn"]], "do": {"rest": None}}
 
 
-@gamms.array_strategy(of=tell)
+@strategy_form(tell)
 def tell_in_arrays(view):
     for name in ("radio", "wire"):
         view.send(name, True, int(view.turn[0]))

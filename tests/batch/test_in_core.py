@@ -1,6 +1,5 @@
 """Batches of which every part is in the core: the same games as in arrays and alone, with any number of threads."""
 
-import functools
 import json
 import re
 from pathlib import Path
@@ -8,7 +7,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, plain, scene, strategy_form
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
@@ -377,11 +376,10 @@ def test_numbers_of_agents_that_are_loaded_are_those_of_agents(number):
 
 
 def test_a_strategy_with_an_array_form_of_its_own_is_asked_for_that():
-    @functools.wraps(gamms.strategies.random_walk)
     def last(state):
         state["action"] = state["legal"][-1]
 
-    @gamms.array_strategy(of=last)
+    @strategy_form(last)
     def last_in_arrays(view):
         return view.counts - 1
 

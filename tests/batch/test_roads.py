@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, rule_form, scene, strategy_form
 
 import gamms
 from gamms.errors import BadValue, UnknownName
@@ -134,7 +134,7 @@ def asking(ask):
         memory["asked"] = memory.get("asked", 0) + 1
         state["action"] = legal[memory["asked"] % len(legal)]
 
-    @gamms.array_strategy(of=strategy)
+    @strategy_form(strategy)
     def form(view):
         asked = view.keep("asked", lambda games: {"times": np.zeros((games, 3), np.int64)})["times"]
         asked[view.games] += 1
@@ -174,7 +174,7 @@ def test_what_rules_do_is_done_once_where_they_ask_for_what_differs():
         if ctx.game.turn == 9:
             ctx.game.eliminate("red_0")
 
-    @gamms.array_rule(of=crowded)
+    @rule_form(crowded)
     def crowded_in_arrays(turn):
         at, agents = np.nonzero(turn.alive)
         turn.emit("at", at, agents={"agent": agents})
@@ -214,7 +214,7 @@ def hole(ctx):
         ctx.graph.open_roads(ctx.graph.closed_roads[2:4])
 
 
-@gamms.array_rule(of=hole)
+@rule_form(hole)
 def hole_in_arrays(turn):
     kept = turn.keep("hole", lambda games: {"closed": np.full((games, 6), -1)})["closed"]
     for at, (game, seed, now) in enumerate(zip(turn.games, turn.seeds.tolist(), turn.turn.tolist(), strict=True)):
@@ -260,7 +260,7 @@ def test_roads_that_are_not_there_are_refused(edges, is_open):
     def wrong(ctx):
         (ctx.graph.open_roads if is_open else ctx.graph.close_roads)(edges)
 
-    @gamms.array_rule(of=wrong)
+    @rule_form(wrong)
     def wrong_in_arrays(turn):
         (turn.open_roads if is_open else turn.close_roads)(np.arange(len(turn.games)), edges)
 

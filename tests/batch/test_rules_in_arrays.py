@@ -7,7 +7,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import check_form, plain, rule_form, scene, strategy_form
 
 import gamms
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
@@ -349,8 +349,9 @@ def test_what_array_forms_of_checks_return_is_checked(returned, kind, message):
         def toll(ctx):
             pass
 
-        toll.check, toll.array_form = lambda ctx: None, lambda turn: None
-        toll.check.array_form = lambda turn, ends: returned
+        toll.check = lambda ctx: None
+        rule_form(toll)(lambda turn: None)
+        check_form(toll)(lambda turn, ends: returned)
         ctx.game.add(toll)
         with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the check of the rule 'toll'.*{message}"):
             games.step()
@@ -425,7 +426,7 @@ def test_a_score_is_an_integer_where_no_other_number_was_added_in_its_own_game()
     def bonus(ctx):
         ctx.game.scores["red"] += 0.5 if ctx.seed == 1 else 1
 
-    @gamms.array_rule(of=bonus)
+    @rule_form(bonus)
     def bonus_in_arrays(turn):
         half = turn.seeds == 1
         turn.add_score("red", np.flatnonzero(half), 0.5)
@@ -447,7 +448,7 @@ def test_agents_that_come_back_know_what_has_stopped_them_before_they_went_out()
     def shy(state):
         state["action"] = state["curr_pos"] if state["blocked"] else state["legal"][-1]
 
-    gamms.array_strategy(of=shy)(lambda view: np.where(view["blocked"], 0, view.counts - 1))
+    strategy_form(shy)(lambda view: np.where(view["blocked"], 0, view.counts - 1))
 
     def blink(ctx):
         for agent in sorted(ctx.agent.agents):

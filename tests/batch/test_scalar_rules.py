@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, rule_form, scene
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS
@@ -218,7 +218,7 @@ def flood(ctx):
         ctx.graph.open_roads([30])
 
 
-@gamms.array_rule(of=flood)
+@rule_form(flood)
 def flood_in_arrays(turn):
     kept = turn.keep("flood", lambda games: {"is_closed": np.zeros(games, np.bool_)})["is_closed"]
     closing = (turn.turn == 3) & (turn.seeds % 2 == 1)
@@ -240,7 +240,7 @@ def test_roads_that_are_not_there_cannot_be_closed():
     def close(ctx):
         ctx.graph.close_roads([999])
 
-    gamms.array_rule(of=close)(lambda turn: turn.close_roads(np.arange(len(turn.games)), [999]))
+    rule_form(close)(lambda turn: turn.close_roads(np.arange(len(turn.games)), [999]))
     with scene(max_turns=10).build(seed=1) as ctx:
         ctx.game.add(close)
         with ctx.game.batch(2) as games, pytest.raises(UnknownName, match="999"):

@@ -1,12 +1,11 @@
 """Strategies without an array form in games that are played in arrays: asked agent by agent, as in games alone."""
 
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, scene, strategy_form
 
 from gamms.errors import BadValue
 from gamms.game.batch import games as games_of_batches
 from gamms.game.batch import scalar_strategies
-from gamms.game.batch.forms import StrategySpec, declare
 from gamms.strategies import chase
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -269,7 +268,7 @@ def test_what_a_strategy_with_an_array_form_prepares_is_prepared_in_batches():
     def strategy(state):
         state["action"] = state["legal"][-1]
 
-    declare(strategy, StrategySpec(array_form=lambda view: view.counts - 1))
+    strategy_form(strategy)(lambda view: view.counts - 1)
     strategy.prepare = lambda ctx: None if ctx.game.rules else ctx.game.add(bonus)
     assert not same({"red": strategy}).is_in_arrays
     with scene([]).batch(1, strategies={"red": strategy}) as games:

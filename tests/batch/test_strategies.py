@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import plain, scene, strategy_form
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gamms
 from gamms import belief
-from gamms.errors import BadType, BadValue
 from gamms.game import IllegalAction
-from gamms.game.batch.forms import StrategySpec, declare
 from gamms.scenario import Scenario
 from gamms.sensor.ground import AgentSensor
 from gamms.strategies import (
@@ -177,33 +175,6 @@ def test_agents_that_may_go_anywhere_do_so_in_arrays(same_as_one_by_one):
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["chase"]})
 
 
-def away(state):
-    """Go to the node across the map from where the agent is, or nowhere."""
-    return 41 - state["curr_pos"] if state["draw"].random() < 0.7 else None
-
-
-@gamms.array_strategy(of=away)
-def away_in_arrays(view):
-    return np.where(view.draw.random() < 0.7, 41 - view.node, -1)
-
-
-def test_agents_go_in_arrays_where_a_function_says(same_as_one_by_one):
-    strategies = {"red": lambda ctx: goto(ctx, away, chase(ctx)), "blue": lambda ctx: goto(ctx, away, None)}
-    same_as_one_by_one(hunted(), [1], strategies)
-    same_as_one_by_one(hunted(settings={"speed_unit": "metres"}).replace(**{"teams.red.speed": 12.0}), [1], strategies)
-
-
-@pytest.mark.parametrize(("rows", "message"), [(42, "target of goto.*no number 42"), (0.5, "array of integers")])
-def test_what_the_array_form_of_a_target_returns_is_checked(rows, message):
-    def home(state):
-        return 0
-
-    gamms.array_strategy(of=home)(lambda view: np.full(view.node.shape, rows))
-    scenario, strategies = hunted(), {"red": lambda ctx: goto(ctx, home)}
-    with scenario.batch(2, strategies=strategies) as games, pytest.raises((BadType, BadValue), match=message):
-        games.step()
-
-
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
     strategies = {"red": lambda ctx: chase(ctx, None), "blue": lambda ctx: mix(0.5, unblock(flee(ctx, None)), stay)}
     same_as_one_by_one(hunted(), [1], strategies)
@@ -281,7 +252,7 @@ def test_agents_with_equal_strategies_are_asked_together():
     def wait(state):
         state["action"] = state["curr_pos"]
 
-    declare(wait, StrategySpec(array_form=count))
+    strategy_form(wait)(count)
     with hunted().build(seed=1) as ctx:
         for agent in ctx.agent.agents.values():
             agent.register_strategy(

@@ -12,7 +12,6 @@ import pytest
 import gamms
 from gamms.game.hidden_state import HiddenState
 from gamms.rules import Conflicts, capture_flag, contacts, last_team, reach, tag, territory, time_limit
-from gamms.scenario import Scenario
 from gamms.sensor import SensorType
 from gamms.strategies import (
     assign,
@@ -33,7 +32,7 @@ from gamms.strategies import (
     sweep,
     unblock,
 )
-from gamms.testing import check_array_forms, check_rule, check_strategy
+from gamms.testing import check_rule, check_strategy
 
 AGENTS = {
     f"{team}{i}": (team, node)
@@ -564,69 +563,3 @@ def test_constants_and_caches_are_no_hidden_state():
         ctx.game.data["turn"] = ctx.game.turn
 
     check_rule(rule, make_ctx)
-
-
-def hurried(in_arrays):
-    """A context whose agents go to their last legal node, and a form that says where they go in arrays."""
-
-    def hurry(state):
-        state["action"] = state["legal"][-1] if state["draw"].random() < 0.8 else state["legal"][0]
-
-    gamms.array_strategy(of=hurry)(in_arrays)
-    return make_ctx(strategy=hurry)
-
-
-def as_declared(view):
-    return np.where(view.draw.random() < 0.8, view.counts - 1, 0)
-
-
-def otherwise(view):
-    return np.where(view.draw.random() < 0.7, view.counts - 1, 0)
-
-
-def test_array_forms_that_do_what_they_are_declared_for_pass():
-    check_array_forms(lambda: hurried(as_declared), turns=8)
-    teams = {"red": {"count": 2, "strategy": "gamms.strategies:random_walk"}}  # which begin elsewhere with another seed
-    check_array_forms(lambda: Scenario(map={"grid": {"width": 4, "height": 4}}, teams=teams).build(seed=1), turns=3)
-
-
-def test_array_forms_of_games_that_end_before_the_turns_that_are_compared_pass():
-    def make():
-        ctx = make_ctx()
-        ctx.game.max_turns = 5
-        ctx.game.add(gamms.rules.tag("red", "blue", score=1))
-        return ctx
-
-    check_array_forms(make)
-
-
-def test_array_forms_that_do_something_else_are_told_by_seed_turn_and_agent():
-    with pytest.raises(AssertionError, match=r"seed 0 in arrays.* after turn 2, agent 'red1' is at \d, and was at \d"):
-        check_array_forms(lambda: hurried(otherwise), turns=8)
-
-
-def test_array_forms_of_rules_that_do_something_else_are_told():
-    def toll(ctx):
-        if ctx.game.turn == 3:
-            ctx.game.scores["red"] += 1
-
-    gamms.array_rule(of=toll)(lambda turn: turn.add_score("red", np.flatnonzero(turn.turn == 4), 1))
-
-    def make():
-        ctx = make_ctx()
-        ctx.game.add(toll)
-        return ctx
-
-    check_array_forms(make, turns=2)
-    with pytest.raises(AssertionError, match=r"scores is \{\}, and was \{'red': 1\}"):
-        check_array_forms(make, turns=3)
-
-
-def test_games_that_are_not_played_in_arrays_are_not_compared():
-    def make():
-        ctx = make_ctx()
-        ctx.game.time_budget = 60.0
-        return ctx
-
-    with pytest.raises(AssertionError, match="not played in arrays, because of a time budget"):
-        check_array_forms(make)

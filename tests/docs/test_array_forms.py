@@ -76,7 +76,7 @@ def test_a_view_of_games_of_which_some_have_left_the_arrays_has_these_names():
 
 @pytest.mark.parametrize("play", PLAYS.values(), ids=PLAYS)
 def test_a_turn_has_the_names_that_the_page_has(play):
-    names = described("A rule beside its plain function")
+    names = described("A rule in arrays")
 
     @gamms.array_rule
     def look(turn):

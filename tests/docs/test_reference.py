@@ -44,13 +44,13 @@ def test_an_entry_of_a_class_names_its_public_bases():
 
 def test_each_signature_of_a_function_has_its_module_and_the_last_one_the_text():
     first, _, last = (
-        reference.page_of("gamms")
-        .partition("{py:function} array_rule(form")[2]
-        .partition("::::{py:function} array_rule(*, of")
+        reference.page_of("gamms.strategies")
+        .partition("{py:function} mix(p: float, a: gamms.typing.Strategy")[2]
+        .partition("::::{py:function} mix(p: float, a: gamms.typing.AerialStrategy")
     )
-    assert first.splitlines()[1:] == [":module: gamms", ":no-index:", "::::", ""]
-    assert last.splitlines()[1] == ":module: gamms"
-    assert "Decorator: make a rule" in last.partition("\n::::\n")[0]
+    assert first.splitlines()[1:] == [":module: gamms.strategies", ":no-index:", "::::", ""]
+    assert last.splitlines()[1] == ":module: gamms.strategies"
+    assert "Call `a` with the probability" in last.partition("\n::::\n")[0]
 
 
 def test_a_type_that_is_not_public_has_its_module_where_another_one_has_its_name():

@@ -377,7 +377,6 @@ class RuleSpec:
 
 _SPEC = "_rule_spec"
 _ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of rules of users
-_ARRAY_FORM = ("array_form", "begin_arrays")  # which `gamms.array_rule(of=rule)` gives a rule
 _NOTHING = RuleSpec()
 
 
@@ -390,14 +389,10 @@ def declared(rule: R, spec: RuleSpec) -> R:
 def spec_of(rule: object) -> RuleSpec:
     """Return what a rule says about itself: what was declared, and the attributes that a user has given it."""
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
-    own = {name: value for name in (*_ATTRIBUTES, *_ARRAY_FORM) if (value := getattr(rule, name, None)) is not None}
-    if not own:
-        return spec
-    if "check" in own:
-        own["array_check"] = getattr(own["check"], "array_form", None)
-    if "array_form" in own:
-        own = {"core_form": None, "begin_arrays": None, **own}
-    return replace(spec, **own)
+    own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
+    if own.get("check", spec.check) is not spec.check:
+        own["array_check"] = None
+    return replace(spec, **own) if own else spec
 
 
 class NamedRule(NamedTuple):

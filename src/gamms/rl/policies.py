@@ -260,7 +260,6 @@ def _maker(player: _Player) -> Maker:
         moves: IntArray = actions[0]
         return moves
 
-    play_policy.takes_any_legal = True  # type: ignore[attr-defined] # for games alone, where agents may have speeds
     play_policy.__name__ = play_policy.__qualname__ = f"policy({loaded.file.name!r})"
     make_strategy = array_strategy(play_policy)
 

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from gamms.arguments import as_array, as_context, as_count, as_float, as_int, signature_of
+from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.core import moves
 from gamms.errors import BadType, BadValue
@@ -142,8 +142,7 @@ def goto(
 
     Args:
         ctx: the context.
-        target: a node id, or a function of the state that gives one, or None for nowhere. Its array form gives rows of
-            nodes (games, agents), -1 for nowhere.
+        target: a node id, or a function of the state that gives one, or None for nowhere.
         otherwise: the strategy to use when there is nowhere to go, or no path; None sets no action then.
 
     Raises:
@@ -159,21 +158,12 @@ def goto(
 
     if fixed is not None:
         offer_form(strategy, _go_in_arrays, fixed, parts=[fallback])
-    else:
-        offer_form(strategy, _go_where_in_arrays, parts=[target, fallback])
     return strategy
 
 
 def _go_in_arrays(target: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
     row = movement_in(view).streets.rows([target])
     return moves_to(view, filled(view, int(row[0])), fallback)
-
-
-def _go_where_in_arrays(find: ArrayStrategy, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    named = "What the array form of the target of goto returns"
-    targets = np.where(view.mask, as_array(find(view), named, "integers", view.node.shape), -1)
-    view.streets.checked(targets[targets != -1], named)
-    return moves_to(view, targets, fallback)
 
 
 @shown_as_called

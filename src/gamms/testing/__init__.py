@@ -1,17 +1,16 @@
-"""Checks that an implementer can run over graphs, sensors, rules, strategies, array forms and picture formats.
+"""Checks that an implementer can run over graphs, sensors, rules, strategies and picture formats.
 
     from gamms.testing import check_graph
     check_graph(MyGraph)
 
 Each raises `AssertionError` with a sentence that says what was promised and what was seen. A client: it uses what it
 checks as any program would. `contracts.py` checks graphs and sensors, `backends.py` picture formats,
-`reproducibility.py` rules, strategies and
-their array forms. To add a check, write a function in one of these, or in a file beside, and name it
-below.
+`reproducibility.py` rules and strategies. To add a check, write a function in one of these, or in a file beside, and
+name it below.
 """
 
 from gamms.testing.backends import check_backend
 from gamms.testing.contracts import check_graph, check_sensor
-from gamms.testing.reproducibility import check_array_forms, check_rule, check_strategy
+from gamms.testing.reproducibility import check_rule, check_strategy
 
-__all__ = ["check_array_forms", "check_backend", "check_graph", "check_rule", "check_sensor", "check_strategy"]
+__all__ = ["check_backend", "check_graph", "check_rule", "check_sensor", "check_strategy"]

@@ -99,38 +99,6 @@ def check_strategy(
                 _same_actions("in a new game of the same seed", first, again)
 
 
-def check_array_forms(make_ctx: Callable[[], Context], *, games: int = 8, turns: int = 30) -> None:
-    """Play games in arrays, as `ctx.game.batch` does, and by themselves, and compare them.
-
-    It finds array forms that do something else than the strategies, rules and checks that they are declared for, or
-    that mix up games.
-
-    Args:
-        make_ctx: makes a context with a seed, a map, and agents and rules with array forms.
-        games: how many, of the seeds 0, 1, 2, …
-        turns: how long each game is played.
-
-    Raises:
-        AssertionError: games went differently, the message says in which turn; or they are not played in arrays.
-    """
-    play = _Play(make_ctx, None, turns)
-    with play.opened() as ctx:
-        with ctx.game.batch(games) as batch:
-            if not batch.is_in_arrays:
-                raise AssertionError(f"These games are not played in arrays, because of {batch.slow}.")
-            for _ in range(turns):
-                batch.step()
-            seen = [_plain(batch.result(number)) for number in range(games)]
-        alone = ctx.game.fork(0)
-        with alone.ctx:
-            for seed, game in enumerate(seen):
-                alone.reset(seed=seed)
-                while alone.turn < turns and alone.turn != alone.max_turns and alone.step():
-                    pass
-                what = f"the game of seed {seed} in arrays, compared with the one that is played by itself,"
-                _same_game(what, game, _plain(alone.result()), "Compare what both forms do in this turn.")
-
-
 @contextmanager
 def _naming(hidden: HiddenState, way_out: str) -> Iterator[None]:
     """Name the variable that has changed: beside another error, or as the only one."""

@@ -2,9 +2,10 @@
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from copy import copy
 from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
 from itertools import chain
-from typing import Any, cast, overload
+from typing import Any, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,21 +13,21 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.begun import Begins, movement_of
+from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, kept_in, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.flights import as_flights
-from gamms.game.batch.forms import F, StrategySpec, declare, form_declared
+from gamms.game.batch.forms import F, StrategySpec, declare
 from gamms.game.batch.given import flown
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.last_turn import LastTurn
-from gamms.game.batch.movement import Anywhere, Movement, Places
+from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement, Places
 from gamms.game.batch.one_by_one import Noted, note_sights
 from gamms.game.batch.sight import Seen, noted_sensors
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, Visits
+from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
@@ -46,40 +47,28 @@ _KEPT = "array strategies"  # the key of `state["memory"]` that has what views k
 _LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
 _OF_RULES = "array rules"  # the key of `ctx.game.data` that has what array rules keep
 _READ = "array rules, events"  # that of how many events they have read
-TAKES_ANY_LEGAL = "takes_any_legal"  # an attribute of forms that know what is legal from `counts` and `legal` alone
 _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
 
 
-@overload
-def array_strategy(form: ArrayStrategy, /) -> Callable[[IContext], Callable[[Any], None]]: ...
-@overload
-def array_strategy(*, of: Callable[..., object], begins: Begins | None = None) -> Callable[[F], F]: ...
 def array_strategy(
-    form: ArrayStrategy | None = None, /, *, of: Callable[..., object] | None = None, begins: Begins | None = None
-) -> Any:
+    form: ArrayStrategy | None = None, /, *, of: object = None, begins: object = None
+) -> Callable[[IContext], Callable[[Any], None]]:
     """Decorator: make a strategy of a function from an `ArrayView` to actions, for batches and for games alone.
 
     The name stands for a function that makes the strategy, as `gamms.strategies.chase` does: `strategy=hunt(ctx)`, or
-    `strategies={"red": hunt}` in a scenario. The actions are the same in both; a batch asks once a turn for all agents.
-
-    `@gamms.array_strategy(of=hurry)` declares the function as the array form of a strategy, or of the plan of a team,
-    that is there already and plays in games alone; the name stands for the form then.
+    `strategies={"red": hunt}` in a scenario. The actions are the same in both; a batch asks once a turn for all agents,
+    a game that is played alone asks for each agent, in a view of one game and one agent.
 
     Args:
-        form: returns the numbers of legal nodes, (games, agents); of an agent that flies, which is asked alone, how
-            far it flies, map units, (1, 1, 3).
-        of: the strategy or plan that does the same with a state, or with those of a team.
-        begins: for games that have begun: called with their context and the arrays of the batch, returns what the form
-            keeps of what agents remember there, `ctx.game.memories` and `ctx.game.team_memories`; see `array_rule`.
-            Without it, agents that remember something are asked one by one.
+        form: returns the numbers of legal nodes, (games, agents), or what `view.towards` gives; of an agent that flies,
+            which is asked alone, how far it flies, map units, (1, 1, 3).
+        of: refused; there is no function beside the form.
+        begins: refused, too.
 
     Raises:
-        BadType: one of them cannot be called, or `begins` is there without `of`.
-        BadValue: `of` has another form already; one of the same name and module is replaced.
+        BadType: it cannot be called, or `of` or `begins` is given.
     """
-    _refuse_begins_alone(begins, of, "array_strategy", "strategy")
-    if of is not None:
-        return form_declared(of, "array_strategy", "a view", begins=begins, is_strategy=True)
+    _refuse_second_form(of, begins, "array_strategy")
     function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
     name = getattr(function, "__name__", "array strategy")
 
@@ -88,14 +77,14 @@ def array_strategy(
         internals = cast("HostContext", ctx).game.internals
 
         def strategy(state: dict[str, Any]) -> None:
-            view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(function, TAKES_ANY_LEGAL))
+            view = _ViewOfOne(ctx, state, internals)
             view._lock()
             given, action = function(view), None
             if not view.flies:
-                action = state["legal"][int(view._checked(given, name)[0, 0])]
+                action = view._plain_action(int(view._checked(given, name, may_aim=True)[0, 0]))
             done = view._plain_deeds()
             state.get("outbox", []).extend(view._plain_outbox())
-            if action is None:
+            if view.flies:
                 flight = as_flights(given, f"{name}: what an agent that flies does", (1, 1))[0, 0].tolist()
                 state["action"] = flown(flight, ctx.agent.agents[state["name"]].speed, done)
             else:
@@ -107,36 +96,23 @@ def array_strategy(
     return _documented(make, function)
 
 
-@overload
-def array_rule(form: ArrayRule, /) -> Callable[[IContext], None]: ...
-@overload
-def array_rule(*, of: Callable[..., object], begins: Begins | None = None) -> Callable[[F], F]: ...
 def array_rule(
-    form: ArrayRule | None = None, /, *, of: Callable[..., object] | None = None, begins: Begins | None = None
-) -> Any:
+    form: ArrayRule | None = None, /, *, of: object = None, begins: object = None
+) -> Callable[[IContext], None]:
     """Decorator: make a rule of a function of an `ArrayTurn`, for batches and for games alone.
 
     The name stands for the rule then: `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. It
     does the same in both; in a game that is played alone it gets a turn of one game.
 
-    `@gamms.array_rule(of=storm)` declares the function as the array form of a rule that is there already and is called
-    in games alone; the name stands for the form then. The form of a rule's `check`, declared alike, takes the turn and
-    where agents go, and returns which moves it refuses, (games, agents).
-
     Args:
         form: does in many games at once what the rule does in one.
-        of: the rule, or the check of a rule, that does the same with a context.
-        begins: for games that have begun: called with their context and the arrays of the batch, returns what the form
-            keeps of that game: key -> name -> an array of one game. `arrays.roster.column(values, default)` makes one,
-            (1, agents), of a mapping by name. Without it, such games leave the arrays if the form keeps something.
+        of: refused; there is no function beside the form.
+        begins: refused, too.
 
     Raises:
-        BadType: one of them cannot be called, or `of` takes no attributes.
-        BadValue: `of` has another form already; one of the same name and module is replaced.
+        BadType: it cannot be called, or `of` or `begins` is given.
     """
-    _refuse_begins_alone(begins, of, "array_rule", "rule")
-    if of is not None:
-        return form_declared(of, "array_rule", "a turn (of a check: of a turn and where agents go)", 2, begins)
+    _refuse_second_form(of, begins, "array_rule")
     function: ArrayRule = as_function_of(form, "An array rule", "a turn")
     name = getattr(function, "__name__", "array rule")
 
@@ -150,9 +126,12 @@ def array_rule(
     return declared(_documented(rule, function), spec)
 
 
-def _refuse_begins_alone(begins: object, of: object, decorator: str, kind: str) -> None:
-    if begins is not None and (of is None or not callable(begins)):
-        raise BadType(f"{decorator}(of=…, begins=…) needs a {kind} and a function of its context, not {shown(begins)}.")
+def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
+    if of is not None or begins is not None:
+        raise BadType(
+            f"{decorator} takes neither of= nor begins=: pass the array function itself, {decorator}(function). It "
+            "plays one game as it plays a batch, and needs no other function beside it."
+        )
 
 
 def _kept_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -220,26 +199,22 @@ class _DrawsOfOne(ViewDraws):
 class _ViewOfOne(ArrayView):
     """What the state of one agent holds, as a view of one game with one agent."""
 
-    def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals, *, takes_any: bool) -> None:
+    def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
-        movement, shared = _world(host)
+        shared, movement = _world(host)[1], _movement_in(host, roster)
         streets = movement.streets
         number, flies = roster.names.index(state["name"]), "quat" in state
         here = roster.agents[number].current_node_id if flies else state["curr_pos"]
         node = streets.rows(here)
-        if takes_any or flies:
-            movement = self._noted(host, roster, shared)
         if flies:
-            movement = movement if isinstance(movement, Noted) else Noted(movement)
-            movement.leaves_nodes = True
-        elif not takes_any and streets.ids(streets.legal[node][: streets.counts[node]]).tolist() != list(
-            state["legal"]
-        ):
-            raise BadValue(
-                f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
-                "no speed, and leave ctx.game.legal as it is."
-            )
+            movement = in_air = Noted(movement)
+            in_air.leaves_nodes = True
+            in_air.begin((1, len(roster.names)))
         game = GameArrays(roster, movement, [_seed_of(host)], np.full((1, len(roster.names)), node))
+        if len(movement.now):
+            movement.now[0] = state.get("time", 0.0)
+        if not flies and state.get("edge", ()) is not None:  # an agent that decides on a node has left its edge
+            _put_on_edges(host, movement, roster, [number])
         game.turn[0], game.facts, game.shared = state["turn"], state["facts"], shared
         game.blocked[0, number] = "in conflict" in (state.get("blocked") or "")
         game.kept = state["memory"].setdefault(_KEPT, {})
@@ -247,31 +222,32 @@ class _ViewOfOne(ArrayView):
         self.draw = _DrawsOfOne(state["draw"])
         self._host, self._internals, self._memory = host, internals, state["memory"]
         self._sensed, self._inbox, self._deeds, self._outboxes = state["sensor"], state.get("inbox", ()), [], []
+        self._nodes: Sequence[int] = () if flies else state["legal"]
         if host.game.channels:
             game.radio = Radio(host.game.channels, roster, 1)
         check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
-        if isinstance(movement, Noted):
-            movement.note(0, number, streets.rows(state["legal"] or (here,)), state.get("time", 0.0))
-        if flies or "xy" in state:
+        if flies:
+            in_air.note(0, number, streets.rows(state["legal"] or (here,)), state.get("time", 0.0))
             shape = len(roster.names)
             places = Places(np.full((1, shape, 3), -1), np.zeros((1, shape)), np.zeros((1, shape, 2)))
-            game.places = places
-            if flies:
-                game.heights = np.zeros((1, shape))
-                *places.xy[0, number], game.heights[0, number] = state["curr_pos"]
-            else:
-                edge = state["edge"]
-                places.edge[0, number] = -1 if edge is None else edge
-                places.offset_m[0, number], places.xy[0, number] = state["offset_m"], state["xy"]
+            game.places, game.heights = places, np.zeros((1, shape))
+            *places.xy[0, number], game.heights[0, number] = state["curr_pos"]
 
-    @staticmethod
-    def _noted(host: HostContext, roster: Roster, shared: dict[Any, Any]) -> Movement:
-        """Return a movement for what is legal in the state of an agent."""
-        game = host.game
-        key = "movement", game.legal, game.speed_unit, game.turn_seconds, tuple(one.speed for one in roster.agents)
-        movement = kept_in(shared, key, lambda: movement_of(game, Roster.of(game.agents)))
-        return movement if movement.is_plain or isinstance(movement, Anywhere) else Noted(movement)
+    def _plain_action(self, number: int) -> int | list[int] | None:
+        """Return the action of the agent, as `state["action"]` has it."""
+        if number < STOP:
+            return self._nodes[number]
+        if number == STOP:
+            return None
+        ids: list[int] = self.streets.ids(np.array([self.node[0, 0], number % AIMS])).tolist()
+        here, target = ids
+        nodes = number // AIMS - LIMITED  # how many of the way; less than 0: all
+        if nodes < 0 and (target in self._nodes or len(self._movement.edge)):
+            return target
+        path: list[int] = self._host.graph.graph.shortest_path(here, target)[1:]
+        action: list[int] | int = (path if nodes < 0 else path[:nodes]) or here
+        return action
 
     def of(self, agents: IntArray) -> ArrayView:
         """Return the view of other agents in the game, as a batch has it: what their sensors show is looked for."""
@@ -289,13 +265,10 @@ class _ViewOfOne(ArrayView):
         version = self._host.agent.structure_version
         if own.shared.get("of", (None,))[0] != version:
             own.shared["of"] = version, {}
-        movement = self._movement if self._movement.is_plain else self._noted(self._host, self.roster, own.shared)
+        movement = copy(self._movement)  # the view of the agent alone keeps its own
         game = _game_of(self._host, self.roster, movement, own.shared["of"][1])
-        if isinstance(movement, Noted):
-            legal = self._internals.parts.turns.legal([self.roster.names[number] for number in agents.tolist()])
-            for number in agents.tolist():
-                nodes = legal.get(self.roster.names[number]) or (here[number].current_node_id,)
-                movement.note(0, number, self.streets.rows(nodes))
+        movement.now = self._movement.now
+        _put_on_edges(self._host, movement, self.roster, agents.tolist())
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
         game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
@@ -370,11 +343,11 @@ class _TurnOfOne(ArrayTurn):
 
     def __init__(self, ctx: HostContext) -> None:
         game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
-        movement, shared = _world(ctx)
-        state = _game_of(ctx, roster, movement, shared)
+        movement = _movement_in(ctx, roster)
+        state = _game_of(ctx, roster, movement, _world(ctx)[1])
+        _put_on_edges(ctx, movement, roster, range(len(roster.names)))
         check = partial(checked_value, ctx=ctx)
         state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
-        self._by_metres = game.speed_unit != "edges"
         state.change_roads = self._roads_changed
         super().__init__(state, np.zeros(1, np.int64))
         self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
@@ -385,8 +358,7 @@ class _TurnOfOne(ArrayTurn):
         self._has_flown = np.zeros(self.node.shape, np.bool_)
         moves: TurnMoves | None = game.internals.state.moves
         if moves is not None:
-            self.starts, self.ends, self.took_part, paths = LastTurn.of(moves, roster, movement, self.node)
-            self.paths = None if self._by_metres else paths
+            self.starts, self.ends, self.took_part, self.paths = LastTurn.of(moves, roster, movement, self.node)
             for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
                 self._has_flown[0, number] = moves.was_put(moves.order.index_of[roster.names[number]])
         done = [(0, self._number[one.agent], i, one.kind, one.values) for i, one in enumerate(game.performed())]
@@ -407,15 +379,6 @@ class _TurnOfOne(ArrayTurn):
     def is_there_by_move(self) -> BoolArray:
         """Which agents are where their moves have led them, rather than put there since: (1, agents)."""
         return super().is_there_by_move & ~self._has_flown
-
-    def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
-        """Return at which nodes agents were in the turn."""
-        if self._by_metres:
-            raise BadValue(
-                "turn.visits is not known in a game by metres that is played alone: write the rule with ctx, where it "
-                "calls ctx.game.tracks, and declare this form beside it: @gamms.array_rule(of=rule)."
-            )
-        return super().visits(which, passing=passing)
 
     def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
         for i in range(len(at)):
@@ -501,6 +464,24 @@ def _game_of(ctx: HostContext, roster: Roster, movement: Movement, shared: dict[
     state.alive[0], state.turn[0] = [one.alive for one in agents], ctx.game.turn
     state.facts, state.shared = ctx.game.facts, shared
     return state
+
+
+def _movement_in(ctx: HostContext, roster: Roster) -> Movement:
+    """Return how the agents of a context go, which is made once for each revision of the graph."""
+    game, (plain, shared) = ctx.game, _world(ctx)
+    key = "movement", game.legal, game.speed_unit, game.turn_seconds, tuple(one.speed for one in roster.agents)
+    is_plain = game.legal == "edges" and game.speed_unit == "edges" and {*key[-1]} == {None}
+    return plain if is_plain else kept_in(shared, key, lambda: movement_of(game, roster))
+
+
+def _put_on_edges(ctx: HostContext, movement: Movement, roster: Roster, agents: Sequence[int]) -> None:
+    """Let agents be on the edges of which they have covered a part."""
+    with phase_of(ctx).suspended(changes_world=False):
+        block = ctx.agent.block
+    for number in agents:
+        place = block.progress[block.row_of(roster.names[number])]
+        if place is not None:
+            movement.put_on(np.zeros(1, np.int64), number, place)
 
 
 def _world(ctx: HostContext) -> tuple[Movement, dict[Any, Any]]:

@@ -175,7 +175,7 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
         return
     found: Any = begins(game.ctx, state)
     if not isinstance(found, Mapping) or not all(isinstance(one, Mapping) for one in found.values()):
-        raise BadType(f"begins= of {named} returns key -> name -> array, what is kept of one game, not {shown(found)}.")
+        raise BadType(f"begins of {named} returns key -> name -> array, what is kept of one game, not {shown(found)}.")
     state.first |= {key: dict(arrays) for key, arrays in found.items()}
     state.first_by |= dict.fromkeys(found, named)
 

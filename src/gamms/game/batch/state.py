@@ -222,13 +222,13 @@ def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
     for name in wanted | given:
         if given.get(name) != wanted.get(name):
             raise BadValue(
-                f"What begins= of {named} returns under {shown(key)} is not what keep(key, make) makes for one game: "
+                f"What begins of {named} returns under {shown(key)} is not what keep(key, make) makes for one game: "
                 f"{shown(name)} has the shape {given.get(name)}, not {wanted.get(name)}; None: it is not there. Of a "
                 "mapping by the names of agents, arrays.roster.column(values, default) makes one, (1, agents)."
             )
         own, kind = np.asarray(first[name]).dtype, like[name].dtype
         if not np.can_cast(own, kind, "same_kind") and like[name].size:
-            raise BadValue(f"begins= of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
+            raise BadValue(f"begins of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
     return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
 
 

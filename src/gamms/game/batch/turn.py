@@ -441,13 +441,12 @@ class ArrayTurn:
         """Publish a fact of all games of the batch, which strategies find in `view["facts"]`.
 
         Raises:
-            BadValue: the rule is written in arrays alone, where only a form with a context says what it is in one game.
+            BadValue: the rule is made by `gamms.array_rule`.
         """
         if not self._may_publish:
             raise BadValue(
-                f"turn.publish of {shown(name)} is for forms of rules that publish it with a context, too: a rule that "
-                "is written in arrays alone publishes nothing. Write it with ctx, where it calls ctx.game.publish, and "
-                "declare this form beside it: @gamms.array_rule(of=rule)."
+                f"turn.publish of {shown(name)} is not for array rules: write the rule as a function of ctx, which "
+                "calls ctx.game.publish and plays in batches, too."
             )
         self._state.facts[name] = value
 

@@ -195,7 +195,10 @@ class ArrayView(Mapping[str, Any]):
         Returns:
             -1 where no path leads there.
         """
-        return self._movement.towards(self.node[which], targets, numbers_in(self, which), allowed)
+        node, (games, agents) = self.node[which], numbers_in(self, which)
+        ends = np.broadcast_to(targets, node.shape).ravel()
+        found = self._movement.towards(node.ravel(), ends, (games.ravel(), agents.ravel()), allowed)
+        return found.reshape(node.shape)
 
     def only(self, asked: BoolArray) -> Self:
         """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
