@@ -436,13 +436,18 @@ class AgentStorage(Guarded):
             members.strategy = own(members.strategy)
 
     @refused_while_deciding
-    def snapshot(self) -> AgentsSnapshot:
-        """Return all agents as they are now, for `restore`."""
+    def snapshot(self, *, is_left: bool = False) -> AgentsSnapshot:
+        """Return all agents as they are now, for `restore`.
+
+        Args:
+            is_left: whether their game is left, because another takes its place: then attributes are not copied.
+        """
         engine, block, log = self._engine, self._engine.block, self._engine.block.structure
+        copy: Callable[[dict[str, Any]], dict[str, Any]] = dict if is_left else copied_attributes
         block.locate()
         stored = engine._stored()
         agents = [
-            (agent, copied_attributes(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
+            (agent, copy(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
             for agent in stored.values()
             if type(agent) is not Members
         ]

@@ -15,7 +15,7 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import COPY_OF, FIELDS, GameState
+from gamms.ir.game_state import COPY_OF, FIELDS, GameState, LogsTakenOut
 from gamms.ir.schema import Memo
 from gamms.plain import copied
 from gamms.text import Called
@@ -119,23 +119,24 @@ class SnapshotTaker(NamedTuple):
         if self.turns.is_playing:
             raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
-    def take(self) -> Snapshot:
-        """Take a snapshot."""
+    def take(self, *, is_left: bool = False) -> Snapshot:
+        """Take a snapshot; of a game that is left, because another takes its place, nothing is copied."""
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
-            "agents": ctx.agent.storage.snapshot(),
+            "agents": ctx.agent.storage.snapshot(is_left=is_left),
             "agent_engine": ctx.agent,
             "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.storage.snapshot(),
             "settings": self.settings.settings(),
             "rules": self.rules.rules,
             "collectors": self.collectors.snapshot(),
-            "logs": state.marks(),
+            "logs": state.logs_taken_out() if is_left else state.marks(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }
-        return Snapshot(state.turn, ctx.seed, state, copies_of(state), parts)
+        values = state.taken_out() if is_left else copies_of(state)
+        return Snapshot(state.turn, ctx.seed, state, values, parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot is of this game."""
@@ -155,7 +156,10 @@ class SnapshotTaker(NamedTuple):
         self.collectors.restore(parts["collectors"])
         for name, value in snapshot._values.items():
             state.put(name, COPY_OF[name](value, None))
-        state.go_to(parts["logs"])
+        if isinstance(parts["logs"], LogsTakenOut):
+            state.put_logs(parts["logs"])
+        else:
+            state.go_to(parts["logs"])
         self.turns.restore(parts["turns"])
 
     def restore_streams(self, snapshot: Snapshot) -> None:
@@ -382,6 +386,19 @@ class GameInternals(Guarded):
     def restart_streams(self) -> None:
         """Start what agents draw again from the seed that the context has now."""
         self._parts.turns.restart_streams()
+
+    @refused_while_deciding
+    def put_aside(self) -> Snapshot:
+        """Return the game between two turns, so that another can take its place by `reset` or `restore`.
+
+        Nothing that it holds is copied before it is restored, so the game must not be played on here.
+
+        Raises:
+            SnapshotError: a turn is being played.
+            ContextTerminated: the context has ended.
+        """
+        self._parts.refuse_in_turn("taken")
+        return self._parts.take(is_left=True)
 
     @refused_while_deciding
     def fork(self, seed: int) -> tuple[Any, Memo]:

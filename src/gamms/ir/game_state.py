@@ -5,7 +5,7 @@ from copy import deepcopy
 from dataclasses import dataclass, fields
 from numbers import Real
 from types import NoneType
-from typing import Any, Self, cast
+from typing import Any, NamedTuple, Self, cast
 
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
@@ -141,6 +141,20 @@ def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, A
     return {**new, "reason": "; ".join(sorted(reasons)), "winner": winner}
 
 
+class LogsTakenOut(NamedTuple):
+    """The logs of a game that another has taken the place of.
+
+    Attributes:
+        logs: by name.
+        histories: of each.
+        marks: the points at which they were.
+    """
+
+    logs: dict[str, list[Any]]
+    histories: dict[str, LogHistory]
+    marks: dict[str, LogPoint]
+
+
 class BlockedAgents(MutableMapping[str, str]):
     """Agent -> why it did not do in its last turn what it wanted.
 
@@ -215,6 +229,10 @@ def _dict_of(value: Mapping[Any, Any], _: Memo | None) -> dict[Any, Any]:
 
 def _dicts_of(value: Mapping[Any, Mapping[Any, Any]], _: Memo | None) -> dict[Any, dict[Any, Any]]:
     return {key: dict(one) for key, one in value.items()}
+
+
+def _shallow(value: object, _: Memo | None) -> object:
+    return dict(value) if isinstance(value, dict) else value
 
 
 def _memories_of(value: Mapping[Any, Any], memo: Memo | None) -> dict[Any, Any]:
@@ -416,6 +434,25 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
+    def taken_out(self) -> dict[str, Any]:
+        """Return what snapshots hold of a game that another takes the place of; what agents remember is not copied."""
+        return {name: taken(getattr(self, name), None) for name, taken in _TAKEN_OUT.items()}
+
+    def logs_taken_out(self) -> "LogsTakenOut":
+        """Return the logs of a game that another takes the place of, which begins with empty ones."""
+        taken = LogsTakenOut({name: getattr(self, name) for name in LOGS}, self.histories, self.marks())
+        for name in LOGS:
+            setattr(self, name, [])
+        self.histories = {name: LogHistory() for name in LOGS}
+        return taken
+
+    def put_logs(self, taken: "LogsTakenOut") -> None:
+        """Take back the logs of a game, as they were when they were taken out."""
+        for name, log in taken.logs.items():
+            setattr(self, name, log)
+        self.histories = taken.histories
+        self.go_to(taken.marks)
+
     def marks(self) -> dict[str, LogPoint]:
         """Return the point at which each log is now."""
         return {name: history.mark(getattr(self, name)) for name, history in self.histories.items()}
@@ -456,6 +493,9 @@ FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields
 
 COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not None}
 """Field of a game -> what returns the copy of its value that snapshots hold."""
+
+_SHALLOW: dict[Any, Any] = {copied: _shallow, _memories_of: _dicts_of}
+_TAKEN_OUT = {name: _SHALLOW.get(copy, copy) for name, copy in COPY_OF.items()}
 
 
 class _WithSharedLogs(GameState):

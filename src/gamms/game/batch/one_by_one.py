@@ -53,6 +53,7 @@ class OneByOneEngine:
         self._scores: list[dict[Any, float]] = [dict(game.scores) for _ in seeds]
         self._last: int | None = game.settings()["max_turns"]
         self._observed = self._nothing_observed()
+        self._is_watched = False  # whether games were observed, and probably will be after each turn
         self._is_observed = np.zeros(len(seeds), np.bool_)
         functions = [agent.strategy for agent in roster.agents] + [one.rule for one in game.rules]
         functions += [plan.function for plan in game.plans.values()]
@@ -180,10 +181,14 @@ class OneByOneEngine:
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
+        before = self.loaded
         self._observe_all(np.arange(len(self.seeds)))
+        if before is not None:  # whose context may be looked at
+            self._load(before)
         return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
 
     def _observe_all(self, games: IntArray) -> None:
+        self._is_watched = True
         for number in games[~self._is_observed[games]].tolist():
             self.load(number)
             self._observe(number)
@@ -200,6 +205,9 @@ class OneByOneEngine:
 
     def copy_to(self, state: GameArrays, number: int) -> None:
         """Let arrays say what has become of a game."""
+        if not self._is_observed[number]:
+            self._load(number)
+            self._observe(number)
         seen, over = self._observed, self._over[number]
         state.turn[number], state.node[number] = self._turns[number], seen.node[number]
         state.alive[number], state.is_there[number] = seen.alive[number], seen.is_there[number]
@@ -321,7 +329,7 @@ class OneByOneEngine:
         """Keep the game that the context has as a snapshot."""
         self._acting.end()
         if self.loaded is not None and self._over[self.loaded] is None:
-            self._snapshots[self.loaded] = self._game.snapshot()
+            self._snapshots[self.loaded] = self._game.internals.put_aside()
         self.loaded = None
 
     def _store(self, number: int) -> None:
@@ -333,7 +341,9 @@ class OneByOneEngine:
             self._over[number] = dict(game.over)
         elif is_late:
             self._over[number] = {"reason": "max_turns", "winner": None, "truncated": True}
-        self._observe(number)
+        self._is_observed[number] = False
+        if self._is_watched or self._over[number] is not None:
+            self._observe(number)
         if self._over[number] is not None:
             self._acting.end()
             self._results[number] = self._result()
