@@ -6,17 +6,9 @@ from pathlib import Path
 import pytest
 
 from gamms.game import turn
-from gamms.game.batch import arrivals, games
+from gamms.game.batch import arrivals
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
-
-
-@pytest.fixture(autouse=True, scope="session")
-def agents_are_asked_in_few_games():
-    """Ask strategies and call rules in array turns of few games, too, which are faster one by one."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(games, "why_slower", lambda *_, **__: None)
-        yield
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -1,6 +1,5 @@
-"""What agents do in random games, and what is called there game by game."""
+"""What agents do in random games, and the plain rules of these."""
 
-import re
 import zlib
 from itertools import accumulate
 
@@ -76,17 +75,6 @@ def go_on(state):
 def rash(state):
     """Do what follows from all that the agent sees, and raise an error sometimes."""
     attentive(state, "raises")
-
-
-# What games leave arrays for: an agent that is asked comes, or one whose sensor reports late;
-# one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals; or something keeps
-# what it would have known of the turns before the batch.
-LEAVE = re.compile(
-    "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
-    "comes with another team, kind or speed|"
-    r"gives the nodes of its way|it is not known what is kept under 'toll'|beliefs are others where roads were closed"
-)
-ONE_BY_ONE = re.compile("a game that is over")
 
 
 def attentive(state, *more):

@@ -148,7 +148,6 @@ def opening(ctx):
     ctx.game.emit("opened")
 
 
-@pytest.mark.parametrize("one_by_one", [False, True])
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
@@ -156,12 +155,10 @@ def opening(ctx):
         ({"deeds": {"scan": (True, {"node": -2})}}, "there is no node number -2"),
     ],
 )
-def test_no_rule_is_called_before_actions_are_checked(wrong, message, one_by_one):
+def test_no_rule_is_called_before_actions_are_checked(wrong, message):
     with given_scene().build(seed=2) as ctx:
         ctx.game.add(opening, phase="before")
-        ctx.game.time_budget = 60.0 if one_by_one else None  # which arrays cannot have
         with ctx.game.batch(2, seed=2) as games:
-            assert games.is_in_arrays is not one_by_one
             with pytest.raises(BadValue, match=message):
                 games.step({"red": wrong})
             assert [games.result(number).events for number in range(2)] == [[], []]
@@ -169,31 +166,6 @@ def test_no_rule_is_called_before_actions_are_checked(wrong, message, one_by_one
             games.step({"red": np.zeros((2, 3), np.int64)})
             assert [[event["kind"] for event in games.result(number).events] for number in range(2)] == [["opened"]] * 2
             assert games.turn.tolist() == [1, 1]
-
-
-def home(ctx):
-    """Put all agents into a corner of the map, from which few nodes are legal, in every second turn."""
-    for agent in ctx.game.agents:
-        if agent.current_node_id != 0 and ctx.game.turn % 2 == 0:
-            agent.current_node_id = 0
-
-
-def test_what_is_legal_for_those_that_move_later_in_a_turn_follows_from_what_rules_have_done():
-    with scene([], settings={"order": [["blue"], ["red"]]}).build(seed=2) as ctx:
-        ctx.game.add(home, phase="deeds")
-        for agent in ctx.game.agents:
-            agent.speed = 2
-        results = []
-        for budget in (None, 60.0):  # which arrays cannot have
-            ctx.game.time_budget = budget
-            with ctx.game.batch(4) as games:
-                assert games.is_in_arrays is (budget is None)
-                for _ in range(3):
-                    last = games.observe("red").counts - 1
-                    games.step({"red": last}, on_illegal="stay")
-                assert last.max() > 5
-                results.append([plain(games.result(number)) for number in range(4)])
-        assert results[0] == results[1]
 
 
 def test_agents_that_are_given_nothing_any_more_follow_their_strategies():

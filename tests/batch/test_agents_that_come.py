@@ -1,11 +1,11 @@
-"""Agents that rules create in games that are played in arrays: they take rows that were reserved for them."""
+"""Agents that rules create in batches: where they are observed, they take rows that were reserved for them."""
 
 import numpy as np
 import pytest
 from batch_scenes import WALK, plain, scene, shadow
 
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.rules import last_team, resource
+from gamms.rules import last_team
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -85,22 +85,11 @@ def test_agents_may_come_where_sensors_report_late(chaser, joiner):
     with scenario.build(seed=1, strategies={"red": chaser} if callable(chaser) else None) as ctx:
         ctx.game.add(join)
         with ctx.game.batch(4, most_agents={"blue": 4}) as games, ctx.game.fork(0).ctx as alone:
-            assert games.is_in_arrays
             games.run()
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
             assert len(games.result(0).agents) == 6
-
-
-def test_games_stay_in_arrays_where_others_have_left_them_and_actions_are_given():
-    with made().build(seed=1) as ctx:
-        ctx.game.add(join)
-        with ctx.game.batch(seeds=[3, 2], most_agents={"blue": 4}) as games:
-            while not games.is_over.all():
-                games.step({"blue": games.observe("blue").counts // 2})
-            assert list(games.detached) == [0]
-            assert len(games.result(1).agents) == 6
 
 
 def test_rows_that_are_not_taken_are_not_there_and_those_that_are_act():
@@ -130,49 +119,9 @@ def test_recordings_of_games_in_which_agents_come_are_those_of_games_alone(tmp_p
     scenario = Scenario(**plain_scene, folder=tmp_path)
     with scenario.batch(2, most_agents=4) as games:
         games.run()
-        assert not games.detached
         games.record(1, tmp_path / "batch.ggr")
         assert games.result(1) == scenario.play(seed=1, record=tmp_path / "alone.ggr")
     assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
-
-
-def test_an_agent_for_which_no_row_is_reserved_is_an_error_that_says_what_to_do():
-    with made().build(seed=1) as ctx:
-        for rule in (follow, reinforce):
-            ctx.game.add(rule)
-        with ctx.game.batch(3) as games, pytest.raises(BadValue, match=r"most_agents=\{'blue': 4\}") as caught:
-            games.run()
-    (note,) = caught.value.__notes__
-    assert note.startswith("In game 2 of a batch")
-    assert note.endswith("called by the rule 'reinforce'.")
-
-
-def test_a_game_in_which_an_agent_comes_otherwise_than_rows_are_leaves_the_arrays():
-    def differ(ctx):
-        if ctx.game.turn == 2 and ctx.seed % 2:
-            ctx.agent.create_agent("blue_3", start_node_id=0, team="blue", strategy=lambda _: None)
-
-    with made().build(seed=1) as ctx:
-        ctx.game.add(differ)
-        with ctx.game.batch(4, most_agents={"blue": 4}) as games:
-            games.run()
-            assert sorted(games.detached) == [1, 3]
-            assert "blue_3" in games.result(1).agents
-
-
-def test_games_in_which_agents_have_come_leave_the_arrays_with_the_others():
-    def reckon(state):
-        state["action"] = state["legal"][len(repr(state["facts"]["fuel"])) % 2]
-
-    with made().build(seed=1, strategies={"red": reckon}) as ctx:
-        ctx.game.add(resource("fuel", 9, per_edge=1))
-        ctx.game.add(reinforce, phase="before")
-        with ctx.game.batch(seeds=[2, 3], most_agents={"blue": 6}) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert sorted(games.detached) == [0, 1]
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_sensors_of_agents_that_come_are_those_that_rules_have_made():

@@ -201,7 +201,7 @@ def test_authors_say_what_their_forms_keep_of_what_agents_remember():
     with waiting(begun) as ctx:
         assert check(ctx) is None
     with waiting() as ctx:
-        assert check(ctx, rounds=1).endswith("random_walk), which remembers something, which is asked agent by agent")
+        assert check(ctx, rounds=1).endswith("random_walk), which remembers something")
 
 
 @pytest.mark.parametrize(
@@ -284,7 +284,7 @@ def test_rules_before_turns_know_how_agents_have_moved_before_the_batch(way):
         for turn in range(4):
             ctx.game.step()
             if turn % 2:
-                assert check(ctx, rounds=turn // 2 + 1) == "the rule 'look', which is called game by game"
+                assert check(ctx, rounds=turn // 2 + 1) == "the rule 'look'"
 
 
 def test_games_that_are_reset_have_the_last_moves_of_their_beginning_beside_others_that_went_on():

@@ -182,7 +182,6 @@ def test_messages_that_cannot_be_sent_are_noted_as_in_games_that_are_played_alon
     if blue is chatter:
         same_as_one_by_one(scenario, [3, 4], both)
     with scenario.batch(2, strategies=both) as games:
-        assert games.is_in_arrays
         games.run()
         for number in (0, 1):
             assert plain(games.result(number)) == plain(scenario.play(seed=number, strategies=both))

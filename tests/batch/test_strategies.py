@@ -229,7 +229,7 @@ def test_strategies_are_blind_or_need_sensors_with_array_forms():
             games.run()
 
 
-def test_strategies_that_call_functions_are_asked_agent_by_agent():
+def test_strategies_that_call_functions_have_no_array_form():
     with hunted().build(seed=1) as ctx:
         agent = ctx.agent.get_agent("red_1")
         for strategy, slow in {
@@ -238,7 +238,7 @@ def test_strategies_that_call_functions_are_asked_agent_by_agent():
         }.items():
             agent.register_strategy(strategy)
             with ctx.game.batch(2) as games:
-                assert games.slow == f"{slow}, which is asked agent by agent"
+                assert games.slow == slow
 
 
 def test_agents_with_equal_strategies_are_asked_together():
@@ -429,7 +429,7 @@ def test_beliefs_know_where_agents_were_put_back_that_have_moved_since(same_as_o
 )
 def test_it_is_said_where_beliefs_are_not_computed_in_arrays(changes, why):
     with hunted(settings={}).replace(**changes).batch(2, strategies={"red": follow_belief}) as games:
-        assert games.slow == (why and f"the strategy follow_belief(ctx), {why}, which is asked agent by agent")
+        assert games.slow == (why and f"the strategy follow_belief(ctx), {why}")
 
 
 @gamms.array_rule

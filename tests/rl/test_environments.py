@@ -133,7 +133,6 @@ def test_agents_that_come_learn_where_places_are_reserved(tmp_path, capsys):
     env = rl.parallel_env(coming(tmp_path), team="red", most_agents={"red": 3})
     games = rl.vector_env(coming(tmp_path), num_games=3, team="red", most_agents={"red": 3})
     assert env.possible_agents == ["red_0", "red_1", "red_2"]
-    assert games.learners.games.is_in_arrays
     has_come = 0
     for game in range(3):
         observed, _ = env.reset(seed=1 + game)

@@ -194,6 +194,13 @@ class MapStorage(Guarded, IMapStorage):
         edges = self._store.edges
         return edges.array("ids")[edges.living()], self._store.closed
 
+    def detached(self) -> tuple[GraphColumns, RouteQueries]:
+        """Return the graph as it is now and its routes, which stay so when this graph changes."""
+        from gamms.graph.graph import Graph
+
+        graph = Graph(self._store.fork())
+        return graph.columns(), graph.routes
+
     def reopened(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the graph on which closed roads are open, behind all other edges, and its routes."""
         from gamms.graph.graph import Graph

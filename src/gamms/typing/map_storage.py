@@ -118,6 +118,10 @@ class IMapStorage(ABC):
         """Return the ids of the edges, in their order, and those that are closed, as `restore_when_read` takes them."""
 
     @abstractmethod
+    def detached(self) -> tuple[GraphColumns, RouteQueries]:
+        """Return the graph as it is now and its routes, which stay so when this graph changes."""
+
+    @abstractmethod
     def reopened(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the graph on which closed roads are open, behind all other edges, and its routes.
 

@@ -1,27 +1,23 @@
 """Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from copy import deepcopy
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
 from gamms.game.batch.begun import Beginning, movement_of
 from gamms.game.batch.channels import Outbox, Radio
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, preparing
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.flights import Flyers
-from gamms.game.batch.forms import key_of, spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.given import Given
 from gamms.game.batch.headings import Headings
 from gamms.game.batch.in_core import CoreGames, why_not_in_core
-from gamms.game.batch.joined_view import JoinedView
 from gamms.game.batch.movement import Moves
 from gamms.game.batch.moves_of_turn import (
     TurnPart,
@@ -35,25 +31,19 @@ from gamms.game.batch.moves_of_turn import (
     without_refused,
 )
 from gamms.game.batch.reports import DELAYS
-from gamms.game.batch.rule_fork import NoRow, OwnState
-from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one
-from gamms.game.batch.scalar_strategies import Players, ScalarStrategies
-from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent
-from gamms.game.batch.state import GameArrays, NotTakenUp
+from gamms.game.batch.sight import looks_from_the_air, turns_with_its_agent
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import as_prepared, teams_asked, why_not_decided
 from gamms.game.deeds import checked_value
 from gamms.game.messages import ANTENNA, Scene
 from gamms.game.order import left_out
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
 from gamms.ir.game_state import PHASES
-from gamms.ir.graph import ClosedEdges, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.text import shown
-from gamms.typing import IAgent
 from gamms.typing.game import strategy_name
 
 _MOST_AT_ONCE = 1 << 17  # agents whose games are played to their ends before others
@@ -61,6 +51,8 @@ _MOST_AT_ONCE = 1 << 17  # agents whose games are played to their ends before ot
 
 class ArrayEngine:
     """Plays the games of a batch in arrays; agents begin on the nodes of these ids, `start`, (games, agents).
+
+    Every part of the games has an array form; a form that refuses to go on raises `NotTakenUp`.
 
     Attributes:
         state: of all games.
@@ -75,11 +67,7 @@ class ArrayEngine:
         self.state = GameArrays(roster, movement, seeds, first)
         self.state.flyers = flyers
         settings = game.settings()
-        self._has_scalar_rules = bool(called_one_by_one(game))
-        asked = self._teams_asked = teams_asked(game)
-        is_asked = roster.plays_for(asked) & roster.is_first
-        self._askable: tuple[IntArray, list[Players | None]] = np.flatnonzero(is_asked), [None] * len(seeds)
-        if self._has_scalar_rules or asked or any(map(turns_with_its_agent, roster.agents)):
+        if any(map(turns_with_its_agent, roster.agents)):
             self.state.headings = self._headings_of(roster)
         self.state.shared[DELAYS] = DelayedLooks(self.state, game.internals.state.delayed_looks)
         if settings["team_memory"]:
@@ -95,11 +83,7 @@ class ArrayEngine:
         if settings["channels"]:
             self.state.radio = Radio(settings["channels"], roster, len(seeds))
         self._arriving = movement if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals else None
-        self._own: list[OwnState | None] = [None] * len(seeds)
-        self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
-        self._here = self._made_forms(game)
-        if self._here.asked is not None:
-            self.state.note_blocked = self._here.asked.note_blocked
+        self._here = GameForms(game, self.state)
         self.state.change_roads = self._change_roads
         self._core = None if why_not_in_core(game, self.state, self._here) else CoreGames(game, self.state)
         self._beginning = Beginning(game, self.state)
@@ -114,45 +98,6 @@ class ArrayEngine:
         before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
         turned_to = np.array(fixed, np.float64).reshape(-1, 2)
         return Headings(self.state.movement, turned_to, np.array(before), self.state.start, self.state.flyers)
-
-    def _made_forms(self, game: PlayedGame) -> GameForms:
-        context = RuleContext(lambda: game.fork(0), self.state, self._own, self._take_roads, self._admit)
-        asked = ScalarStrategies(context, self.state, *self._askable) if len(self._askable[0]) else None
-        return GameForms(game, self.state, context, asked)
-
-    def _admit(self, agent: IAgent, sensors: Sequence[Any]) -> str | None:
-        """Have an agent that has come, with its sensors as they are described; or return why that is not possible."""
-        roster, settings, game = self.state.roster, self._game.settings(), self._game
-        like, decider = roster.agents[roster.names.index(agent.name)], decider_of(agent, settings["plans"])
-        named, kind = (
-            shown(agent.name),
-            (agent.type, agent.team, agent.speed, key_of(spec_of(decider).array_form), sensors),
-        )
-        if kind[:3] != (like.type, like.team, like.speed):
-            return f"agent {named} comes with another team, kind or speed than the first of its team has"
-        if agent.name not in self._kinds:
-            why = next(map(as_prepared, preparing(agent, settings["plans"])), None)
-            why = why or next((why for _, why in why_not_decided(game, [agent])), None)
-            if why is None and agent.team in self._teams_asked:
-                why = "a team that is asked agent by agent"
-            if why is not None:
-                return f"agent {named} comes with {why}"
-            if reports_late(agent):
-                return f"agent {named} comes with a sensor that reports late"
-            self._kinds[agent.name], roster.agents[roster.names.index(agent.name)] = kind, agent
-            self._here.gather()
-            for key in [key for key in self.state.shared if key != DELAYS]:
-                del self.state.shared[key]
-        return None if self._kinds[agent.name] == kind else f"agent {named} comes otherwise than in another game"
-
-    def _take_roads(self, game: int, edge_ids: IntArray, closed: ClosedEdges) -> str | None:
-        """Let a game have the edges that a rule has left open, in their order; return why that is not possible."""
-        try:
-            roads = self.state.roads.map_with(edge_ids, closed)
-        except BadValue as error:
-            return str(error)
-        self.state.put_roads(np.array([game]), roads)
-        return None
 
     def _change_roads(self, games: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
         """Open or close roads in games, too."""
@@ -203,7 +148,7 @@ class ArrayEngine:
 
     @property
     def forms(self) -> list[Callable[..., object]]:
-        """The array forms that it calls, and the rules that have none."""
+        """The array forms that it calls."""
         return self._here.forms
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
@@ -212,8 +157,6 @@ class ArrayEngine:
         self._beginning.put(self.state, games)
         if self._core is not None:
             self._core.forget()
-        for game in games.tolist():
-            self._own[game] = self._askable[1][game] = None
 
     @property
     def is_over(self) -> BoolArray:
@@ -222,17 +165,16 @@ class ArrayEngine:
         return over if self._last is None else over | (self.state.turn >= self._last)
 
     def _playing(self) -> IntArray:
-        """Return the games that are not over and that arrays have."""
+        """Return the games that are not over and are to be played now."""
         is_played = ~self.is_over
-        is_played[list(self.state.apart)] = False
         is_played[self.num_played :] = False
         return np.flatnonzero(is_played)
 
-    def play_parts(self, play: Callable[[], object], *, at_once: bool) -> None:
-        """Call a function, which plays a turn, until all games are over: some of them before others, or all at once."""
+    def play_parts(self, play: Callable[[], object]) -> None:
+        """Call a function, which plays a turn, until all games are over: some of them before others."""
         # NOTE: as many as a cache holds: 1.4 times as fast (benchmarks: 32,768 games).
         games = len(self.state)
-        num_parts = 1 if at_once else min(games, -(-games * len(self.state.roster.names) // _MOST_AT_ONCE))
+        num_parts = min(games, -(-games * len(self.state.roster.names) // _MOST_AT_ONCE))
         try:
             for part in range(1, num_parts + 1):
                 self.num_played = part * games // num_parts
@@ -275,20 +217,12 @@ class ArrayEngine:
         self._core.play(until, (actions, is_given))
         return True
 
-    def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
-        """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns.
+    def step(self, given: Mapping[Hashable, Given]) -> None:
+        """Play one turn of all games that are not over.
 
-        `before_moves` is called when rules of the phase "before" were applied, before agents move.
+        Raises:
+            NotTakenUp: a form lacks what it keeps of earlier turns.
         """
-        playing = self._playing().tolist()
-        try:
-            self._step(given, before_moves)
-        except NotTakenUp as error:
-            why = " ".join((f"{error}.", *getattr(error, "__notes__", ())))
-            self.state.apart |= dict.fromkeys(playing, why)
-            self.state.now.clear()
-
-    def _step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         if self._step_in_core(given):
             return
         state, before = self.state, self._here.rules["before"]
@@ -303,7 +237,6 @@ class ArrayEngine:
         state.last_deeds = []
         if given and (before or state.roads.are_closed):
             self._check(given)  # again, by the roads that these rules have closed
-        before_moves()
         if len(playing := self._playing()):
             self._play_turn(ArrayTurn(state, playing), given)
         state.now.clear()
@@ -347,7 +280,7 @@ class ArrayEngine:
             chosen, deeds = asking.ask(turn, actions, is_given | ~is_member, asked)
             flights, lost = asking.flights, asking.lost
             if course is None:
-                moves, in_conflict = asking.moves(turn, chosen), None
+                moves, in_conflict = turn._movement.moves(turn.node, chosen, turn.games), None
                 asking.note(turn, moves.illegal)
             else:
                 moves = course.play(chosen, asking.at_arrivals, partial(asking.note, turn))
@@ -373,25 +306,17 @@ class ArrayEngine:
             return
         which = turn.games[:, None], np.arange(by.edge.shape[1])
         at, agents = np.nonzero(asked & (by.edge[which] >= 0) & (by.on_edge(which) < 0))
-        games, columns = turn.games[at], by.columns
-        ends = (columns.node_ids[rows[by.edge[games, agents]]].tolist() for rows in (columns.sources, columns.targets))
-        named = [*zip(games.tolist(), agents.tolist(), *ends, strict=True)]
-        by.clear(games, agents)
+        by.clear(turn.games[at], agents)
         state.now.clear()
-        if state.note_blocked is not None:
-            for game, agent, source, target in named:
-                state.note_blocked(game, agent, f"the edge from node {source} to node {target} was closed")
 
     def _course(self, turn: ArrayTurn, by: ByMetres, members: BoolArray) -> Arrivals:
         """Return the course of a turn in which agents decide at arrivals."""
-        stops, scalar = self._here.conflicts, self._here.asked
+        stops = self._here.conflicts
         if stops is None:
             return Arrivals(self.state, turn, by, members, None)
 
         def resolve(part: ArrayTurn, ends: IntArray) -> BoolArray:
             stopped: BoolArray = stops(part, ends) & (ends != part._origins)
-            if scalar is not None:
-                scalar.note_stopped(part, stopped, ends)
             return stopped
 
         return Arrivals(self.state, turn, by, members, resolve)
@@ -407,7 +332,6 @@ class ArrayEngine:
         try:
             for named, form in self._here.rules["after"]:
                 self._call(named, form, turn)
-            self._here.context.collect(turn)
         finally:  # the agents have moved: the turn is played, without the rules that follow
             close(turn)
 
@@ -434,22 +358,15 @@ class ArrayEngine:
             is_refused = np.zeros(moves.ends.shape, np.bool_)
             for name, check in self._here.checks:
                 is_refused |= self._here.stopped(name, check, turn, moves.ends) & moves.acts
-            if self._here.asked is not None:
-                self._here.asked.note_stopped(turn, is_refused, None)
             moves = without_refused(turn, moves, is_refused)
             changes = self.state.roads.changes[turn.games]
             for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
             moves = left_of(turn, moves, changes)
-        if in_conflict is None and self._here.has_conflicts:
+        stops = self._here.conflicts
+        if in_conflict is None and stops is not None:
             turn._origins, ends = self.state.movement.ends(moves)
-            stops, context = self._here.conflicts, self._here.context
-            if stops is None:
-                in_conflict = context.resolve(turn, moves) & moves.goes
-            else:
-                in_conflict = self._here.stopped("the conflicts", stops, turn, ends) & moves.goes
-            if self._here.asked is not None:
-                self._here.asked.note_stopped(turn, in_conflict, ends)
+            in_conflict = self._here.stopped("the conflicts", stops, turn, ends) & moves.goes
             moves = moves.without(in_conflict)
         move(turn, moves, in_conflict, part)
 
@@ -458,8 +375,6 @@ class ArrayEngine:
         turn._lock()
         try:
             self._here.play(named, form, turn)
-        except NoRow:  # which says itself what rule it was, of several that are called one after the other
-            raise
         except Exception as error:
             error.add_note(
                 f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn, turn.games)}."
@@ -468,13 +383,7 @@ class ArrayEngine:
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
-        state, games = self.state, np.arange(len(self.state))
-        alone, observed = np.zeros(len(state), np.bool_), state.observed_apart
-        alone[[*state.apart]] = True
-        if observed is None or not alone.any():
-            return ArrayView(state, games, agents)
-        parts = [(those, there) for those, there in ((games[~alone], state), (games[alone], observed)) if len(those)]
-        return JoinedView(state, agents, parts)
+        return ArrayView(self.state, np.arange(len(self.state)), agents)
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""
@@ -515,7 +424,7 @@ class ArrayEngine:
             agents=dict(sorted((departed | agents).items())),
             errors=[dict(error) for error in state.errors[game]],
             deeds=[dict(deed) for deed in state.deeds.of(game)],
-            collected=deepcopy(state.collected.get(game, template.collected)),
+            collected=template.collected,
             messages=[] if state.radio is None else [dict(one) for one in state.radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],

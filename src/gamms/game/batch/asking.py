@@ -1,4 +1,4 @@
-"""What agents of many games do: what strategies decide in arrays or one by one, and what is given from outside."""
+"""What agents of many games do: what strategies decide in arrays, and what is given from outside."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
@@ -14,7 +14,7 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flights import Flights, as_flights
 from gamms.game.batch.game_forms import GameForms, Group
 from gamms.game.batch.given import Given
-from gamms.game.batch.movement import NO_ACTION, Illegal, Moves, Route
+from gamms.game.batch.movement import NO_ACTION, Illegal
 from gamms.game.batch.reports import DELAYS
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -51,7 +51,7 @@ class Asking:
         settings = here.game.settings()
         self._raises, self._commanded = settings["on_illegal"] == "raise", settings["plans"].keys() | given.keys()
         self._asked: tuple[IntArray, BoolArray]  # some games of the turn, and which agents were asked last
-        self._routes, self.lost = list[Route](), list[Illegal]()  # of those that decide now
+        self.lost = list[Illegal]()  # of those that decide now
         self._failures: list[Failure] = []  # of those that were asked, until they are noted
 
     def given(self, turn: ArrayTurn, asked: BoolArray | None = None) -> tuple[IntArray, BoolArray]:
@@ -74,15 +74,6 @@ class Asking:
         self.given(turn, asked)
         self.acts(turn)
 
-    def moves(self, turn: ArrayTurn, actions: IntArray) -> Moves:
-        """Return where the actions of those that were asked lead, of all agents of the games."""
-        movement, routes, self._routes = turn._movement, self._routes, []
-        moves = movement.moves(turn.node, actions, turn.games)
-        if not routes:
-            return moves
-        at, agents, ways = zip(*routes, strict=True)
-        return moves.put((np.array(at), np.array(agents)), movement.moves_of(ways))
-
     def ask(
         self, turn: ArrayTurn, actions: IntArray, is_decided: BoolArray, asked: BoolArray
     ) -> tuple[IntArray, list[ArrayDeeds]]:
@@ -97,7 +88,7 @@ class Asking:
         if self._acts is None and self._given:
             self._acts = self.acts(turn)
         self._state.shared[DELAYS].note(turn.games, asked)
-        acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)
+        acts, num_sent = self._acts, len(self.outboxes)
         flyers = self._state.flyers
         self.lost, self._asked = [], (turn.games, asked)
         self.flights = None if flyers is None else flyers.hovering(len(turn.games))
@@ -105,9 +96,6 @@ class Asking:
             agents, ways = turn.roster.members(team), one.flights
             ways = np.zeros((*turn.node.shape[:1], len(agents), 3)) if ways is None else ways[turn.games]
             self._fly(turn, agents, ways, asked[:, agents])
-        if scalar is not None and acts is not None:
-            for at in range(len(turn.games)):
-                scalar.forget_blocked(turn, np.flatnonzero(is_decided & asked[at]).tolist(), [at])
         chosen, deeds = self._decided(turn, actions, is_decided, asked if self._at_arrivals else None)
         if acts is not None:
             those = np.zeros(self._state.node.shape, np.bool_)
@@ -171,17 +159,10 @@ class Asking:
         wrong += [(turn.games, one) for one in illegal if turn.alive[one.at, one.agent]]
         return [Failure.illegal(int(games[one.at]), one.agent, one.message) for games, one in wrong]
 
-    def _wrong_in_arrays(self, turn: ArrayTurn, actions: IntArray) -> list[Failure]:
-        """Return what of the actions of those that have array forms is not legal."""
-        movement = turn._movement
-        return self._wrong(
-            turn, movement.moves(turn.node, actions, turn.games).illegal if movement.leaves_nodes else ()
-        )
-
     def _raise_first(self, failures: Sequence[Failure]) -> None:
         """Raise the error of what is not legal and the turn engine would find first, where it raises that."""
         state, illegal = self._state, [one for one in failures if one.kind == "illegal"] if self._raises else []
-        if illegal := [one for one in illegal if one.game not in state.apart]:
+        if illegal:
             one = min(illegal, key=self._rank)
             why = one.message if one.is_unsent else one.message.partition(": ")[2]
             named = f"Agent {shown(state.roster.names[one.agent])} in turn {int(state.turn[one.game])}"
@@ -196,14 +177,6 @@ class Asking:
         if not one.is_unsent and roster.teams[team] in self._commanded:
             first = int(np.flatnonzero(asked[np.searchsorted(games, one.game)] & (roster.team_of == team))[0])
         return one.game, one.is_unsent, first, one.agent
-
-    def _before(self, first: Failure, agents: IntArray) -> BoolArray:
-        """Return which of some agents the turn engine asks before it finds what is not legal, (games, agents)."""
-        games, asked = self._asked
-        before, at = np.zeros_like(asked), np.searchsorted(games, first.game)
-        for agent in agents[asked[at, agents]].tolist():
-            before[at, agent] = self._rank(first._replace(agent=agent)) < self._rank(first)
-        return before
 
     def _send(self, boxes: list[Outbox]) -> None:
         """Take what agents want to send, and note what of it cannot be sent."""
@@ -258,20 +231,6 @@ class Asking:
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
-        scalar = self._here.asked
-        if scalar is not None and len(agents := scalar.agents[~is_decided[scalar.agents]]):
-            wrong = self._wrong_in_arrays(turn, actions) if self._raises else []
-            while wrong := [one for one in wrong if one.game not in self._state.apart]:
-                first = min(wrong, key=self._rank)
-                scalar.decide(turn, agents, self._before(first, agents))
-                self._raise_first([first])  # but if its game has left the arrays
-            answers = scalar.decide(turn, agents, asked)
-            actions[:, agents], self._routes = answers.actions, answers.routes
-            deeds += answers.deeds
-            self.outboxes += answers.outboxes
-            self._failures += answers.failures
-            if self.flights is not None:
-                self.flights.put(answers.flights)
         if asked is not None:
             self._state.looks[turn.games] += asked
         return actions, [one for one in deeds if len(one.at)]

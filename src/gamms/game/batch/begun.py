@@ -33,13 +33,14 @@ Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 _MOST_EXACT = 1 << 53  # scores in arrays are floats
 
 
-def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False) -> Movement:
-    """Return how the agents of a game go, where roads may be opened, too, that are closed now, or where not."""
+def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
+    """Return how the agents of a game go, where roads may be opened, too, that are closed now, or where not.
+
+    With `is_detached`, it stays as it is when the map of the game changes.
+    """
     settings, graph = game.settings(), game.ctx.graph
-    streets, closed = (
-        Streets(locked_columns(graph.columns()), graph.routes),
-        graph.storage.roads()[1] if may_reopen else {},
-    )
+    columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
+    streets, closed = Streets(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
     whole = Streets(*graph.storage.reopened()) if closed else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     if settings["legal"] == "any":
@@ -75,7 +76,6 @@ class Beginning:
         self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
         self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
-        self._collected = game.internals.parts.collectors.tables()
         events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
@@ -161,8 +161,6 @@ class Beginning:
         values = self._values
         for game in games.tolist():
             state.errors[game] += values.errors
-            if any(table["turn"] for table in self._collected.values()):
-                state.collected[game] = {name: _copied(table) for name, table in self._collected.items()}
         state.events.begin(games, values.events)
         state.deeds.begin(games, values.deeds)
         if state.radio is not None:
@@ -195,10 +193,6 @@ def _begin_each(parts: tuple[Begins, ...], ctx: HostContext, state: GameArrays) 
     for begins in parts:
         found |= begins(ctx, state)
     return found
-
-
-def _copied(table: dict[str, list[Any]]) -> dict[str, list[Any]]:
-    return {name: list(column) for name, column in table.items()}
 
 
 def why_not_begun(game: PlayedGame) -> Iterator[str]:

@@ -115,12 +115,11 @@ class Failure(NamedTuple):
     agent: int
     kind: str
     message: str
-    why: str  # what `state["blocked"]` says
 
     @classmethod
     def illegal(cls, game: int, agent: int, why: str, *, is_unsent: bool = False) -> "Failure":
         """Return an action that is not legal, or a message that cannot be sent."""
-        return cls(game, is_unsent, agent, "illegal", why, why)
+        return cls(game, is_unsent, agent, "illegal", why)
 
 
 class GameLog(ABC, Generic[P]):

@@ -1,6 +1,6 @@
-"""The array forms that play a game: of strategies and plans, rules and checks; conflicts; and what has none."""
+"""The array forms that play a game: of strategies and plans, rules and checks, and conflicts."""
 
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -11,8 +11,6 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, p
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.forms import key_of, spec_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
-from gamms.game.batch.scalar_rules import RuleContext
-from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, draw_keys_in, movement_in
 from gamms.game.batch.view import ArrayStrategy, ArrayView
@@ -56,7 +54,7 @@ def _moves_of(turn: ArrayTurn, ends: IntArray) -> ArrayMoves:
 
 
 def _resolved_in_arrays(conflicts: object) -> Stopping | None:
-    """Return what finds the agents that conflicts stop; None: there are no conflicts, or a function is asked."""
+    """Return the function that finds the agents that conflicts stop; None: there are no conflicts."""
     known = ranked(conflicts)
     return (
         None
@@ -67,9 +65,9 @@ def _resolved_in_arrays(conflicts: object) -> Stopping | None:
     )
 
 
-def _checked_form(form: Callable[[Any, Any], object] | None, named: str) -> Stopping | None:
-    """Return the array form of a check, whose result is checked; None: it has none."""
-    return None if form is None else _noted(lambda turn, ends: as_stopped(form(turn, ends), named, ends.shape), named)
+def _checked_form(form: Callable[[Any, Any], object], named: str) -> Stopping:
+    """Return the array form of a check, whose result is checked."""
+    return _noted(lambda turn, ends: as_stopped(form(turn, ends), named, ends.shape), named)
 
 
 def _noted(stops: Stopping, named: str) -> Stopping:
@@ -90,43 +88,28 @@ class GameForms:
 
     Attributes:
         game: at its start.
-        context: calls the rules of it that have no array form.
         roster: the agents.
-        asked: asks those that are asked one by one; None: there are none.
         groups: the array forms of strategies and plans, each with all agents that have the same.
-        rules: phase -> its rules in their order, each with its form; those without follow each other as one.
-        conflicts: finds the agents that conflicts stop; None: there are no conflicts, or a function is asked.
-        has_conflicts: whether there is one.
+        rules: phase -> its rules in their order, each with its form.
+        conflicts: finds the agents that conflicts stop; None: there are no conflicts.
         checks: the names of rules, and the forms of their checks.
     """
 
-    def __init__(
-        self, game: PlayedGame, state: GameArrays, context: RuleContext, asked: ScalarStrategies | None
-    ) -> None:
-        self._state, roster = state, state.roster
-        settings, self._need_one_map = game.settings(), set[Hashable]()  # forms that ask for what differs
-        self.asked, self.game, self.context, self.roster = asked, game, context, roster
-        self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
-        conflicts = settings["conflicts"]
-        self.has_conflicts = conflicts is not None
-        self.conflicts = _resolved_in_arrays(conflicts)
-        checks = [(one, one.spec.array_check) for one in game.rules if one.spec.check is not None]
-        self.checks = [
-            (one.name, _checked_form(form, f"the check of the rule {one.name!r}") or partial(context.check, one))
-            for one, form in checks
-        ]
-        self.gather()
-
-    def gather(self) -> None:
-        """Take the strategies and plans of agents."""
-        self.groups = _groups(self.roster, self.game.settings()["plans"], frozenset(self._asked_rows()))
+    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+        self._state = state
+        settings = game.settings()
+        self._need_one_map = set[Hashable]()  # forms that ask for what differs
+        self.game = game
+        self.roster = state.roster
+        self.rules = {phase: _forms_of(game, phase) for phase in RULE_PHASES}
+        self.conflicts = _resolved_in_arrays(settings["conflicts"])
+        checks = [(one.name, form) for one in game.rules if (form := one.spec.array_check) is not None]
+        self.checks = [(name, _checked_form(form, f"the check of the rule {name!r}")) for name, form in checks]
+        self.groups = _groups(self.roster, settings["plans"])
 
     def play(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         """Apply a rule to a turn, in games with the same roads at a time where it asks for what differs."""
-        if named.spec.array_form is form:
-            self._play(("rule", named.name), turn, lambda part, _: form(part))
-        else:
-            form(turn)
+        self._play(("rule", named.name), turn, lambda part, _: form(part))
         turn._find_roads()
 
     def stopped(self, name: str, form: Stopping, turn: ArrayTurn, ends: IntArray) -> BoolArray:
@@ -206,35 +189,18 @@ class GameForms:
                 put_locked(of.alive, (np.s_[:],), alive)
         return ask_on_maps()
 
-    def _asked_rows(self) -> list[int]:
-        """Return the numbers of the agents of teams that are asked one by one, those that may come too."""
-        team_of = self.roster.team_of
-        return [] if self.asked is None else np.flatnonzero(np.isin(team_of, team_of[self.asked.agents])).tolist()
-
-    def _forms_of(self, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
-        found: list[tuple[NamedRule, ArrayRule]] = []
-        group: list[NamedRule] = []
-        for one in as_called(self.game.rules):
-            if one.phase != phase:
-                continue
-            form = one.spec.array_form
-            if form is not None:
-                found.append((one, form))
-                group = []
-            elif group:
-                group.append(one)
-            else:
-                group = [one]
-                found.append((one, partial(self.context.call, group)))
-        return found
-
     @property
     def forms(self) -> list[Callable[..., object]]:
-        """The array forms, and what is called that has none."""
-        rules = [form for rules in self.rules.values() for named, form in rules if named.spec.array_form is form]
-        declared = [form for one in self.game.rules if (form := one.spec.array_check) is not None]
-        asked = [] if self.asked is None else self.asked.functions()
-        return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions(), *asked]
+        """The array forms."""
+        rules = [form for rules in self.rules.values() for _, form in rules]
+        checks = [form for one in self.game.rules if (form := one.spec.array_check) is not None]
+        return [*(group.form for group in self.groups), *rules, *checks]
+
+
+def _forms_of(game: PlayedGame, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
+    """Return the rules of a phase in their order, each with its array form."""
+    rules = [one for one in as_called(game.rules) if one.phase == phase]
+    return [(one, form) for one in rules if (form := one.spec.array_form) is not None]
 
 
 def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
@@ -243,12 +209,12 @@ def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
         yield places, view.in_games(places)
 
 
-def _groups(roster: Roster, plans: Mapping[Any, Plan], left_out: Collection[int]) -> list[Group]:
+def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
     """Return the array forms of strategies and plans of agents, each with all agents that have the same."""
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
-        if decider is not None and number not in left_out:
+        if decider is not None:
             found.setdefault((key_of(spec_of(decider).array_form), bool(roster.flies[number])), []).append(number)
     groups = []
     for numbers in found.values():

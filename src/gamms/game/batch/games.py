@@ -15,11 +15,9 @@ from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, Scores
 from gamms.game.batch.forms import spec_of
 from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.one_by_one import OneByOneEngine
-from gamms.game.batch.scalar_rules import called_one_by_one
-from gamms.game.batch.scalar_strategies import FEWEST, why_slower
-from gamms.game.batch.state import Columns
+from gamms.game.batch.state import Columns, NotTakenUp
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import teams_asked, why_not_in_arrays
+from gamms.game.batch.why_not import why_not_decided, why_not_in_arrays
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -33,6 +31,7 @@ from gamms.text import shown
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
 ONE_BY_ONE = "one_by_one=True"
+_FEWEST_WARNED = 16  # games
 _AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays before Ctrl-C is heard
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
 _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
@@ -58,12 +57,13 @@ class BatchSource(NamedTuple):
 class Batch(Fixed):
     """Many games of one kind, each with a seed of its own: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
-    Game i is the one that `scenario.play(seed=seeds[i])` plays. Where strategies, rules and conflicts have array forms,
-    all are played at once; otherwise one after the other, and `slow` says why. A batch is a context manager.
+    Game i is the one that `scenario.play(seed=seeds[i])` plays. Where all strategies, rules and conflicts have array
+    forms, the games are played at once. Otherwise one context is pointed at each game in turn, and `slow` says which
+    part has no array form. A batch is a context manager.
 
     Attributes:
         seeds: of the games, (games,).
-        slow: what has no array form, in words; None: nothing.
+        slow: the first part without an array form, in words; None: all parts have one.
         is_closed: whether `close` was called; results stay.
     """
 
@@ -80,14 +80,14 @@ class Batch(Fixed):
         record: bool,
         most_agents: MostAgents | None,
     ) -> None:
-        self._source, asked = source, teams_asked(source.game)
+        self._source = source
         self._put_public(seeds=seeds, slow=source.follows_seed or why_not_in_arrays(source.game))
         agents = agents_of(source.game)
         self._roster = Roster.of(agents)
         if most_agents is not None:
             self._roster = Roster.of(agents, reserved(self._roster, most_agents))
         self._first_nodes = self._roster.first_nodes(source.game)  # before agents move in that context
-        self._refuse_too_many(BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
+        self._refuse_too_many(BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
         self._put_public(seeds=tuple(seeds), is_closed=False)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
@@ -95,18 +95,9 @@ class Batch(Fixed):
         else:
             self._begin = self._starts(seeds)  # the ids of the nodes where agents begin, (games, agents)
             self._engine = ArrayEngine(source.game, seeds, self._begin.copy(), self._roster)
-        scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
-        self._has_calls = bool(scalar)
-        scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
-        if scalar and self.is_in_arrays:
-            self._put_public(slow=scalar[0])
-        who_are_asked = [one for one in agents if one.team in asked]
-        why = why_slower(source.game, who_are_asked, len(seeds), are_called=self._has_calls)
-        self._why_slower = why if self.is_in_arrays else None  # to be played to the ends
-        self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         plans = source.game.settings()["plans"]
-        may_leave = bool(scalar or source.game.turn) or any(spec_of(decider_of(one, plans)).refuses for one in agents)
-        may_leave &= self.is_in_arrays
+        may_leave = source.game.turn > 0 or any(spec_of(decider_of(one, plans)).refuses for one in agents)
+        self._left: str | None = None  # why the games have left the arrays
         is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
@@ -138,8 +129,6 @@ class Batch(Fixed):
         """End the contexts of the batch."""
         self._put_public(is_closed=True)
         self._source.game.ctx.terminate()
-        if self._apart is not None:
-            self._apart.close()
 
     def _refuse_closed(self) -> None:
         if self.is_closed:
@@ -177,26 +166,33 @@ class Batch(Fixed):
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
         if not self.is_in_arrays:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
-        if self._apart is not None and given:
-            games = [number for number in self.detached if self._apart.over(number) is None]
-            self._apart.check(given, np.array(games, np.int64))
-        before, were_over, is_played = self._engine.turns(), self._engine.is_over, False
+        before, is_played = self._engine.turns(), False
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
-                    if isinstance(self._engine, ArrayEngine):
-                        self._engine.step(given, partial(self._play_apart, given))
-                    else:
-                        self._engine.step(given)
-                    self._play_apart(given)
+                    self._play_turn(given)
                 is_played = True
             finally:
                 if is_played or (self._engine.turns() > before).any():  # or a rule has raised when all had moved
                     self._note(given)
-                else:
-                    self._restart_apart(were_over)
-            self._show_apart()
         return ~self._engine.is_over
+
+    def _play_turn(self, given: Mapping[Hashable, Given]) -> None:
+        try:
+            self._engine.step(given)
+        except NotTakenUp as error:
+            self._leave_arrays(" ".join((f"{error}.", *getattr(error, "__notes__", ()))))
+            self._engine.step(given)
+
+    def _leave_arrays(self, why: str) -> None:
+        """Let the turn engine play all games from their starts to the last turn that was played, and go on there."""
+        engine, log = OneByOneEngine(self._source.game, self._roster, self.seeds), self._log or []
+        for number in range(len(self)):
+            for given in log[self._entry_of(number) :]:
+                if engine.over(number) is None:
+                    engine.step_game(number, given)
+        self._engine, self._left = engine, why
+        self._put_public(slow=why)
 
     def _note(self, given: dict[Hashable, Given]) -> None:
         """Note the actions of a turn that was played."""
@@ -204,45 +200,6 @@ class Batch(Fixed):
             self._log.append(given)
         self._was_given |= self._log is None and bool(given)
         self._steps += 1
-
-    def _play_apart(self, given: Mapping[Hashable, Given] | None = None, *, to_the_end: bool = False) -> None:
-        """Let the turn engine play the games that have left the arrays, from their starts to where the others are.
-
-        Args:
-            given: what agents do in the turn that is being played and not in the log yet; None: there is none.
-            to_the_end: play them from there to their ends.
-        """
-        if not isinstance(self._engine, ArrayEngine) or not self._engine.state.apart:
-            return
-        if self._apart is None:
-            # in a context of its own, for what rules change of the map there is not so in the arrays
-            game = self._source.game.fork(0) if self._source.build is None else self._source.build(self.seeds[0]).game
-            self._apart = OneByOneEngine(game, Roster.of(agents_of(game), self._roster.reserved), self.seeds)
-        apart, log = self._apart, self._log or []
-        turns = (apart.turns() - self._source.game.turn).tolist()  # since the batch began
-        for number in [number for number in self._engine.state.apart if apart.over(number) is None]:
-            missing: Sequence[Mapping[Hashable, Given]] = log[self._entry_of(number) + turns[number] :]
-            if given is not None and turns[number] <= len(log) - self._entry_of(number):
-                missing = [*missing, given]
-            for one in missing:
-                if apart.over(number) is None:
-                    apart.step_game(number, one)
-            if to_the_end and apart.over(number) is None:
-                apart.run(number)
-
-    def _restart_apart(self, were_over: BoolArray) -> None:
-        """Let games that have left the arrays be as they were before a turn that was not played."""
-        if self._apart is not None:
-            for number in [number for number in self.detached if not were_over[number]]:
-                self._apart.start(number, self.seeds[number])
-        self._play_apart()
-        self._show_apart()
-
-    def _show_apart(self) -> None:
-        """Let the arrays say what has become of the games that have left them."""
-        if self._apart is not None and isinstance(self._engine, ArrayEngine):
-            for number in self._engine.state.apart:
-                self._apart.copy_to(self._engine.state, number)
 
     def _as_given(self, team: Hashable, value: object) -> Given:
         """Return actions as they were given, copies where they are kept."""
@@ -262,11 +219,11 @@ class Batch(Fixed):
         )
 
     def run(self, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
-        """Play all games to their ends: one after the other where that is faster, unless some turns were played.
+        """Play all games to their ends.
 
         Args:
             progress: show how far it is on a line of stderr, where that is a terminal.
-            warn: warn once of a rule without an array form, or of what has all games played one after the other.
+            warn: say once in the log which part has no array form.
             threads: how many threads play games of which all parts are in the core; the games are the same with any
                 number. Other games are played by one.
 
@@ -281,19 +238,22 @@ class Batch(Fixed):
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if as_bool(warn, "warn"):
             self._say_what_is_slow()
-        if self._why_slower is not None and not self._steps:
-            self._put_public(slow=self._why_slower)
-            self._why_slower, self._is_said = None, True
-            self._engine = OneByOneEngine(self._source.game, self._roster, self.seeds)
-        with progress_line() as show:
-            if isinstance(self._engine, OneByOneEngine):
-                self._run_one_by_one(self._engine, show if is_shown else None)
-                return
-            if self._engine.is_in_core:
-                self._run_in_core(self._engine, num_threads, show if is_shown else None)
-                return
-            has_log = self._log is not None  # which is of the turns of all games
-            self._engine.play_parts(partial(self._step_and_show, show if is_shown else None), at_once=has_log)
+        with progress_line() as line:
+            show = line if is_shown else None
+            if isinstance(self._engine, ArrayEngine):
+                self._run_in_arrays(self._engine, num_threads, show)
+            if isinstance(self._engine, OneByOneEngine):  # or they have left the arrays
+                self._run_one_by_one(self._engine, show)
+
+    def _run_in_arrays(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
+        """Play games to their ends, as long as they are in arrays."""
+        if engine.is_in_core:
+            self._run_in_core(engine, threads, show)
+        elif self._log is None:
+            engine.play_parts(partial(self._step_and_show, show))
+        else:  # which is of the turns of all games
+            while self._engine is engine and not engine.is_over.all():
+                self._step_and_show(show)
 
     def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
         """Play all games in the core, so many turns at a time that Ctrl-C is heard soon."""
@@ -313,20 +273,17 @@ class Batch(Fixed):
 
     def _step_and_show(self, show: Callable[[str], object] | None) -> None:
         self.step()
-        self._play_apart(to_the_end=True)
-        self._show_apart()
         if show is not None:
             self._show_progress(show)
 
     def _say_what_is_slow(self) -> None:
         if self._is_said or self.slow in (None, ONE_BY_ONE):
             return
-        self._is_said, logger = True, self._source.game.ctx.logger
-        how = "slowed down by" if self.is_in_arrays else "played one game after the other, because of"
-        if len(self) >= FEWEST and (self._has_calls or not self.is_in_arrays):
-            logger.warning(f"A batch is {how} {self.slow}.")
-        elif self.is_in_arrays and (self._steps or self._why_slower is None):
-            logger.info(f"A batch is {how} {self.slow}.")
+        self._is_said = True
+        logger = self._source.game.ctx.logger
+        is_usual = self.slow in why_not_decided(self._source.game).values() or len(self) < _FEWEST_WARNED
+        say = logger.info if is_usual else logger.warning
+        say(f"A batch is played one game after the other, because of {self.slow}.")
 
     def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
         before = engine.turns()
@@ -363,10 +320,9 @@ class Batch(Fixed):
             if seeds is not None:
                 self._begin[numbers] = self._starts(given)
             self._engine.start(np.array(numbers), given, self._begin[numbers])
-        alone = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
-        if alone is not None:
+        else:
             for game, seed in changed.items():
-                alone.start(game, seed)
+                self._engine.start(game, seed)
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
@@ -404,9 +360,8 @@ class Batch(Fixed):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> ArrayEngine:
-        apart = next(iter(self.detached.values()), None)
-        if not isinstance(self._engine, ArrayEngine) or self.slow or apart:
-            why = str(self.slow or apart).removesuffix(".")
+        if not isinstance(self._engine, ArrayEngine):
+            why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} is for games that are played in arrays; these are not, because of {why}.")
         return self._engine
 
@@ -431,8 +386,6 @@ class Batch(Fixed):
         return self._view(np.array([self._roster.names.index(name)]))
 
     def _view(self, agents: IntArray) -> ArrayView:
-        if self._apart is not None:
-            self._apart.refuse_unknown(self.detached)
         return self._engine.view(agents)
 
     @property
@@ -478,13 +431,12 @@ class Batch(Fixed):
 
     def result(self, game: int) -> Result:
         """Return the result of a game so far; of one in arrays its timings are 0."""
-        number = self._as_game(game)
-        return (self._engine if self._apart is None or number not in self.detached else self._apart).result(number)
+        return self._engine.result(self._as_game(game))
 
     @property
     def detached(self) -> dict[int, str]:
-        """The games that have left the arrays, because a rule did what these cannot have: game -> why."""
-        return dict(self._engine.state.apart) if isinstance(self._engine, ArrayEngine) else {}
+        """Game -> why it has left the arrays while it was played: all games, or none."""
+        return {} if self._left is None else dict.fromkeys(range(len(self)), self._left)
 
     def table(self) -> dict[str, Any]:
         """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
@@ -510,7 +462,8 @@ class Batch(Fixed):
         if self._was_given:
             raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
         turns, first = int(self._engine.turns()[number]), self._entry_of(number)
-        num_given = turns if self._apart is None else self._apart.ran_from.get(number, turns)
+        ran_from = self._engine.ran_from if isinstance(self._engine, OneByOneEngine) else {}
+        num_given = ran_from.get(number, turns)
         with self._source.build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             acting = Acting(ctx.game, self._roster)
@@ -549,8 +502,7 @@ class Batch(Fixed):
     @property
     def loaded(self) -> int | None:
         """The number of the game that is played by itself right now; None: games are in arrays."""
-        engine = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
-        return None if engine is None else engine.loaded
+        return self._engine.loaded if isinstance(self._engine, OneByOneEngine) else None
 
     # -- inside -------------------------------------------------------------------------------------------------
 

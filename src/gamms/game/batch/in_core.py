@@ -147,7 +147,7 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
         yield "agents that fly, have no team or may come"
     if any(settings[name] for name in ("order", "deeds", "channels")):
         yield "an order of play, deeds or channels"
-    if here.checks or here.context.functions() or state.headings is not None or any(map(reports_late, roster.agents)):
+    if here.checks or state.headings is not None or any(map(reports_late, roster.agents)):
         yield "what is called, or looks at the games, in a turn"
     for agent in roster.agents:
         decider = decider_of(agent, settings["plans"])

@@ -90,9 +90,6 @@ def left_of(turn: ArrayTurn, moves: Moves, changes: IntArray) -> Moves:
         return moves
     stopped = _are_closed(turn, moves) & moves.goes & is_other[:, None]
     state.counts["blocked"][games] += stopped
-    if state.note_blocked is not None:
-        for at, agent in np.argwhere(stopped).tolist():
-            state.note_blocked(int(games[at]), agent, "its way was closed")
     return moves.without(stopped)
 
 

@@ -1,9 +1,9 @@
 """Plays the games of a batch one after the other in one context, for games of which some part has no array form."""
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
 from gamms.game.batch.movement import Anywhere, Movement, Places
+from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.sight import noted_sensors
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.view import ArrayView
@@ -55,9 +56,8 @@ class OneByOneEngine:
         self._observed = self._nothing_observed()
         self._is_watched = False  # whether games were observed, and probably will be after each turn
         self._is_observed = np.zeros(len(seeds), np.bool_)
-        functions = [agent.strategy for agent in roster.agents] + [one.rule for one in game.rules]
-        functions += [plan.function for plan in game.plans.values()]
-        self._hidden = [HiddenState(one) for one in {id(one): one for one in functions if one is not None}.values()]
+        self._hidden = [HiddenState(one) for one in _functions_of(game, roster)]
+        self._played = 0  # turns, and games that were played to their ends
 
     def close(self) -> None:
         """End the context."""
@@ -163,9 +163,9 @@ class OneByOneEngine:
         self._refuse_hidden()
 
     def _refuse_hidden(self) -> None:
-        """Refuse what has remembered the first game where the others would find it."""
-        hidden, self._hidden = self._hidden, []
-        for one in hidden:
+        """Refuse what has remembered a game where the others would find it; looked at in turns that get rarer."""
+        self._played += 1
+        for one in () if self._played & (self._played - 1) else self._hidden:
             changed = one.changed("A batch plays its games in turns: keep it in state['memory'] or ctx.game.data.")
             if changed:
                 raise BadValue(changed)
@@ -183,6 +183,9 @@ class OneByOneEngine:
         """Return what agents observe, in all games."""
         before = self.loaded
         self._observe_all(np.arange(len(self.seeds)))
+        for roads, _ in self._observed.roads.by_map(np.arange(len(self.seeds))):
+            if roads is not None:
+                roads.world = None  # which has what was legal before
         if before is not None:  # whose context may be looked at
             self._load(before)
         return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
@@ -203,21 +206,10 @@ class OneByOneEngine:
                     "it to the map of this game, and arrays have the nodes that are there at the start. Have it there."
                 )
 
-    def copy_to(self, state: GameArrays, number: int) -> None:
-        """Let arrays say what has become of a game."""
-        if not self._is_observed[number]:
-            self._load(number)
-            self._observe(number)
-        seen, over = self._observed, self._over[number]
-        state.turn[number], state.node[number] = self._turns[number], seen.node[number]
-        state.alive[number], state.is_there[number] = seen.alive[number], seen.is_there[number]
-        state.over[number], state.is_going[number] = over, over is None
-        state.scores.put(number, self._scores[number])
-        state.observed_apart = seen
-        state.now.clear()
-
     def _nothing_observed(self) -> GameArrays:
-        movement, shape = movement_of(self._game, self._roster), (len(self.seeds), len(self._roster.names))
+        movement = movement_of(self._game, self._roster, may_reopen=True, is_detached=True)
+        shape = len(self.seeds), len(self._roster.names)
+        self._roads_at_start = self._game.ctx.graph.graph.revision
         self._flyers = [i for i, agent in enumerate(self._roster.agents) if agent.type is AgentType.AERIAL]
         agents = range(len(self._roster.agents))
         self._odd = [i for i in agents if i in self._flyers or not movement.are_plain(np.array([i]))]
@@ -254,6 +246,7 @@ class OneByOneEngine:
         state.is_there[number] = [name in known for name in self._roster.names] | self._roster.is_first
         nodes = state.streets.rows([agent.current_node_id for agent in agents])
         state.turn[number], state.node[number] = self._game.turn, nodes
+        state.put_roads(np.array([number]), self._roads())
         state.alive[number] = [name in known and known[name].alive for name in self._roster.names]
         self._is_observed[number] = True
         state.now.clear()
@@ -272,6 +265,16 @@ class OneByOneEngine:
             place = None if progress is None else located(ctx.graph.graph, progress)
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
+
+    def _roads(self) -> RoadMap | None:
+        """Return which roads are open in the game that the context has; None: those of the start, or it has others."""
+        graph = self._game.ctx.graph
+        if graph.graph.revision == self._roads_at_start:
+            return None
+        try:
+            return self._observed.roads.map_with(*graph.storage.roads())
+        except (BadValue, UnknownName):
+            return None
 
     def _note_legal(self, noted: "Noted", number: int, nodes: IntArray, odd: Iterable[int]) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay; some go oddly."""
@@ -355,6 +358,18 @@ class OneByOneEngine:
         return result
 
 
+def _functions_of(game: PlayedGame, roster: Roster) -> list[Callable[..., object]]:
+    """Return the functions that decide, rule and collect in a game, each once."""
+    conflicts = game.settings()["conflicts"]
+    functions = [agent.strategy for agent in roster.agents]
+    functions += [plan.function for plan in game.plans.values()]
+    for one in game.rules:
+        functions += [one.rule, getattr(one.rule, "check", None)]
+    functions += [one.fn for one in game.internals.parts.collectors.by_name.values()]
+    functions.append(None if conflicts is None else conflicts.resolve)
+    return [*{id(one): one for one in functions if one is not None}.values()]
+
+
 def note_sights(state: GameArrays, ctx: HostContext, turns: TurnEngine, number: int) -> None:
     """Note what sensors show in the game of a context that only its turn engine can ask."""
     numbers = {name: i for i, name in enumerate(state.roster.names)}
@@ -388,7 +403,7 @@ class Noted(Movement):
     """
 
     def __init__(self, movement: Movement) -> None:
-        super().__init__(movement.streets)
+        super().__init__(movement.streets, movement.whole, movement.closed)
         self._movement, self.leaves_nodes = movement, movement.leaves_nodes
         self.is_plain = movement.is_plain  # while no agent was noted by itself
         self._noted = set[int]()  # agents that were
@@ -398,6 +413,12 @@ class Noted(Movement):
     def width(self) -> int:
         """How many actions there are; see `Movement`."""
         return self._movement.width
+
+    def on(self, roads: RoadMap) -> Self:
+        """Return how the same agents go in games that have a map of their own, where they have noted the same."""
+        own = super().on(roads)
+        own.is_plain = False
+        return own
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which stay."""

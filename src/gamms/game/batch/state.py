@@ -285,7 +285,6 @@ class GameArrays:
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
-        note_blocked: notes why an agent of a game does not do what it wanted; None: no strategy asks for it.
         errors: of each game, in order.
         deeds: what agents may do besides moving, and did.
         radio: by what agents send messages, and what was sent; None: by nothing.
@@ -296,8 +295,6 @@ class GameArrays:
         is_going: (games,) which have not ended.
         roads: which are open in each game.
         change_roads: opens or closes roads in games, by ids of edges.
-        apart: games that the turn engine plays, by their numbers, and why.
-        observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         placed: (games, agents) which were put where they are since they moved in this turn.
         numbers: the further numbers of agents, name -> (games, agents); see `ir.schema.NUMBERS`.
@@ -306,13 +303,12 @@ class GameArrays:
         has_begun: whether games begin after some turns; what forms keep of these must be in `first` then.
         takes_up: (agents,) whether all that the strategy of an agent keeps of these turns is in `first`.
         why_not_first: why it is not.
-        collected: game -> name -> columns of what was collected.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
-        headings: which way agents look, if their sensors turn with them or rules are called that have no array form.
+        headings: which way agents look, if their sensors turn with them.
         drawn, looks: (games, agents) how much agents that are asked at arrivals have drawn in this turn, and how often
             they have looked around.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
@@ -320,7 +316,6 @@ class GameArrays:
     """
 
     change_roads: Callable[[IntArray, tuple[int, ...], bool], None]
-    note_blocked: Callable[[int, int, str | None], None] | None = None
     flyers: Flyers | None = None
     last_flights: Flights | None = None
     why_not_first = ""
@@ -330,8 +325,6 @@ class GameArrays:
         games, shape = len(seeds), (len(seeds), len(roster.names))
         movement.begin(shape)
         self.start, self.node = start, start.copy()
-        self.apart: dict[int, str] = {}
-        self.observed_apart: GameArrays | None = None
         self.roads = movement.all_roads
         self._of_maps: World | None = None  # of games that have several maps
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
@@ -352,7 +345,6 @@ class GameArrays:
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(roster.names), np.bool_)
         self.facts, self.events = dict[str, Any](), EventLog(games, roster.names, movement.streets)
-        self.collected = dict[int, dict[str, dict[str, list[Any]]]]()
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.heights: FloatArray | None = None
@@ -374,8 +366,6 @@ class GameArrays:
         """Begin some games again, before `Beginning.put`."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
-            self.apart.pop(game, None)
-            self.collected.pop(game, None)
         if self.flyers is not None:
             self.flyers.begin(games, start)
             if self.last_flights is not None:
@@ -562,12 +552,10 @@ class GameArrays:
 
     def note_failure(self, failure: Failure) -> None:
         """Note in the log of a game what an agent did wrong, and let it know."""
-        game, _, agent, kind, message, why = failure
+        game, _, agent, kind, message = failure
         self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
         name, turn = self.roster.names[agent], int(self.turn[game])
         self.errors[game].append({"turn": turn, "agent": name, "kind": kind, "message": message})
-        if self.note_blocked is not None:
-            self.note_blocked(game, agent, why)
 
     def purposes(self, *purpose: str | int) -> BitArray:
         """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""
