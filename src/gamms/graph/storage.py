@@ -3,7 +3,6 @@
 Programs use `ctx.graph.save` and `ctx.graph.load`; `ctx.graph.storage` is for engines and clients.
 """
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -70,7 +69,6 @@ class MapStorage(Guarded, IMapStorage):
         self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
         self._restored_obstacles: dict[int, int] = {}  # likewise
         self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_now` and `_packed_map`
-        self._read = store.revision, store.road_changes  # when the graph of `restore_when_read` was read
 
     def contents(self) -> "SavedMap":
         """Return all that a file holds."""
@@ -165,29 +163,6 @@ class MapStorage(Guarded, IMapStorage):
         self._obstacles.share(obstacles)
         self.visibility_rows = snapshot.visibility_rows
         self._packed = self._now(), snapshot.packed
-
-    @refused_while_deciding
-    def restore_when_read(
-        self, before: MapSnapshot, edges: Callable[[], GraphColumns] | None, closed: ClosedEdges
-    ) -> None:
-        """Restore the graph of a snapshot, which may have other edges, once edges are asked for."""
-        store = self._store
-
-        def become() -> None:
-            if edges is None:
-                store.share(before.tables()[0])
-            else:
-                store.replace(edges(), before.attribution, before.scenery, closed)
-            self._read = store.revision, store.road_changes
-
-        store.become_when_read(become)
-
-    def has_other_roads(self) -> bool | None:
-        """Whether roads were closed, opened or removed since `restore_when_read`; None: the map changed otherwise."""
-        if self._store.is_unread:
-            return False
-        revision, changes = self._store.revision - self._read[0], self._store.road_changes - self._read[1]
-        return revision > 0 if revision == changes else None
 
     def roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of the edges, in their order, and those that are closed."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterable
 from copy import deepcopy
 from itertools import islice
 from math import isfinite
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 from weakref import WeakSet
 
 import numpy as np
@@ -26,7 +26,6 @@ _MOST_NEIGHBORHOODS = 1 << 18
 _FEW, _MANY = 32, 4096  # neighbourhoods that are asked for before they are read from arrays, and of large graphs
 _ENTRY_BYTES = 512  # about: of a cache, besides what the arrays hold
 _SHARE = 8  # when one node in so many was asked for, the neighbourhoods of all are made
-_LATE = ("edges", "indexes", "closed", "revision", "_columns")  # attributes that say which edges there are
 _GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
@@ -111,7 +110,6 @@ class GraphStore:
         attribution: whom the data is by.
         scenery: what is drawn and blocks no sight, or its name; None: there is none.
         closed: id -> edge that was closed, as `add_edge` takes it; never changed, but replaced by another dict.
-        road_changes: how many of the changes were that an edge was closed, opened or removed.
     """
 
     edges: EdgeTable
@@ -119,10 +117,9 @@ class GraphStore:
     closed: ClosedEdges
     revision: int
     _columns: GraphColumns | None
-    _become: tuple[Callable[[], object], int] | None = None  # see `become_when_read`; and the revision before
 
     def __init__(self) -> None:
-        self.revision, self.road_changes = -1, 0
+        self.revision = -1
         self._sharers: WeakSet[GraphStore] | None = None  # itself, and the stores that have the same tables
         self._askers: WeakSet[GraphStore] = WeakSet()  # of these, those that ask for neighbourhoods here
         self.neighborhoods = Neighborhoods(self)
@@ -216,7 +213,6 @@ class GraphStore:
         self.own()
         self._drop_edge(self.edges.find(edge_id))
         self.revision += 1
-        self.road_changes += 1
         self._compact()
 
     def close_edges(self, ids: Iterable[int]) -> None:
@@ -230,32 +226,7 @@ class GraphStore:
             self._drop_edge(row)
         self.closed = closed
         self.revision += 1
-        self.road_changes += 1
         self._compact()
-
-    def become_when_read(self, become: Callable[[], object]) -> None:
-        """Call `become`, which gives this other edges, when these are asked for."""
-        revision = self._become[1] if self._become is not None else self.revision
-        self._stop_sharing()
-        for name in _LATE:
-            vars(self).pop(name, None)
-        self._become = become, revision
-        self.neighborhoods.clear()
-
-    @property
-    def is_unread(self) -> bool:
-        """Whether nothing has asked for edges since `become_when_read`."""
-        return self._become is not None
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Let it have other edges; called only for attributes that are not there until then."""
-            if name not in _LATE or self._become is None:
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            (become, self.revision), self._become = self._become, None
-            become()
-            return vars(self)[name]
 
     def close(self) -> None:
         """Release everything; whatever is asked of the graph from now on raises ContextTerminated."""

@@ -133,11 +133,6 @@ class DetectionModel(Guarded):
         """Forget how many looks there were."""
         self._looks.clear()
 
-    @refused_while_deciding
-    def continue_from(self, owner: str | None, turn: int, looks: int) -> None:
-        """Let the next look of an owner be the one after so many others in a turn."""
-        self._looks[owner] = turn, looks
-
     def repeated(self) -> "DetectionModel":
         """Return a copy whose next look draws what the last one of this turn drew, and changes nothing here."""
         twin = copy(self)

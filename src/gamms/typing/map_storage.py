@@ -1,7 +1,6 @@
 """Contracts of maps, which are a graph and its obstacles, as bytes and as snapshots; for engines, not for programs."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
@@ -100,22 +99,8 @@ class IMapStorage(ABC):
         """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
 
     @abstractmethod
-    def restore_when_read(self, before: Any, edges: Callable[[], GraphColumns] | None, closed: ClosedEdges) -> None:
-        """Restore the graph of a snapshot, which may have other edges, once edges are asked for.
-
-        Args:
-            before: the snapshot.
-            edges: returns that graph with other edges; None: it has its own.
-            closed: id -> edge, of those that are closed.
-        """
-
-    @abstractmethod
-    def has_other_roads(self) -> bool | None:
-        """Whether roads were closed, opened or removed since `restore_when_read`; None: the map changed otherwise."""
-
-    @abstractmethod
     def roads(self) -> tuple[IntArray, ClosedEdges]:
-        """Return the ids of the edges, in their order, and those that are closed, as `restore_when_read` takes them."""
+        """Return the ids of the edges, in their order, and those that are closed."""
 
     @abstractmethod
     def detached(self) -> tuple[GraphColumns, RouteQueries]:

@@ -8,7 +8,7 @@ import numpy as np
 from gamms import kernels
 from gamms.game.batch.movement import AIMS, BY_HOPS, ENDLESS, LIMITED, Movement, Moves, Paths
 from gamms.game.batch.roads import RoadMap
-from gamms.game.legality import SLACK, ResolvedAction, edges_within
+from gamms.game.legality import SLACK, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -328,26 +328,9 @@ class ByEdges(Movement):
         paths = Paths(nodes, times, lengths, stays, np.zeros_like(stays), np.ones_like(stays))
         return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (-1, 0.0))
 
-    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
-        """Return the moves of agents that go as the turn engine has found, (agents,)."""
-        moves, on = super().moves_of(actions), [(i, one.progress) for i, one in enumerate(actions) if one.progress]
-        begun, covered = np.full(moves.ends.shape, -1), np.zeros(moves.ends.shape)
-        for i, place in on:
-            begun[i], covered[i] = self.streets.rows(place.target), place.share
-        return moves._replace(goes=moves.goes | (begun >= 0), progress=(begun, covered))
-
     def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
         """Return which edges agents have begun, and how much of them."""
         return zip((self.begun, self.covered), moves.progress, strict=True)
-
-    def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
-        """Return what agents have covered of edges."""
-        found, begun, ids = super().progress(node, games), self.begun[games], self.streets.ids
-        on = np.nonzero(begun >= 0)
-        columns = (*on, ids(node[on]), ids(begun[on]), self.covered[games][on])
-        for at, agent, source, target, share in zip(*(column.tolist() for column in columns), strict=True):
-            found[at][agent] = Progress(source, target, share)
-        return found
 
 
 class _Way:

@@ -30,7 +30,6 @@ class Flown(NamedTuple):
     quat: Quat | None
 
 
-InAir = tuple[Position, Position, Quat]
 """Where an agent was before it flew last, where it is, and how it is turned."""
 
 
@@ -236,19 +235,6 @@ class Flyers:
     def put_into(self, places: FloatArray, games: IntArray) -> None:
         """Write where they are in some games into places of all agents, (games, agents, 3) or their first two."""
         places[:, self.agents] = self.xyz[games, :, : places.shape[-1]]
-
-    def places(self, games: IntArray, which: IntArray | slice = np.s_[:]) -> list[list[InAir]]:
-        """Return where they are in some games, or some of them, by their places in `agents`."""
-        columns = (
-            [[*map(tuple, of_game)] for of_game in column[games][:, which].tolist()]
-            for column in (self.before, self.xyz, self.quat)
-        )
-        return [[*zip(*of_game, strict=True)] for of_game in zip(*columns, strict=True)]
-
-    def put(self, game: int, agent: int, place: InAir) -> None:
-        """Put one of them, by its number in the roster, somewhere in a game, as `places` says it."""
-        which = np.searchsorted(self.agents, agent)
-        self.before[game, which], self.xyz[game, which], self.quat[game, which] = place
 
 
 def steps(here: FloatArray, ways: FloatArray, far: FloatArray) -> FloatArray:

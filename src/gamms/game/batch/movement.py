@@ -1,7 +1,7 @@
 """Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -15,12 +15,10 @@ from gamms.game.batch.flights import Flights
 from gamms.game.batch.roads import OpenRoads, RoadMap
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.legality import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.typing.game import Leg
 from gamms.typing.on_edges import Lines
 
 NO_ACTION = -1  # of agents for which the scalar form of a strategy sets none
@@ -33,7 +31,6 @@ _MOST_ACTIONS = 4096  # that masks and vectors have
 
 
 Which = tuple[IntArray | slice, IntArray]  # games and agents, as an index
-Index = tuple[IntArray | slice, IntArray | slice]  # likewise
 
 
 class Places(NamedTuple):
@@ -316,14 +313,6 @@ class Moves(NamedTuple):
         return Paths(np.stack((self.starts, self.ends), axis=-1), times, lengths, ~self.goes, ~rests, rests)
 
 
-class Route(NamedTuple):
-    """A way along nodes that a strategy gives: the game of the turn, the number of the agent, and what it does."""
-
-    at: int
-    agent: int
-    action: ResolvedAction
-
-
 class Movement:
     """Agents that go along one edge in a turn, or stay.
 
@@ -501,16 +490,6 @@ class Movement:
         ends = self.nodes(self.choices(node, (games[:, None], np.arange(node.shape[1]))), actions)
         return Moves(node, ends, ends != node)
 
-    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
-        """Return the moves of agents that go as the turn engine has found, (agents,)."""
-        lengths = np.array([len(action.path) for action in actions])
-        most, steps = int(lengths.max()), np.arange(int(lengths.max()))
-        nodes = self.streets.rows([action.path + action.path[-1:] * (most - len(action.path)) for action in actions])
-        times = np.where(steps < lengths[:, None], steps / np.maximum(lengths - 1, 1)[:, None], np.inf)
-        waits, stays = (lengths > 1) & (nodes[:, 0] == nodes[:, min(1, most - 1)]), lengths == 1
-        paths = Paths(nodes, times, lengths, stays, waits, np.ones_like(stays))
-        return Moves(nodes[:, 0], nodes[:, -1], ~stays, paths)
-
     def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
         """Return what is left of moves for the next turn: the columns of all games, and the values of some."""
         return ()
@@ -522,14 +501,6 @@ class Movement:
                 column[games] = values
             else:
                 column[np.ix_(games, agents)] = values[:, agents]
-
-    def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
-        """Return what agents on these nodes have covered of edges, as blocks hold it: of each game agent -> it."""
-        return [{} for _ in games]
-
-    def legs(self, paths: Paths) -> dict[tuple[int, int], tuple[list[Leg], Progress | None]]:
-        """Return what agents cover of edges in a turn, and where they end: (game, agent) -> of those by metres."""
-        return {}
 
 
 class Anywhere(Movement):
@@ -546,10 +517,6 @@ class Anywhere(Movement):
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
         return self._without_legs(super().moves(node, actions, games))
-
-    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
-        """Return the moves of agents that go as the turn engine has found, (agents,)."""
-        return self._without_legs(super().moves_of(actions))
 
     def _without_legs(self, moves: Moves) -> Moves:
         if self.turn_seconds is None:

@@ -12,7 +12,7 @@ from gamms.game.batch.columns import Roster, places_of, some_rows
 from gamms.game.batch.reports import Lookout, World, reports, split
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import mask_of_pairs
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
@@ -94,20 +94,6 @@ class Seen(NamedTuple):
         if getattr(chosen, "dtype", None) == np.bool_:
             return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
         return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
-
-
-class SeenInSpace(NamedTuple):
-    """The agents that agents see from the air, as pairs.
-
-    Attributes:
-        at, viewers, others: (pairs,) see `Seen`.
-        xyz: (pairs, 3) where it is seen.
-    """
-
-    at: IntArray
-    viewers: IntArray
-    others: IntArray
-    xyz: FloatArray
 
 
 def looks_of(
@@ -259,13 +245,3 @@ def seen(
     looking, shown_agents = split(keys, roster)
     at, viewers = split(looking, len(agents))
     return Seen((len(games), len(agents), roster), at, viewers, shown_agents, nodes)
-
-
-def seen_from_air(state: GameArrays, games: IntArray, asked: BoolArray, looks: Sequence[Lookout]) -> SeenInSpace:
-    """Return which agents some agents see from the air, of whom each carries one of the sensors."""
-    world, none = World(state, games), np.zeros(0, np.int64)
-    found: list[tuple[IntArray, IntArray, IntArray, FloatArray]] = [(none, none, none, np.zeros((0, 3)))]
-    for lookout in looks:
-        for at, carriers, others, places in reports(world, lookout, asked, with_own=True):
-            found.append((at, lookout.columns[carriers], lookout.others[others], places))
-    return SeenInSpace(*(np.concatenate(columns) for columns in zip(*found, strict=True)))

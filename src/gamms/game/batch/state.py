@@ -577,15 +577,6 @@ class GameArrays:
             self._draw_keys[purpose] = kernels.first_key_rows(self.purposes(purpose)[:, None], self.roster.keys[None])
         return self._draw_keys[purpose]
 
-    def note_events(self, game: int, events: Sequence[Mapping[str, Any]]) -> None:
-        """Note events that are in the log of a game already."""
-        self.events.note(game, events)
-        for event in events:
-            stopped = event.get(STOPPED.get(event["kind"], ""))
-            if stopped in self.roster.names:
-                self.stops[game, self.roster.names.index(stopped)] += 1
-            self.note_put_back(Emitted.of(game, event))
-
     def note_put_back(self, events: Emitted) -> None:
         """Note when and where agents were put back, if these events say so and that is kept."""
         if PUT_BACK in self.kept and events.kind == "respawned" and {"agent", "node"} <= events.fields.keys():

@@ -22,18 +22,15 @@ from gamms.game.batch.movement import (
     Moves,
     Paths,
     Places,
-    last_motion,
 )
 from gamms.game.batch.reach import Choices, Maps, TravelTerms
 from gamms.game.batch.roads import RoadMap
-from gamms.game.legality import ResolvedAction
 from gamms.game.moves import SHORT
 from gamms.game.streets import Streets
 from gamms.game.travel import Trips, no_way, one_way
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.typing.game import Leg
 
 _FIRST_ROOM = 4  # legs of an agent in a turn
 _ALONG = 1 << 62  # actions from here on lead to an end of an edge, and along it; see `ByMetres.along`
@@ -123,33 +120,6 @@ class ByMetres(Movement):
         may_go = (motion != Motion.BACK) | (self.backs(edge, which[0]) >= 0)
         going: BoolArray = (edge >= 0) & (motion != Motion.STOPPED) & may_go & self.terms.decides_at_arrivals
         return going
-
-    def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
-        """Return where on edges agents are."""
-        found = super().progress(node, games)
-        edge, share, motion = (column[games] for column in (self.edge, self.share, self.motion))
-        for at, agent in np.argwhere(edge >= 0).tolist():
-            found[at][agent] = self._place(int(edge[at, agent]), share[at, agent].item(), motion[at, agent].item())
-        return found
-
-    def legs(self, paths: Paths) -> dict[tuple[int, int], tuple[list[Leg], Progress | None]]:
-        """Return what agents cover of edges in a turn, and where they end."""
-        found: dict[tuple[int, int], tuple[list[Leg], Progress | None]] = {}
-        if paths.legs is None or paths.edge is None or paths.motion is None:
-            return found
-        motion, columns, ids = paths.motion.tolist(), self.columns, self.columns.edge_ids.tolist()
-        for at, agent, number in np.argwhere(paths.legs.edge >= 0).tolist():
-            row, back, begin, end, since, until = (column[at, agent, number].item() for column in paths.legs)
-            source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
-            leg = Leg(source, target, ids[row], begin, end, since, until, None if back < 0 else ids[back])
-            ended = self._place(row, end, motion[at][agent]) if paths.edge[at, agent] >= 0 else None
-            found[at, agent] = [*found.get((at, agent), ([],))[0], leg], ended
-        return found
-
-    def _place(self, row: int, share: float, motion: int) -> Progress:
-        columns = self.columns
-        source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
-        return Progress(source, target, share, int(columns.edge_ids[row]), Motion(motion))
 
     def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
         """Return the places where moves begin and end: nodes, and behind them edges."""
@@ -282,29 +252,6 @@ class ByMetres(Movement):
         return _ALONG + 2 * (starts * self.streets.num_nodes + ends) + is_from_node
 
     # -- moves ----------------------------------------------------------------------------------------------------
-
-    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
-        """Return the moves of agents that go as the turn engine has found, (agents,)."""
-        ends = [[leg for leg in action.legs if leg.end in (0.0, 1.0)] for action in actions]  # who turns comes back
-        nodes = [tuple([leg.target if leg.end else leg.source for leg in legs]) for legs in ends]
-        pairs = zip(actions, nodes, strict=True)
-        moves = super().moves_of([action._replace(path=action.path[:1] + passed) for action, passed in pairs])
-        row, paths = {one: i for i, one in enumerate(self.columns.edge_ids.tolist())}, moves.as_paths()
-        shape = len(actions), max(len(action.legs) for action in actions)
-        legs = Legs(np.full(shape, -1), np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
-        edge, share = np.full(len(actions), -1), np.zeros(len(actions))
-        for i, action in enumerate(actions):
-            paths.times[i, 1 : 1 + len(ends[i])] = [leg.until for leg in ends[i]]
-            for number, leg in enumerate(action.legs):
-                back = -1 if leg.back is None else row[leg.back]
-                for column, value in zip(legs, (row[leg.edge], back, *leg[3:7]), strict=True):
-                    column[i, number] = value
-            if action.progress is not None:
-                edge[i], share[i] = row[action.progress.edge], action.progress.share
-        stays = np.asarray((legs.edge < 0).all(axis=-1))
-        waits = np.zeros_like(stays)
-        paths = paths._replace(legs=legs, edge=edge, motion=last_motion(legs), stays=stays, waits=waits, rests=edge < 0)
-        return moves._replace(goes=(legs.begin != legs.end).any(axis=-1), paths=paths, progress=(edge, share))
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
