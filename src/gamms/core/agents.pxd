@@ -19,6 +19,23 @@ cdef class AgentColumns:
     cdef i64 _node_of(self, Py_ssize_t row) except? -1
 
 
+@cython.final
+cdef class Moves:
+    cdef i64[::1] starts, ends
+
+
+@cython.final
+cdef class MovingAgents:
+    cdef AgentColumns columns
+    cdef const i64[::1] rows
+    cdef int[::1] counts
+
+    @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)
+    cpdef int begin(self, Moves moves) except -1
+    @cython.locals(i=Py_ssize_t)
+    cpdef int count(self, Moves moves) except -1
+
+
 cdef class AgentView:
     cdef public object _phase, _ctx, _near, strategy, _sensor_list, _shared
     cdef public AgentColumns _block

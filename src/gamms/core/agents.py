@@ -83,6 +83,49 @@ class AgentColumns:
         return self._nodes[row]
 
 
+class Moves:
+    """Where agents of one game begin and end a turn.
+
+    Attributes:
+        starts, ends: (agents,) ids of nodes.
+    """
+
+    def __init__(self, starts: memoryview[int], ends: memoryview[int]) -> None:
+        self.starts = starts
+        self.ends = ends
+
+
+class MovingAgents:
+    """The agents of one game that take part in a turn.
+
+    Attributes:
+        columns: of all agents.
+        rows: (agents,) of these.
+        counts: (agents,) how often each has gone to another node.
+    """
+
+    def __init__(self, columns: AgentColumns, rows: memoryview[int], counts: memoryview[int]) -> None:
+        self.columns = columns
+        self.rows = rows
+        self.counts = counts
+
+    def begin(self, moves: Moves) -> int:
+        """Let the moves begin where the agents are, and end there as long as nothing else is decided (IndexError)."""
+        columns = self.columns
+        for i in range(len(self.rows)):
+            node = columns._node_of(self.rows[i])
+            moves.starts[i] = node
+            moves.ends[i] = node
+        return 0
+
+    def count(self, moves: Moves) -> int:
+        """Count the moves that end elsewhere than they begin."""
+        for i in range(len(self.rows)):
+            if moves.starts[i] != moves.ends[i]:
+                self.counts[i] += 1
+        return 0
+
+
 class AgentView:
     """An agent: a view of a row of columns, with sensors and a strategy.
 

@@ -1,5 +1,6 @@
 cimport cython
 
+from gamms.core.agents cimport Moves
 from gamms.core.sight cimport Sight, Views
 
 cdef extern from "Python.h":
@@ -27,7 +28,7 @@ cdef class Individual:
 cdef dict look_around(object known, Sensing look, object here)
 @cython.locals(sensed=dict, seen=list, look=Sensing)
 cdef dict sense_all(tuple carried, object phase, object moment, object alike, object here, object legal)
-@cython.locals(staying=list, sensed=dict, state=dict, one=Individual, place=Py_ssize_t, has_memories=bint)
+@cython.locals(sensed=dict, state=dict, one=Individual, place=Py_ssize_t, i=Py_ssize_t, has_memories=bint, here=object)
 cpdef int ask_each(
-    object answers, object phase, list individuals, list sensors, list slots, object starts, object near, object alike
+    object answers, object phase, list individuals, list sensors, list slots, Moves moves, object near, object alike
 ) except -1

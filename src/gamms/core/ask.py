@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gamms.core.agents import Moves
 from gamms.core.form import as_dict
 from gamms.core.sight import Sight
 
@@ -131,7 +132,7 @@ def ask_each(
     individuals: list[Individual],
     sensors: list[tuple[Sensing, ...]],
     slots: Any,
-    starts: Any,
+    moves: Moves,
     near: Any,
     alike: Any,
 ) -> int:
@@ -141,29 +142,25 @@ def ask_each(
     deciding for the phase.
 
     Args:
-        answers: takes the answers. `ends` is written by slot, `staying` gets the slots of those that stay; `ask`,
-            `take`, `fail`, `wait_for`, `note` and `team_memory` do what is not plain; `make` makes a state of a
-            template.
+        answers: takes the answers: `ask`, `take`, `fail`, `wait_for`, `note` and `team_memory` do what is not plain;
+            `make` makes a state of a template.
         phase: its `agent` says who decides, its `moment` changes where the world may have changed.
         individuals: the agents.
         sensors: those of each.
         slots: their numbers.
-        starts: the nodes that they are on.
+        moves: of all agents, by slot; the ends of theirs are written.
         near: node -> the nodes that are legal along one edge.
         alike: by number, what sensors that look alike share: a `Sight`, `Views`, or None.
     """
-    ends = answers.ends_to_write()
     make = answers.make
     shared = answers.state.team_memories
     turn = answers.state.turn
     moment = phase.moment
-    staying: list[Any] = []
-    answers.staying = staying
     has_memories = bool(shared)
     for place in range(len(individuals)):
         one = individuals[place]
         i = slots[place]
-        here = starts[place]
+        here = moves.starts[i]
         if one.template is None:
             answers.ask(i, None)
             continue
@@ -187,9 +184,7 @@ def ask_each(
             answers.fail(i, state, error)
             continue
         if type(action) is int and action in legal:
-            ends[i] = action
-            if action == here:
-                staying.append(i)
+            moves.ends[i] = action
         else:
             answers.take(i, state)
         mine = state.get("team_memory")

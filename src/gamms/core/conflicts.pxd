@@ -1,6 +1,7 @@
 cimport cython
 
 from gamms.core cimport draws
+from gamms.core.agents cimport Moves
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -64,5 +65,5 @@ cdef class Numbering:
     cdef i64[::1] keys, ids, numbers
     cdef i32[::1] slots, used
 
-    @cython.locals(i=Py_ssize_t)
-    cpdef int number(self, const i64[::1] starts, const i64[::1] ends) except -1 nogil
+    @cython.locals(i=Py_ssize_t, agents=Py_ssize_t)
+    cpdef int number_moves(self, Moves moves) except -1 nogil

@@ -12,6 +12,7 @@ Who of equals wins, and in which order contests stand, never depends on the orde
 from __future__ import annotations
 
 from gamms.core import draws
+from gamms.core.agents import Moves
 
 NEVER = 1 << 62  # the rank of an agent that wins no contest
 UNRANKED = NEVER + 1  # and of one that has no rank: if it is in a contest, it stays as `NEEDS_RANK`
@@ -492,9 +493,10 @@ class Numbering:
         self.slots = slots
         self.used = used
 
-    def number(self, starts: memoryview[int], ends: memoryview[int]) -> int:
-        """Number the ids of the places where moves begin and end; return how many different ones there are."""
-        for i in range(len(starts)):
-            self.ids[i] = starts[i]
-            self.ids[len(starts) + i] = ends[i]
+    def number_moves(self, moves: Moves) -> int:
+        """Number the ids of the nodes where moves begin and end; return how many different ones there are."""
+        agents = len(moves.starts)
+        for i in range(agents):
+            self.ids[i] = moves.starts[i]
+            self.ids[agents + i] = moves.ends[i]
         return number_ids(self.ids, self.keys, self.slots, self.used, self.numbers)

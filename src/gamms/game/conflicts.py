@@ -16,6 +16,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text
 from gamms.core import conflicts as core
+from gamms.core.agents import Moves
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
 from gamms.ir.agents import as_ids
@@ -177,10 +178,9 @@ class Conflicts:
             UnknownName (KeyError): no node has the attribute with the capacities.
         """
         listed = sorted(moves.values(), key=_name_of)
-        starts, ends = ([move.places[which] for move in listed] for which in (0, 1))
+        starts, ends = [[move.places[which] for move in listed] for which in (0, 1)]
         agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], ctx.seed)
-        has_edges = EdgePlace in set(map(type, (*starts, *ends)))
-        found = agents.losers(starts, ends, lambda rows: [listed[i] for i in rows], ctx, has_edges=has_edges)
+        found = agents.losers((starts, ends), None, ctx.game.turn, lambda rows: [listed[i] for i in rows], ctx)
         return {listed[i].agent for i in found}
 
 
@@ -222,13 +222,17 @@ class TurnConflicts:
 
     def __init__(self) -> None:
         self._agents: _Agents | None = None
-        self._key: tuple[Any, ...] = ()  # what these depend on
+        self._order: TurnOrder | None = None  # what these depend on
+        self._conflicts: IConflicts | None = None
+        self._key: tuple[Any, ...] = ()
 
     def losers(
         self,
         conflicts: IConflicts,
         order: TurnOrder,
+        turn: int,
         places: tuple[Sequence[Any], Sequence[Any]],
+        moves: Moves | None,
         moves_of: Callable[[list[int]], Mapping[str, Move]],
         ctx: HostContext,
     ) -> list[int]:
@@ -237,17 +241,19 @@ class TurnConflicts:
         Args:
             conflicts: of the game.
             order: the living agents.
+            turn: how many turns were played.
             places: where each begins and ends, ids of nodes, or edges, by slot.
+            moves: the same, as the core has it, where no agent is on an edge; None: some may be.
             moves_of: returns the moves of slots, by name and in their order.
             ctx: of the game.
         """
         whole = order.whole
-        key = order, conflicts, getattr(conflicts, "allow_swaps", None), ctx.seed
-        if self._key != key:
+        key = getattr(conflicts, "allow_swaps", None), ctx.seed
+        if order is not self._order or conflicts is not self._conflicts or self._key != key:
             known = _own(conflicts)
             names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
             self._agents = None if known is None else _Agents(known, names, teams, ctx.seed)
-            self._key = key
+            self._order, self._conflicts, self._key = order, conflicts, key
         if self._agents is None:
             ground = range(len(order.slots)) if whole.on_ground is None else whole.on_ground
             stay = conflicts.resolve(moves_of([*ground]), ctx)
@@ -256,9 +262,11 @@ class TurnConflicts:
         def movers_of(rows: list[int]) -> list[Move]:
             return [*moves_of(rows if whole.on_ground is None else [whole.on_ground[i] for i in rows]).values()]
 
-        starts, ends = places if whole.on_ground is None else map(whole.of_ground, places)
-        found = self._agents.losers(starts, ends, movers_of, ctx, has_edges=bool(whole.paced))
-        return found if whole.on_ground is None else [whole.on_ground[i] for i in found]
+        if whole.on_ground is None:
+            return self._agents.losers(places, moves, turn, movers_of, ctx)
+        starts, ends = map(whole.of_ground, places)
+        found = self._agents.losers((starts, ends), None, turn, movers_of, ctx)
+        return [whole.on_ground[i] for i in found]
 
 
 class _Memory:
@@ -328,27 +336,36 @@ class _Agents:
         self._requests = core.Requests(*moves, counts, offsets, self._limits.data, ranks.data)
 
     def losers(
-        self, starts: Sequence[Any], ends: Sequence[Any], movers_of: MoversOf, ctx: HostContext, *, has_edges: bool
+        self,
+        places: tuple[Sequence[Any], Sequence[Any]],
+        moves: Moves | None,
+        turn: int,
+        movers_of: MoversOf,
+        ctx: HostContext,
     ) -> list[int]:
         """Return the numbers of the agents that stay.
 
         Args:
-            starts: places where agents begin.
-            ends: and where they end.
+            places: where agents begin, and where they end.
+            moves: the same, as the core has it; None: there may be edges among the places.
+            turn: how many turns were played.
             movers_of: returns the moves of agents.
             ctx: of the game.
-            has_edges: whether there may be edges among the places.
         """
-        self._number(starts, ends, has_edges=has_edges)
+        if moves is None:
+            self._number(*places)
+        else:
+            self._numbering.number_moves(moves)
         limits = self._conflicts._limits
-        if limits.least < UNLIMITED and (limits.number is None or has_edges):
+        if limits.least < UNLIMITED and (limits.number is None or moves is None):
+            starts, ends = places
             rows = self._numbers[len(starts) :].tolist()
             coming = {row: end for row, start, end in zip(rows, starts, ends, strict=True) if start != end}
             self._limits[[*coming]] = limits.of(ctx, [*coming.values()])
         memory = self._memory
         if self._ranking is None:
             self._ask_each(movers_of, ctx)
-        elif not core.resolve(memory.contests, self._requests, 0, ctx.game.turn):
+        elif not core.resolve(memory.contests, self._requests, 0, turn):
             return []
         losers = np.flatnonzero(memory.stays).tolist()
         for i in losers:
@@ -356,14 +373,12 @@ class _Agents:
                 self._ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
         return losers
 
-    def _number(self, starts: Sequence[Any], ends: Sequence[Any], *, has_edges: bool) -> None:
+    def _number(self, starts: Sequence[Any], ends: Sequence[Any]) -> None:
         """Number the places where agents begin and end."""
-        are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)] if has_edges else ()
-        if not any(are_edges):
-            self._numbering.number(as_ids(starts), as_ids(ends))
-            return
-        self._numbering.number(as_ids([*map(_id_of, starts)]), as_ids([*map(_id_of, ends)]))
-        self._numbers += self._most * np.array(are_edges)
+        are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)]
+        nodes, ids = (as_ids([*map(_id_of, places)]) for places in (starts, ends))
+        self._numbering.number_moves(Moves(nodes, ids))
+        self._numbers += self._most * np.array(are_edges, np.int64)
 
     def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
         """Let a function decide each contest."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
+from gamms.core.agents import Moves
 from gamms.core.ask import ask_each
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
@@ -20,6 +21,7 @@ from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
 from gamms.game.team_memory import Memory, copier_of, merged_memory, why_not_copied
+from gamms.ir.agents import as_ids, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
@@ -198,14 +200,14 @@ class Decisions:
         awaited: what is to be collected.
         written: what agents have made of their copies of the team's memory, with their slots.
         failures: what went wrong, with slot and kind; `close` publishes both once all have decided.
-        staying: the slots of those that stay where they are; None: not known, compare starts and ends.
+        moves: where agents start and end, as the core has it; None: `starts` and `ends` say it.
     """
 
     make = AgentState  # of a template
 
     __slots__ = (
         *("_copiers", "_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
-        *("observe", "slots", "starts", "state", "staying", "written"),
+        *("moves", "observe", "slots", "starts", "state", "written"),
     )
 
     def __init__(
@@ -221,13 +223,25 @@ class Decisions:
         self._forget()
         self.begin([], [])
 
-    def begin(self, slots: Sequence[AgentSlot], starts: MutableSequence[int]) -> Self:
-        """Forget what was decided, for agents that are on these nodes; return this."""
-        self.slots, self.starts = slots, starts
+    def begin(
+        self,
+        slots: Sequence[AgentSlot],
+        starts: MutableSequence[int] | memoryview,
+        ends: Any = None,
+        moves: Moves | None = None,
+    ) -> Self:
+        """Forget what was decided; return this.
+
+        Args:
+            slots: of the agents.
+            starts: the nodes that they are on.
+            ends: a copy of these, to be written to; None: one is made when something else than a plan of all is
+                decided.
+            moves: both, as the core has them.
+        """
+        self.slots, self.starts, self.moves = slots, starts, moves
         self.actions: dict[int, ResolvedAction] = {}
-        # NOTE: a view is copied when something else than a plan of all is decided (benchmarks: teams).
-        self.ends: Any = starts.copy() if type(starts) is list else starts
-        self.staying: list[int] | None = None
+        self.ends: Any = starts if ends is None else ends
         if self.written or self.failures or self.awaited or self._copiers:
             self._forget()
         return self
@@ -250,26 +264,28 @@ class Decisions:
     def ask(self, i: int, state: State | None) -> None:
         """Ask the strategy of an agent of any kind, with this state; None: it observes now."""
         slot = self.slots[i]
-        self._phase.agent = self.staying = None
+        self._phase.agent = None
         if state is None:
             state = self.observe(slot)
         slot.last[0] = state
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
-    def ask_each(self, part: Part, starts: Sequence[int], near: Mapping[int, tuple[int, ...]]) -> None:
+    def ask_each(self, part: Part, near: Mapping[int, tuple[int, ...]]) -> None:
         """Ask the individuals of a part one by one, where there are no channels and no time budget.
 
         When it returns, the last of them is still deciding for the phase of the context.
 
         Args:
             part: the agents.
-            starts: the nodes that these are on.
             near: the nodes that are legal along one edge.
         """
         looks = part.looks(self._phase.sensor_changes) if part.has_looks else ()
         shared = [sensor.shared_look() for sensor in looks] if self._phase.moment is not None else [None for _ in looks]
-        ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, starts, near, shared)
+        if self.moves is None:
+            self.ends = as_ids(self.ends_to_write())
+            self.moves = moves_of(self.starts, self.ends)
+        ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, self.moves, near, shared)
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Ask the plan of a team, with the states of its agents."""
@@ -311,7 +327,6 @@ class Decisions:
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Collect what an agent's strategy decides later with all others that are awaited."""
-        self.staying = None
         self.awaited.append((self._question(i, state), awaitable))
 
     def collect(self, loop: "EventLoop") -> None:
@@ -361,7 +376,7 @@ class Decisions:
     def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
         slot, here = self.slots[i], self.starts[i]
-        self._phase.agent = self.staying = None
+        self._phase.agent = None
         if "action" in state:
             action = state["action"]
             if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
@@ -373,7 +388,7 @@ class Decisions:
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle what a strategy has raised: raise it, or take the default action, by the settings."""
-        self._phase.agent = self.staying = None
+        self._phase.agent = None
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
             self._note(self._question(i, state))
@@ -438,7 +453,7 @@ class Decisions:
         slots, indices = self.slots, question.indices
         is_all, chosen = len(indices) == len(starts), arrays.take_chosen(nodes)
         if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
-            self.ends = chosen.data
+            self.ends, self.moves = chosen.data, None
             return
         ends = self.ends_to_write()
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)

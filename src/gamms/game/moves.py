@@ -10,11 +10,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gamms.arguments import as_array
+from gamms.core.agents import Moves
 from gamms.game.legality import ResolvedAction, action_of
 from gamms.game.order import TurnOrder
 from gamms.game.slots import LazySlots
 from gamms.game.travel import Travel
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -56,7 +57,7 @@ Nodes = MutableSequence[int] | memoryview
 class TurnMoves:
     """The moves of one turn by slot: as sequences for the engine, by name for rules and resolvers."""
 
-    __slots__ = ("_by_name", "actions", "ends", "order", "slots", "starts")
+    __slots__ = ("_by_name", "_moves", "actions", "ends", "order", "slots", "starts")
 
     def __init__(
         self,
@@ -64,10 +65,16 @@ class TurnMoves:
         starts: Nodes,
         ends: Nodes,
         actions: dict[int, ResolvedAction],
+        moves: Moves | None = None,
     ) -> None:
         self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
+        self._moves = moves
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
+
+    def in_core(self) -> Moves:
+        """Return where moves start and end, as the core has it."""
+        return moves_of(self.starts, self.ends) if self._moves is None else self._moves
 
     @property
     def deeds(self) -> list[Deed]:
@@ -233,6 +240,7 @@ class TurnMoves:
     def give_up(self, block: AgentBlock) -> None:
         """Let agents that are elsewhere than where their moves begin stay there."""
         nodes, self.starts, self.ends = self.order.nodes(), copied_column(self.starts), copied_column(self.ends)
+        self._moves = None
         put = {
             i
             for i, action in self.actions.items()

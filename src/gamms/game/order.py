@@ -1,22 +1,21 @@
 """The living agents in the order of a turn, and what each turn needs of them."""
 
-from collections import Counter
+from array import array
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
-from itertools import compress
-from operator import eq
 from typing import Any, cast
 
 import numpy as np
 
 from gamms import kernels
+from gamms.core.agents import MovingAgents, Moves
 from gamms.core.ask import Sensing
-from gamms.core.block import count_moves
+from gamms.core.block import INT64
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
-from gamms.ir.agents import AgentBlock, as_ids
+from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
 from gamms.kernels.draws import BitArray
@@ -216,7 +215,7 @@ class TurnOrder:
         whole: all of them.
         parts: those that move at once, in their order.
         has_parts: whether these are several.
-        is_usual: whether all that happens is that usual agents decide and move along one edge at once.
+        is_lazy: whether slots are made when they are needed, because there are many.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
         structure_version, rows_version: of the agents.
@@ -225,9 +224,9 @@ class TurnOrder:
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_blocked", "_ended", "_most_stayed", "_moved", "_stayed", "_turns", "block"),
-        *("groups", "has_channels", "has_deeds", "has_parts", "is_usual", "parts", "progress", "rows_version"),
-        *("selection", "slots", "structure_version", "unlisted", "whole"),
+        *("__dict__", "_blank", "_blocked", "_ended", "_moved", "_movers", "block", "groups", "has_channels"),
+        *("has_deeds", "has_parts", "is_lazy", "parts", "progress", "rows_version", "selection", "slots"),
+        *("structure_version", "unlisted", "whole"),
     )
 
     def __init__(
@@ -252,29 +251,27 @@ class TurnOrder:
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
             self.parts = [Part(slots, some, block.progress, settings) for some in members]
         self.has_parts = len(self.parts) > 1
-        just_moves = settings.conflicts is None and not (self.has_parts or self.has_deeds or self.whole.paced)
-        self.is_usual = self.whole.is_usual and just_moves and self.whole.on_ground is None
         self.selection = self.whole.ground
         if self.whole.on_ground is not None:
             self.selection = (
                 slots.selection if isinstance(slots, LazySlots) else Selection([slot.row for slot in slots])
             )
         self._first_keys: dict[tuple[int, str], BitArray] = {}
-        self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
-        self._blocked: RowArray  # and was stopped by conflicts
-        self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and who has stayed in one
-        self._most_stayed = 16 * len(slots)  # then they are added to the counts, so that the list stays short
+        self.is_lazy = isinstance(slots, LazySlots)
+        self._moved: RowArray = np.zeros(len(slots), np.int32)  # how often each has moved
+        self._blocked: RowArray = np.zeros(len(slots) if self.is_lazy else 0, np.int32)  # and was stopped by conflicts
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
-        self.restart_counts()
         if before is not None and change is not None:
             self._follow(before, change)
+        self._movers = MovingAgents(block, self.selection.buffer, self._moved.data)
+        self._blank = array(INT64, bytes(16 * len(slots)))
 
     def _follow(self, before: "TurnOrder", change: Succession) -> None:
         """Go on from an earlier order, whose agents that have changed since are counted from here."""
         if isinstance(self.slots, LazySlots):
             before.update_some(change.gone)
             self._moved, self._blocked = (
-                change.of_array(np.asarray(before._moved), 0),
+                change.of_array(before._moved, 0),
                 change.of_array(before._blocked, 0),
             )
             return
@@ -321,31 +318,31 @@ class TurnOrder:
 
     def nodes(self) -> Any:
         """Return the node of each agent, by slot: a list, or a view of an array that is not to be written to."""
-        if self._moved is not None:
+        if self.is_lazy:
             version, ends = self._ended
             if version == self.block.version:
                 return ends
             return self.selection.of(self.block.node)
         return self.selection.listed(self.block.node)
 
-    def count_moves(self, starts: Sequence[int], ends: Sequence[int], staying: list[int] | None) -> None:
-        """Count the agents that have moved, which have come to the nodes where these moves end.
+    def begin(self) -> tuple[Any, Any, Moves | None]:
+        """Return the node of each agent by slot, not to be written to; a copy to be written to; and both for the core.
 
-        Args:
-            starts: their nodes before, by slot.
-            ends: and after.
-            staying: the slots of those for which both are one; None: they are compared.
+        The latter are None where there are many agents, who may all be moved by one plan.
         """
-        if self._moved is None:
-            # NOTE: in C, and those that stay, who are fewer, because every turn does this (benchmarks: turns).
-            self._turns += 1
-            self._stayed += compress(self.whole.members, map(eq, starts, ends)) if staying is None else staying
-            if len(self._stayed) > self._most_stayed:
-                self.update_counts()
-        else:
-            count_moves(as_ids(starts), as_ids(ends), self._moved.data)
-            if not self.block.flyers:
-                self._ended = self.block.version, ends
+        if self.is_lazy:
+            return self.nodes(), None, None
+        agents, both = len(self.slots), memoryview(self._blank[:])
+        starts, ends = both[:agents], both[agents:]
+        moves = Moves(starts, ends)
+        self._movers.begin(moves)
+        return starts, ends, moves
+
+    def count_moves(self, moves: Moves, ends: Any) -> None:
+        """Count the agents that have moved, which have come to the nodes where these moves end."""
+        self._movers.count(moves)
+        if self.is_lazy and not self.block.flyers:
+            self._ended = self.block.version, ends
 
     def count_blocked(self, stopped: IntArray) -> None:
         """Count agents that conflicts have stopped, where slots are made when they are needed."""
@@ -353,10 +350,9 @@ class TurnOrder:
 
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
-        if self._moved is None:
-            turns, stayed = self._turns, Counter(self._stayed).get
-            for i, slot in enumerate(self.slots):
-                slot.counts["moves"] += turns - stayed(i, 0)
+        if not self.is_lazy:
+            for slot, moves in zip(self.slots, self._moved.tolist(), strict=True):
+                slot.counts["moves"] += moves
         else:
             self._add_to_counts("moves", self._moved, np.flatnonzero(self._moved).tolist())
             self.update_blocked()
@@ -372,17 +368,15 @@ class TurnOrder:
         self._add_to_counts("moves", self._moved, those)
         self._add_to_counts("blocked", self._blocked, those)
 
-    def _add_to_counts(self, key: str, numbers: RowArray | None, those: list[int]) -> None:
+    def _add_to_counts(self, key: str, numbers: RowArray, those: list[int]) -> None:
         counts_of = cast("LazySlots", self.slots).counts_of
-        for i, number in zip(those, np.asarray(numbers)[those].tolist(), strict=True):
+        for i, number in zip(those, numbers[those].tolist(), strict=True):
             counts_of(i)[key] += number
 
     def restart_counts(self) -> None:
         """Count moves from here."""
-        are_few, agents = not isinstance(self.slots, LazySlots), len(self.slots)
-        self._moved = None if are_few else np.zeros(agents, np.int32)
-        self._turns, self._stayed = 0, []
-        self._blocked = np.zeros(0 if are_few else agents, np.int32)
+        self._moved[:] = 0
+        self._blocked[:] = 0
 
 
 def _numbered(one: Sensing, first: dict[Hashable, tuple[int, ISensor]]) -> Sensing:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from gamms.core.agents import Moves
 from gamms.deciding import DecidePhase
 from gamms.errors import UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
@@ -21,7 +22,7 @@ from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy, restart_draws
-from gamms.ir.agents import AgentBlock, as_ids
+from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -54,6 +55,7 @@ class TurnEngine:
         refusals: what rules refuse, while they may; else None.
         travel: where agents of a game by metres go.
         outboxes: what agents send.
+        seed_changes: how often the seed of the context has changed.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
@@ -69,6 +71,7 @@ class TurnEngine:
         self._near: Mapping[int, tuple[int, ...]] = {}  # what is legal along one edge, with the order
         self.is_deciding = self.is_playing = self.is_moving = False
         self.part = 0
+        self.seed_changes = 0
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
@@ -130,6 +133,7 @@ class TurnEngine:
 
     def restart_streams(self) -> None:
         """Let agents draw by the seed that the context has now."""
+        self.seed_changes += 1
         self._slots.rekey()
 
     def close(self) -> None:
@@ -232,10 +236,7 @@ class TurnEngine:
         self._groups, self.is_moving = order.groups, True
         order.block.placed.clear()
         try:
-            if order.is_usual and not (observers or rules.act_before_moves):
-                self._play_at_once(order)
-            else:
-                self._play_in_parts(order, observers, rules)
+            self._play_in_parts(order, observers, rules)
         except BaseException as error:  # what was drawn is drawn again when the turn is played
             note_lost(error, self._ctx)
             self.outboxes.outgoing = []
@@ -245,18 +246,6 @@ class TurnEngine:
             self.is_moving = False
             if self._order is not order and self._settings.order is not order.groups:
                 self._order_key = ()  # a rule has set another order of play, which counts from now on
-
-    def _play_at_once(self, order: TurnOrder) -> None:
-        """Let all agents decide and move, where nothing can change that: of a usual order."""
-        spent, began, self.part = self._state.timings, perf_counter(), 0
-        turn = self._state.moves = self._ask(order, order.whole, [])
-        now = perf_counter()
-        order.block.move_all(order.selection, turn.ends)
-        order.count_moves(turn.starts, turn.ends, self._decisions.staying)
-        if turn.actions:
-            self._apply_actions(turn, order.whole, order.block)
-        spent["decide"] += now - began
-        spent["apply"] += perf_counter() - now
 
     def _play_in_parts(self, order: TurnOrder, observers: list[Observer], rules: RuleSet) -> None:
         """Let the agents of each part decide and move."""
@@ -355,14 +344,14 @@ class TurnEngine:
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
-        starts, phase = order.nodes(), self._phase
-        decisions = self._decisions.begin(order.slots, starts)
+        phase = self._phase
+        decisions = self._decisions.begin(order.slots, *order.begin())
         if part.paced:
             self._leave_closed_edges(order, part)
         self.is_deciding, phase.moment = True, object() if part.see_world_only else None
         try:
             if part is order.whole and part.is_usual and not observers:
-                decisions.ask_each(part, starts, self._near)
+                decisions.ask_each(part, self._near)
             else:
                 sees_first = observers or not part.see_world_only
                 seen = self._observe_first(order, part, observers) if sees_first else None
@@ -383,8 +372,7 @@ class TurnEngine:
         # NOTE: no call in each turn (benchmarks: turns)
         if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
             self._publish(order, part, decisions)
-        ends = decisions.ends_to_write() if decisions.ends is starts else decisions.ends
-        return TurnMoves(order, as_ids(starts), as_ids(ends), decisions.actions)
+        return TurnMoves(order, decisions.starts, decisions.ends_to_write(), decisions.actions, decisions.moves)
 
     def _publish(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Publish what went wrong, what teams remember and what agents send, once all have decided."""
@@ -409,8 +397,7 @@ class TurnEngine:
         """
         slots, observe = decisions.slots, decisions.observe
         if seen is None and part.individuals:
-            starts, near = decisions.starts, self._near or self._ctx.graph.graph.neighborhoods
-            decisions.ask_each(part, [starts[i] for i in part.asked], near)
+            decisions.ask_each(part, self._near or self._ctx.graph.graph.neighborhoods)
             self._phase.agent = None
         else:
             for i in part.asked:
@@ -463,7 +450,7 @@ class TurnEngine:
         if self._settings.conflicts is None:
             return set()
         before, after = places = arrivals.places(here, actions)
-        losers = [i for i in self._losers(turn, places, partial(arrivals.moves, places)) if before[i] != after[i]]
+        losers = [i for i in self._losers(turn, places, None, partial(arrivals.moves, places)) if before[i] != after[i]]
         for i in losers:
             self._block(turn.slots[i], in_conflict(after[i]))
             after[i] = before[i]
@@ -523,7 +510,8 @@ class TurnEngine:
                 slot.show_blocked()
             return
         places = turn.places()
-        for i in self._losers(turn, places, turn.named):
+        moves = None if turn.order.whole.paced else turn.in_core()
+        for i in self._losers(turn, places, moves, turn.named):
             end = places[1][i]
             if turn.stop(i):
                 self._block(turn.slots[i], in_conflict(end))
@@ -563,12 +551,16 @@ class TurnEngine:
         return found
 
     def _losers(
-        self, turn: TurnMoves, places: tuple[list[Any], list[Any]], named: Callable[[list[int]], Mapping[str, Move]]
+        self,
+        turn: TurnMoves,
+        places: tuple[list[Any], list[Any]],
+        moves: Moves | None,
+        named: Callable[[list[int]], Mapping[str, Move]],
     ) -> list[int]:
         """Return the slots of the agents that the conflict resolver stops, of moves between such places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
         try:
-            return self._conflicts.losers(conflicts, turn.order, places, named, self._ctx)
+            return self._conflicts.losers(conflicts, turn.order, self._state.turn, places, moves, named, self._ctx)
         except Exception as error:
             self._note_in_conflicts(error)
             raise
@@ -581,7 +573,7 @@ class TurnEngine:
         """Write the moves of a part into the columns of the agents."""
         order, ends, block = turn.order, turn.ends, turn.order.block
         block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
-        order.count_moves(turn.starts, ends, None)
+        order.count_moves(turn.in_core(), ends)
         if part.paced or turn.actions:
             self._apply_actions(turn, part, block)
         if block.placed:

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from gamms.core.agents import AgentColumns
+from gamms.core.agents import AgentColumns, Moves
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop
+from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_column, copied_ids, drop
 from gamms.ir.graph import NodeFinder
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.progress import Progress
@@ -483,6 +483,13 @@ def as_ids(nodes: Sequence[int]) -> memoryview[int]:
     if type(nodes) is memoryview and nodes.format == INT64:
         return nodes
     return np.ascontiguousarray(nodes, np.int64).data
+
+
+def moves_of(starts: Sequence[int], ends: Sequence[int]) -> Moves:
+    """Return moves as the core has them: in the same memory where these are 64-bit integers that can be written to."""
+    columns = [as_ids(one) for one in (starts, ends)]
+    first, last = [copied_column(one) if one.readonly else one for one in columns]
+    return Moves(first, last)
 
 
 class UnderWay:

@@ -170,22 +170,23 @@ class _Flags(NamedTuple):
         return state
 
     def play(self, ctx: Context) -> None:
-        game = ctx.game.internals.state
-        data, events = self._state(game), game.events
+        turn, key = turn_of(ctx), self.key
+        game = turn.game.state
+        data, events = game.data.get(key) or self._state(game), game.events
         carriers: dict[Hashable, str | None] = data["carriers"]
-        if any(carriers.values()):
-            self._drop(ctx, carriers, _stopped(events[data["seen"] :]))
-        turn = turn_of(ctx)
-        known = turn.roster.kept.get(("flags", self.key))
+        known, fresh = turn.roster.kept.get(key), events[data["seen"] :]
+        # Else those that carried flags at the end of the last turn live, and were not stopped.
+        may_drop = fresh or known is None or known.told != carriers
+        if may_drop and any(carriers.values()):
+            self._drop(ctx, carriers, _stopped(fresh))
         if known is None or known.flags is not self or known.seed != turn.seed:
-            known = turn.roster.kept["flags", self.key] = _FlagsOfAgents(self, turn)
+            known = turn.roster.kept[key] = _FlagsOfAgents(self, turn)
         if known.concern(turn, carriers):
             known.play(ctx, turn, data)
         data["seen"] = len(events)
-        told = carriers, game.facts.get(self.key)
-        if told != known.told:
+        if known.fact is not game.facts.get(key) or known.told != carriers:
             self._publish(ctx, carriers)
-            known.told = dict(carriers), game.facts.get(self.key)
+            known.told, known.fact = dict(carriers), game.facts.get(key)
 
     def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
         for flag, name in carriers.items():
@@ -211,10 +212,13 @@ class _FlagsOfAgents:
 
     Attributes:
         flags, seed: as given.
-        told: who carried flags when that was published last, and what was.
+        told: who carried flags when that was published last.
+        fact: what was published then.
     """
 
-    told: tuple[dict[Hashable, str | None], object] | None = None
+    _taken: dict[Hashable, str | None] | None = None  # who carries flags, as the core has it
+    told: dict[Hashable, str | None] | None = None
+    fact: object = None
 
     def __init__(self, flags: _Flags, turn: InTurn) -> None:
         roster, count, teams = turn.roster, len(flags.bases), list(turn.roster.teams)
@@ -248,15 +252,18 @@ class _FlagsOfAgents:
 
     def concern(self, turn: InTurn, carriers: Mapping[Hashable, str | None]) -> bool:
         """Take who carries flags; return whether something may happen to some in this turn."""
-        number = turn.roster.number
-        for flag, team in enumerate(self.flags.bases):
-            name = carriers[team]
-            self._carriers[flag] = -1 if name is None else number[name]
+        if carriers != self._taken:
+            number = turn.roster.number
+            for flag, team in enumerate(self.flags.bases):
+                name = carriers[team]
+                self._carriers[flag] = -1 if name is None else number[name]
+            self._taken = dict(carriers)
         return not turn.are_steps or self._core.concern(turn.roster.games, 0)
 
     def play(self, ctx: Context, turn: InTurn, data: dict[str, Any]) -> None:
         """Let agents bring flags home and take them, and note that in the data of the rule."""
         flags, roster, captures = self.flags, turn.roster, data["captures"]
+        self._taken = None
         for number, team in enumerate(roster.teams):
             self._captures[number] = captures.get(team, 0)
         if flags.ground is not None:

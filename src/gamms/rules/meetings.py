@@ -78,19 +78,25 @@ Near = core.Reach | core.Places | core.Lines | None
 
 
 class Room:
-    """Room for what finding contacts in one game or batch needs, as much as the largest turn so far has needed."""
+    """Room for what finding contacts in one game or batch needs, as much as the largest turn so far has needed.
+
+    Attributes:
+        pieces: the scratch that there is.
+        keys: for how many keys it has room.
+    """
 
     def __init__(self) -> None:
-        self._sizes = 0, 0
-        self._pieces = _pieces(0, 0)
+        self.pieces = _pieces(0, 0)
+        self.keys = 0
+        self._most = 0
         self._contacts: core.Contacts | None = None
 
     def scratch(self, pieces: int, keys: int) -> core.Pieces:
         """Return scratch with room for so many pieces and keys."""
-        if pieces > self._sizes[0] or keys > self._sizes[1]:
-            self._sizes = 2 * pieces, 2 * keys
-            self._pieces = _pieces(*self._sizes)
-        return self._pieces
+        if pieces > self._most or keys > self.keys:
+            self._most, self.keys = 2 * pieces, 2 * keys
+            self.pieces = _pieces(self._most, self.keys)
+        return self.pieces
 
     def contacts(self, pieces: core.Pieces) -> core.Contacts:
         """Return what finds contacts once."""
@@ -362,8 +368,8 @@ class InTurn:
         """Find the contacts between two sides; None: there are none."""
         # NOTE: what finds those on nodes is the same in each turn (benchmarks: turns).
         key = a, b, nearness
-        found = self._ready.get(key)
-        if found is not None and found.pieces is self.scratch():
+        found, game = self._ready.get(key), self.game
+        if found is not None and found.pieces is game.pieces and self.numbers.count <= game.keys:
             return found if found.find(_ON_NODES, 0.0) else None
         sides = self.roster.sides(ctx, a, b, air=nearness.air)
         if sides is None:
@@ -460,6 +466,7 @@ class InGame(Room):
     Attributes:
         edges: those that agents have gone along.
         graph, revision: of the map.
+        state: of the game.
         numbers: as given.
         place: node id -> where the node is, on the ground.
         near: unit and limit of a `Nearness` -> what is so near nodes.
@@ -468,6 +475,7 @@ class InGame(Room):
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
         super().__init__()
         self.numbers = numbers
+        self.state = ctx.game.internals.state
         self.edges = EdgesGoneAlong(ctx)
         self.graph = graph = self.edges.graph
         self.revision = graph.revision
@@ -476,7 +484,9 @@ class InGame(Room):
         self._steps: InTurn | None = None
         self._steps_of: tuple[Any, ...] = ()
         self._turn: InTurn | None = None
-        self._key: tuple[Any, ...] = ()
+        self._moves: TurnMoves | None = None  # of which this turn is, in this block, with these versions
+        self._block: AgentBlock | None = None
+        self._versions = 0, 0, 0, 0
 
     def _place(self, node: int) -> Position:
         _, x, y = self.graph.get_node(node)
@@ -495,26 +505,28 @@ class InGame(Room):
 
     def turn(self, ctx: Context, internals: GameInternals) -> InTurn:
         """Return where agents are in this turn."""
-        state, block, seed = internals.state, ctx.agent.block, ctx.seed
+        state, block, turns = internals.state, ctx.agent.block, internals.parts.turns
         moves: TurnMoves | None = state.moves
-        key = moves, block, block.version, block.structure.version, state.turn, seed
+        versions = block.version, block.structure.version, state.turn, turns.seed_changes
         # NOTE: before agents are moved, rules may take their moves back, which no version says.
-        if self._turn is None or key != self._key or internals.parts.turns.is_moving:
-            self._key = key
+        is_known = moves is self._moves and block is self._block and versions == self._versions and not turns.is_moving
+        if self._turn is None or not is_known:
+            self._moves, self._block, self._versions = moves, block, versions
             if moves is not None and moves.are_steps(block):
-                self._turn = self._of_steps(moves, block, state.turn, seed)
+                self._turn = self._of_steps(ctx, moves, block, versions)
             else:
                 self._turn = self._of_tracks(ctx, state.turn)
         return self._turn
 
-    def _of_steps(self, moves: TurnMoves, block: AgentBlock, turn: int, seed: int) -> InTurn:
+    def _of_steps(self, ctx: Context, moves: TurnMoves, block: AgentBlock, versions: tuple[int, ...]) -> InTurn:
         order = moves.order
-        key = order, seed, block.structure.version
+        _, structure, turn, seeds = versions
+        key = order, structure, seeds
         if self._steps is None or self._steps_of != key:
             self._steps_of = key
             out = [not alive for alive in order.selection.of(block.alive)]
             roster = Roster(order.names, order.all_teams(), order.keys, out=out if any(out) else None)
-            self._steps = InTurn(self, roster, seed)
+            self._steps = InTurn(self, roster, ctx.seed)
         roster = self._steps.roster
         roster.turn[0] = turn
         starts, ends = as_ids(moves.starts), as_ids(moves.ends)

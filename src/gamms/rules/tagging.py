@@ -113,7 +113,7 @@ class _Tagging(NamedTuple):
 
     def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
         """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
-        territory = None if self.ground is None else self.ground.of(ctx.game.facts)
+        territory = None if self.ground is None else self.ground.now(ctx)
         found, roster = turn.find(ctx, self.taggers, self.tagged, self.nearness), turn.roster
         if found is not None:
             owners = NO_TERRITORY if territory is None else roster.owners(territory, turn.numbers)

@@ -143,9 +143,14 @@ class Ground(NamedTuple):
         as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
 
+    def now(self, ctx: Context) -> Territory:
+        """Return node -> team in a game."""
+        given = self.given
+        return self.of(ctx.game.facts) if isinstance(given, str) else given
+
     def in_turn(self, ctx: Context, turn: InTurn) -> Any:
         """Return the numbers of the teams of a turn that own nodes, (nodes,); -1 for a node of no team that plays."""
-        return turn.roster.owners(self.of(ctx.game.facts), turn.numbers)
+        return turn.roster.owners(self.now(ctx), turn.numbers)
 
     def in_arrays(self, turn: ArrayTurn) -> IntArray:
         """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
