@@ -335,8 +335,7 @@ class TurnEngine:
                 self._block(turn.slots[i], why)
 
     def _block(self, slot: AgentSlot, why: str) -> None:
-        self._state.blocked.add(slot.name, why)
-        slot.show_blocked()
+        slot.set_blocked(self._state.blocked.add(slot.name, why))
 
     def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
         """Ask the agents of a part what they do.
@@ -484,13 +483,14 @@ class TurnEngine:
         blocked, slots, members = self._state.blocked, order.slots, part.members
         if len(members) == len(slots):
             blocked.drop_conflicts(order.names)
-        known = [(order.index_of.get(name), name) for name in blocked]
         those = members if isinstance(members, range) else frozenset(members)
-        for i, name in known:
-            if i is not None and i in those:
-                del blocked[name]
-                if not isinstance(slots, LazySlots) or slots.is_made(i):
-                    slots[i].show_blocked()
+        number = order.index_of
+        forgotten = [name for name in blocked if number.get(name, -1) in those]
+        for name in forgotten:
+            del blocked[name]
+        for i in [number[name] for name in forgotten]:
+            if not isinstance(slots, LazySlots) or slots.is_made(i):
+                slots[i].set_blocked(None)
 
     def _observe_first(self, order: TurnOrder, part: Part, observers: list[Observer]) -> dict[int, dict[str, Any]]:
         """Return the states of all by slot, where none may decide before all have observed."""
@@ -511,8 +511,9 @@ class TurnEngine:
             return
         places = turn.places()
         moves = None if turn.order.whole.paced else turn.in_core()
-        for i in self._losers(turn, places, moves, turn.named):
-            end = places[1][i]
+        losers = self._losers(turn, places, moves, turn.named)
+        ends = [places[1][i] for i in losers]
+        for i, end in zip(losers, ends, strict=True):
             if turn.stop(i):
                 self._block(turn.slots[i], in_conflict(end))
 

@@ -191,10 +191,11 @@ class BlockedAgents(MutableMapping[str, str]):
         """Whether there are any, without writing them out."""
         return bool(self.known or self.stopped)
 
-    def add(self, name: str, why: str) -> None:
-        """Note why an agent was blocked, after what is known already."""
-        known = self._written()
-        known[name] = f"{known[name]}; {why}" if name in known else why
+    def add(self, name: str, why: str) -> str:
+        """Note why an agent was blocked, after what is known already; return all of it."""
+        known = self._written() if self.stopped else self.known
+        known[name] = all_known = f"{known[name]}; {why}" if name in known else why
+        return all_known
 
     def add_conflicts(self, names: Sequence[str], agents: IntArray, nodes: IntArray) -> None:
         """Note which agents, by their numbers among names, conflicts have stopped on the way to nodes."""
