@@ -1,6 +1,7 @@
 cimport cython
 
 from gamms.core cimport contacts, draws
+from gamms.core.agents cimport AgentColumns, MovingAgents, Moves
 from gamms.core.contacts cimport Contacts, Legs, NodeNumbers, Pieces, Tracks
 
 ctypedef unsigned char u8
@@ -42,7 +43,7 @@ cpdef i64 leader(const double[::1] scores) except? -1 nogil
 
 
 @cython.locals(agent=i64, node=i64)
-cpdef int take_moves(Games games, NodeNumbers numbers, const i64[::1] starts, const i64[::1] ends, const i64[::1] nodes, const i64[::1] rows) except -1 nogil
+cpdef int take_moves(Games games, NodeNumbers numbers, Moves moves, AgentColumns columns, MovingAgents agents, i64 turn) except -1
 
 
 @cython.final

@@ -19,6 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from gamms.core import contacts, draws
+from gamms.core.agents import AgentColumns, MovingAgents, Moves
 from gamms.core.contacts import Contacts, Legs, NodeNumbers, Pieces, Tracks
 
 # kinds of events
@@ -208,28 +209,24 @@ def leader(scores: memoryview[float]) -> int:
 
 
 def take_moves(
-    games: Games,
-    numbers: NodeNumbers,
-    starts: memoryview[int],
-    ends: memoryview[int],
-    nodes: memoryview[int],
-    rows: memoryview[int],
+    games: Games, numbers: NodeNumbers, moves: Moves, columns: AgentColumns, agents: MovingAgents, turn: int
 ) -> int:
     """Write where the agents of the only game of a block were and are, and who was put elsewhere than it went.
 
     Args:
         games: the block.
         numbers: of the nodes.
-        starts: (agents,) ids of nodes where agents were when the turn began.
-        ends: (agents,) those where their moves have led.
-        nodes: a column of ids of nodes where agents are.
-        rows: (agents,) the row of each in this column.
+        moves: where agents were when the turn began, and where their moves have led.
+        columns: have the ids of the nodes where agents are.
+        agents: the agents.
+        turn: how many turns were played.
     """
+    games.turn[0] = turn
     for agent in range(games.agents):
-        node = nodes[rows[agent]]
-        games.start[agent] = numbers.number(starts[agent])
+        node = columns._node_of(agents.rows[agent])
+        games.start[agent] = numbers.number(moves.starts[agent])
         games.node[agent] = numbers.number(node)
-        games.placed[agent] = node != ends[agent]
+        games.placed[agent] = node != moves.ends[agent]
     return 0
 
 

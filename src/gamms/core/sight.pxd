@@ -1,5 +1,7 @@
 cimport cython
 
+from gamms.core.agents cimport AgentColumns
+
 ctypedef long long i64
 
 cdef extern from "math.h":
@@ -20,6 +22,8 @@ cdef class Places:
 
     @cython.locals(row=i64, count=i64, place=tuple)
     cpdef int fill(self, list names, list nodes) except -1
+    @cython.locals(row=i64, moved=Py_ssize_t, node=object, place=tuple)
+    cpdef Py_ssize_t follow(self, AgentColumns columns) except -1
 
 
 @cython.final

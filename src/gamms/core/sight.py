@@ -10,6 +10,8 @@ from array import array
 from math import atan2, fabs
 from typing import Any
 
+from gamms.core.agents import AgentColumns
+
 LEAST = 1e-150  # radii from here
 MOST = 1e150  # to here have squares that are neither zero nor infinite; others are scaled
 SCALE = 2.0**600
@@ -62,6 +64,19 @@ class Places:
         self.nodes = nodes
         self.count = count
         return 0
+
+    def follow(self, columns: AgentColumns) -> int:
+        """Enter the nodes of all agents, of which each is found as before; return how many have moved (KeyError)."""
+        moved = 0
+        for row in range(self.count):
+            node = columns._node_of(row)
+            if node != self.nodes[row]:
+                place = self.at[node]
+                self.nodes[row] = node
+                self.x[row] = place[0]
+                self.y[row] = place[1]
+                moved += 1
+        return moved
 
     def put(self, row: int, node: Any, *, is_seen: bool) -> None:
         """Enter the node of an agent, and whether it is found (KeyError)."""

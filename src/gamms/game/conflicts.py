@@ -326,6 +326,8 @@ class _Agents:
             np.full(slots, -1, np.int32).data,
             np.zeros(most, np.int32).data,
         )
+        self._are_limited = conflicts._limits.least < UNLIMITED
+        self._may_vary = self._are_limited and conflicts._limits.number is None
         self._ranking = _ranking_of(conflicts._resolver)
         ranks: BitArray = np.zeros(0, np.uint64)
         if self._ranking is not None:
@@ -356,8 +358,8 @@ class _Agents:
             self._number(*places)
         else:
             self._numbering.number_moves(moves)
-        limits = self._conflicts._limits
-        if limits.least < UNLIMITED and (limits.number is None or moves is None):
+        if self._may_vary or (moves is None and self._are_limited):
+            limits = self._conflicts._limits
             starts, ends = places
             rows = self._numbers[len(starts) :].tolist()
             coming = {row: end for row, start, end in zip(rows, starts, ends, strict=True) if start != end}

@@ -141,6 +141,8 @@ class TurnMoves:
         """Return where agents begin and where they end: ids of nodes, and the edges of those that are on one."""
         starts: Any = self.starts
         ends: Any = self.ends
+        if not self.actions:
+            return starts, ends
         on_edges = [i for i, action in self.actions.items() if action.legs]
         if on_edges:
             starts, ends = list(starts), list(ends)

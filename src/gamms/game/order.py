@@ -218,14 +218,15 @@ class TurnOrder:
         is_lazy: whether slots are made when they are needed, because there are many.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
+        moving: all, as the core moves them.
         structure_version, rows_version: of the agents.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_blank", "_blocked", "_ended", "_moved", "_movers", "block", "groups", "has_channels"),
-        *("has_deeds", "has_parts", "is_lazy", "parts", "progress", "rows_version", "selection", "slots"),
+        *("__dict__", "_blank", "_blocked", "_ended", "_moved", "block", "groups", "has_channels"),
+        *("has_deeds", "has_parts", "is_lazy", "moving", "parts", "progress", "rows_version", "selection", "slots"),
         *("structure_version", "unlisted", "whole"),
     )
 
@@ -263,7 +264,7 @@ class TurnOrder:
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
         if before is not None and change is not None:
             self._follow(before, change)
-        self._movers = MovingAgents(block, self.selection.buffer, self._moved.data)
+        self.moving = MovingAgents(block, self.selection.buffer, self._moved.data)
         self._blank = array(INT64, bytes(16 * len(slots)))
 
     def _follow(self, before: "TurnOrder", change: Succession) -> None:
@@ -335,12 +336,12 @@ class TurnOrder:
         agents, both = len(self.slots), memoryview(self._blank[:])
         starts, ends = both[:agents], both[agents:]
         moves = Moves(starts, ends)
-        self._movers.begin(moves)
+        self.moving.begin(moves)
         return starts, ends, moves
 
     def count_moves(self, moves: Moves, ends: Any) -> None:
         """Count the agents that have moved, which have come to the nodes where these moves end."""
-        self._movers.count(moves)
+        self.moving.count(moves)
         if self.is_lazy and not self.block.flyers:
             self._ended = self.block.version, ends
 

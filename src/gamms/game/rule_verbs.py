@@ -185,7 +185,7 @@ class RuleVerbs(Settings):
     def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
         """Put an agent, dead or alive, on a node, as if it had always been there; None: where it began."""
         one: Any = self._agent(agent)  # of any kind: its place is of the same
-        where = self.start_node(one) if node is None else node
+        where = self._internals.start_of(one) if node is None else node
         if isinstance(where, tuple):
             one.position = where
         else:

@@ -501,7 +501,7 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
-        are_stopped = self._stopped_in_arrays(turn) if isinstance(turn.slots, LazySlots) else None
+        are_stopped = self._stopped_in_arrays(turn) if turn.order.is_lazy else None
         if are_stopped is not None:
             stopped = np.flatnonzero(are_stopped)
             self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))

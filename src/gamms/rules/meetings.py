@@ -22,7 +22,7 @@ from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
 from gamms.game.moves import TurnMoves
 from gamms.game.snapshots import GameInternals
 from gamms.graph import Graph
-from gamms.ir.agents import AgentBlock, Position, as_ids
+from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -528,9 +528,7 @@ class InGame(Room):
             roster = Roster(order.names, order.all_teams(), order.keys, out=out if any(out) else None)
             self._steps = InTurn(self, roster, ctx.seed)
         roster = self._steps.roster
-        roster.turn[0] = turn
-        starts, ends = as_ids(moves.starts), as_ids(moves.ends)
-        rules.take_moves(roster.games, self.numbers, starts, ends, block.node, order.selection.buffer)
+        rules.take_moves(roster.games, self.numbers, moves.in_core(), block, order.moving, turn)
         for row in block.placed:
             agent = roster.number.get(block.names[row])
             if agent is not None:

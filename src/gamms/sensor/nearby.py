@@ -15,6 +15,7 @@ from gamms.arguments import as_int
 from gamms.core import sight
 from gamms.deciding import phase_of
 from gamms.errors import UnknownName
+from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -87,6 +88,7 @@ class NearbyAgents:
         self._version = 0  # of these
         self._moment: object = None  # in which it was looked whether they are still so
         self._revision: int | None = None  # of the graph
+        self._entered: tuple[AgentBlock, int, int | None] | None = None  # of which all are on nodes; and of the graph
         self.places_of_nodes = PlacesOfNodes(ctx)
         self._agents = sight.Places(self.places_of_nodes)
         self._sights: dict[float, sight.Sight] = {}
@@ -208,7 +210,21 @@ class NearbyAgents:
 
     def shared_look(self, radius: float) -> sight.Sight | None:
         """Return what finds agents around nodes until one moves; None where some are on edges."""
-        return None if self._catch_up().travellers else self._sight(radius)
+        if not self._follow() and self._catch_up().travellers:
+            return None
+        return self._sights.get(radius) or self._sight(radius)
+
+    def _follow(self) -> bool:
+        """Enter where agents are now, if they have done nothing since but go to nodes; return whether this is so."""
+        # NOTE: each turn begins here (benchmarks: turns).
+        graph, block = self._graph, self._ctx.agent.block
+        if graph is None or (block, block.structure.version, graph.revision) != self._entered or block.travellers:
+            return False
+        if self._agents.follow(block):
+            for one in self._sights.values():
+                one.is_built = False
+        self._moment = self._phase.moment
+        return True
 
     def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
         """Return what is reported of those agents that are on edges, by their names."""
@@ -265,7 +281,7 @@ class NearbyAgents:
             return self._positions
         graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
         revision, positions = graph.revision, self._ctx.agent.positions
-        version, self._moment = positions.version, None
+        version, self._moment, self._entered = positions.version, None, None
         if revision != self._revision or revision is None or positions is not self._positions:
             self._revision = None  # until all are entered
             if positions is not self._positions:
@@ -280,6 +296,9 @@ class NearbyAgents:
             else:
                 self._enter(positions, rows)
         self._version, self._moment = version, moment
+        block = self._ctx.agent.block
+        is_plain = not (block.flyers or block.travellers) and len(self.places_of_nodes) <= _MOST_NODES
+        self._entered = (block, block.structure.version, revision) if is_plain else None
         return positions
 
     def _enter_all(self, positions: Positions, *, is_new: bool) -> None:
