@@ -67,3 +67,6 @@ cdef class Numbering:
 
     @cython.locals(i=Py_ssize_t, agents=Py_ssize_t)
     cpdef int number_moves(self, Moves moves) except -1 nogil
+
+
+cpdef i64 resolve_moves(Contests c, Requests requests, Numbering numbering, Moves moves, i64 turn) except -1 nogil

@@ -500,3 +500,17 @@ class Numbering:
             self.ids[i] = moves.starts[i]
             self.ids[agents + i] = moves.ends[i]
         return number_ids(self.ids, self.keys, self.slots, self.used, self.numbers)
+
+
+def resolve_moves(c: Contests, requests: Requests, numbering: Numbering, moves: Moves, turn: int) -> int:
+    """Find the agents that stay of the only game, in `stays`, and return how many do.
+
+    Args:
+        c: gets them.
+        requests: with the numbers of `numbering` as places.
+        numbering: numbers the nodes.
+        moves: of all agents.
+        turn: how many turns were played.
+    """
+    numbering.number_moves(moves)
+    return resolve(c, requests, 0, turn)

@@ -224,7 +224,11 @@ class TurnConflicts:
         self._agents: _Agents | None = None
         self._order: TurnOrder | None = None  # what these depend on
         self._conflicts: IConflicts | None = None
-        self._key: tuple[Any, ...] = ()
+        self._allow_swaps: object = None
+
+    def forget(self) -> None:
+        """Forget the agents, whose ranks follow from another seed from now on."""
+        self._order = None
 
     def losers(
         self,
@@ -247,13 +251,14 @@ class TurnConflicts:
             moves_of: returns the moves of slots, by name and in their order.
             ctx: of the game.
         """
-        whole = order.whole
-        key = getattr(conflicts, "allow_swaps", None), ctx.seed
-        if order is not self._order or conflicts is not self._conflicts or self._key != key:
+        whole, allow_swaps = order.whole, getattr(conflicts, "allow_swaps", None)
+        if order is not self._order or conflicts is not self._conflicts or self._allow_swaps != allow_swaps:
             known = _own(conflicts)
             names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
             self._agents = None if known is None else _Agents(known, names, teams, ctx.seed)
-            self._order, self._conflicts, self._key = order, conflicts, key
+            self._order, self._conflicts, self._allow_swaps = order, conflicts, allow_swaps
+        if moves is not None and self._agents is not None and self._agents.is_ranked and whole.on_ground is None:
+            return self._agents.losers_of(moves, turn)
         if self._agents is None:
             ground = range(len(order.slots)) if whole.on_ground is None else whole.on_ground
             stay = conflicts.resolve(moves_of([*ground]), ctx)
@@ -307,6 +312,9 @@ class _Agents:
     """The agents of a game whose conflicts are resolved, in the order of their names.
 
     Their places are numbered from turn to turn: nodes, and as many numbers behind them, edges.
+
+    Attributes:
+        is_ranked: whether ranks decide, and all nodes have one capacity.
     """
 
     def __init__(self, conflicts: Conflicts, names: Sequence[str], teams: Sequence[Hashable], seed: int) -> None:
@@ -326,9 +334,9 @@ class _Agents:
             np.full(slots, -1, np.int32).data,
             np.zeros(most, np.int32).data,
         )
-        self._are_limited = conflicts._limits.least < UNLIMITED
-        self._may_vary = self._are_limited and conflicts._limits.number is None
+        limits = conflicts._limits
         self._ranking = _ranking_of(conflicts._resolver)
+        self.is_ranked = self._ranking is not None and (limits.number is not None or limits.least >= UNLIMITED)
         ranks: BitArray = np.zeros(0, np.uint64)
         if self._ranking is not None:
             ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
@@ -358,17 +366,28 @@ class _Agents:
             self._number(*places)
         else:
             self._numbering.number_moves(moves)
-        if self._may_vary or (moves is None and self._are_limited):
-            limits = self._conflicts._limits
+        limits = self._conflicts._limits
+        if limits.least < UNLIMITED and (limits.number is None or moves is None):
             starts, ends = places
             rows = self._numbers[len(starts) :].tolist()
             coming = {row: end for row, start, end in zip(rows, starts, ends, strict=True) if start != end}
             self._limits[[*coming]] = limits.of(ctx, [*coming.values()])
-        memory = self._memory
         if self._ranking is None:
             self._ask_each(movers_of, ctx)
-        elif not core.resolve(memory.contests, self._requests, 0, turn):
+        elif not core.resolve(self._memory.contests, self._requests, 0, turn):
             return []
+        return self._found()
+
+    def losers_of(self, moves: Moves, turn: int) -> list[int]:
+        """Return the same of moves between nodes, if `is_ranked`."""
+        # NOTE: each turn of most games with conflicts comes here (benchmarks: turns).
+        if not core.resolve_moves(self._memory.contests, self._requests, self._numbering, moves, turn):
+            return []
+        return self._found()
+
+    def _found(self) -> list[int]:
+        """Return the numbers of the agents that stay, as the core has them."""
+        memory = self._memory
         losers = np.flatnonzero(memory.stays).tolist()
         for i in losers:
             if memory.stays[i] == core.LOSES_UNRANKED and self._ranking is not None:

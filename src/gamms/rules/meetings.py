@@ -20,7 +20,6 @@ from gamms.game.batch.movement import Legs as LegsOfTurn
 from gamms.game.batch.roads import REMOVED
 from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
 from gamms.game.moves import TurnMoves
-from gamms.game.snapshots import GameInternals
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import FloatArray, IntArray
@@ -476,6 +475,7 @@ class InGame(Room):
         super().__init__()
         self.numbers = numbers
         self.state = ctx.game.internals.state
+        self._turns = ctx.game.internals.parts.turns
         self.edges = EdgesGoneAlong(ctx)
         self.graph = graph = self.edges.graph
         self.revision = graph.revision
@@ -503,9 +503,9 @@ class InGame(Room):
 
         return NearNodes(found, _MOST_NEAR_IN_GAME)
 
-    def turn(self, ctx: Context, internals: GameInternals) -> InTurn:
+    def turn(self, ctx: Context) -> InTurn:
         """Return where agents are in this turn."""
-        state, block, turns = internals.state, ctx.agent.block, internals.parts.turns
+        state, block, turns = self.state, ctx.agent.block, self._turns
         moves: TurnMoves | None = state.moves
         versions = block.version, block.structure.version, state.turn, turns.seed_changes
         # NOTE: before agents are moved, rules may take their moves back, which no version says.
@@ -566,7 +566,7 @@ def turn_of(ctx: Context) -> InTurn:
     known: InGame | None = internals.kept.get("contacts")
     if known is None or known.graph is not graph or known.revision != graph.revision:
         known = internals.kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
-    return known.turn(ctx, internals)
+    return known.turn(ctx)
 
 
 def _pieces(pieces: int, keys: int) -> core.Pieces:
