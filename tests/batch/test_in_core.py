@@ -57,12 +57,29 @@ def random_scenario(number):
             {"name": f"{rng.choice('abcxyz')}{i}{team}", "node": rng.choice(nodes)} for i in range(rng.randint(1, 4))
         ]
         teams[team] = {"agents": agents, "strategy": rng.choice([WALK, WALK, WALK, WALK, STAY])}
+    is_metric = rng.random() < 0.5
+    if is_metric:
+        for team in teams:
+            teams[team] |= random_travel(rng, nodes)
     changes = {"teams": teams, "rules": random_rules(rng, names, nodes), "max_turns": rng.choice([9, 30])}
     if rng.random() < 0.6:
         changes["conflicts"] = random_conflicts(rng, names, nodes)
-    if rng.random() < 0.3:
-        changes["settings"] = {"team_memory": False}
-    return base.replace(**changes)
+    settings = {"team_memory": False} if rng.random() < 0.3 else {}
+    if is_metric:
+        unit = rng.choice(["metres", "metres_per_second"])
+        settings |= {"speed_unit": unit} | ({"turn_seconds": 2.5} if unit != "metres" else {})
+    return base.replace(**changes, settings=settings) if settings else base.replace(**changes)
+
+
+def random_travel(rng, nodes):
+    """Return a random speed by metres of a team, and perhaps a strategy that goes far."""
+    if rng.random() < 0.15:
+        return {}
+    travel = {"speed": rng.choice([1e-9, 0.5, 3.0, 12.5, 40.0, 1000.0, float("inf")])}
+    if rng.random() < 0.5:
+        given = {"nodes": rng.choice([None, rng.sample(nodes, 3)]), "pause": rng.choice([0, 0, 2])}
+        travel["strategy"] = {"function": "gamms.strategies:random_waypoints", "with": given}
+    return travel
 
 
 def random_rules(rng, teams, nodes):
@@ -135,8 +152,10 @@ def text_of(games):
     return json.dumps(told, default=str)
 
 
-def columns_of(games):
-    return {str(name): column.tolist() for name, column in games.columns().items()}
+def columns_of(games, others):
+    """Return the columns of games that others have, too: the memory of strategies that were not asked yet is empty."""
+    known = others.columns()
+    return {str(name): column.tolist() for name, column in games.columns().items() if name in known}
 
 
 def play_by_steps(games, rng, teams):
@@ -160,7 +179,7 @@ def check(number, made_in_arrays):
         for one in (games, others):
             play_by_steps(one, Random(number), teams)
         assert text_of(games) == text_of(others)
-        assert columns_of(games) == columns_of(others)
+        assert columns_of(games, others) == columns_of(others, games)
         some, seed = [number % GAMES], [number + 99]
         for one in (games, others):
             one.reset(some, seeds=seed)
@@ -170,7 +189,7 @@ def check(number, made_in_arrays):
             one.reset()
             one.run(threads=threads)
         assert text_of(games) == text_of(others)
-        assert columns_of(games) == columns_of(others)
+        assert columns_of(games, others) == columns_of(others, games)
         assert plain(games.result(0)) == plain(scenario.play(seed=games.seeds[0]))
 
 
@@ -196,7 +215,15 @@ def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
     assert names_in_docs("rules") == set(FORMS)
 
 
+ROAM = "gamms.strategies:random_waypoints"
 GRID = scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}])
+BY_METRES = GRID.replace(
+    teams={
+        "red": {"count": 3, "strategy": WALK, "speed": 7.0},
+        "blue": {"count": 3, "strategy": ROAM, "speed": 12.5},
+    },
+    settings={"speed_unit": "metres"},
+)
 EVERY_RULE = [
     {"rule": "gamms.rules.territory:published", "with": {"nodes": {0: "red", 24: "blue"}}},
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "territory": "territory"}},
@@ -210,7 +237,8 @@ EVERY_RULE = [
 ]
 OTHERWISE = {
     "speeds": {"teams": {"red": {"count": 2, "strategy": WALK, "speed": 2}, "blue": {"count": 2, "strategy": WALK}}},
-    "metres": {"settings": {"speed_unit": "metres"}},
+    "arrivals": {"settings": {"speed_unit": "metres", "decide": "arrival"}},
+    "waypoints": {"teams": {"red": {"count": 2, "strategy": ROAM}, "blue": {"count": 2, "strategy": WALK}}},
     "anywhere": {"settings": {"legal": "any"}},
     "order": {"settings": {"order": [["red"], ["blue"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},
@@ -227,8 +255,9 @@ OTHERWISE = {
 }
 
 
-def test_games_of_all_rules_in_the_docs_are_in_the_core():
-    with GRID.replace(rules=EVERY_RULE, conflicts={"capacity": 2}).batch(2) as games:
+@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+def test_games_of_all_rules_in_the_docs_are_in_the_core(scenario):
+    with scenario.replace(rules=EVERY_RULE, conflicts={"capacity": 2}).batch(2) as games:
         assert is_in_core(games)
         games.run()
         assert games.detached == {}
@@ -242,8 +271,9 @@ def test_games_with_anything_else_are_in_arrays(change):
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 5, 64])
-def test_any_number_of_threads_plays_the_same_games(threads):
-    with GRID.batch(5) as games, GRID.batch(5) as others:
+@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+def test_any_number_of_threads_plays_the_same_games(scenario, threads):
+    with scenario.batch(5) as games, scenario.batch(5) as others:
         games.run(threads=threads)
         others.run()
         assert text_of(games) == text_of(others)
@@ -289,8 +319,9 @@ def test_a_territory_that_is_not_published_is_missed_in_the_first_turn(in_arrays
         assert messages[0] == messages[1]
 
 
-def test_loaded_games_go_on_from_there(in_arrays):
-    with GRID.batch(3) as games, in_arrays(GRID, 3) as others:
+@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+def test_loaded_games_go_on_from_there(in_arrays, scenario):
+    with scenario.batch(3) as games, in_arrays(scenario, 3) as others:
         for one in (games, others):
             one.step()
             one.step()
@@ -305,8 +336,9 @@ def test_loaded_games_go_on_from_there(in_arrays):
 
 
 @pytest.mark.parametrize("turns", [0, 3])
-def test_rollouts_go_on_from_a_running_game(in_arrays, turns):
-    with GRID.replace(rules=EVERY_RULE).build(seed=4) as ctx:
+@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+def test_rollouts_go_on_from_a_running_game(in_arrays, scenario, turns):
+    with scenario.replace(rules=EVERY_RULE).build(seed=4) as ctx:
         for _ in range(turns):
             ctx.game.step()
         with ctx.game.batch(4, seed=2) as games, in_arrays(ctx.game, 4, seed=2) as others:
@@ -317,10 +349,11 @@ def test_rollouts_go_on_from_a_running_game(in_arrays, turns):
             assert text_of(games) == text_of(others)
 
 
-def test_a_recording_is_that_of_the_game_that_is_played_alone(tmp_path):
+@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+def test_a_recording_is_that_of_the_game_that_is_played_alone(tmp_path, scenario):
     alone, in_batch = tmp_path / "alone.ggr", tmp_path / "batch.ggr"
-    GRID.play(seed=6, record=alone)
-    with GRID.batch(3, seed=5) as games:
+    scenario.play(seed=6, record=alone)
+    with scenario.batch(3, seed=5) as games:
         games.run()
         games.record(1, in_batch)
     assert in_batch.read_bytes() == alone.read_bytes()
@@ -372,6 +405,17 @@ def test_numbers_of_agents_that_are_loaded_are_those_of_agents(number):
         carriers[1, 0] = number
         games.load(columns, 1)
         with pytest.raises(BadValue, match="from -1 to 5"):
+            games.step()
+
+
+@pytest.mark.parametrize("number", [-2, 25, 10**9, -(2**63)])
+def test_waypoints_that_are_loaded_are_nodes(number):
+    with BY_METRES.batch(2) as games:
+        games.step()
+        columns = games.columns()
+        columns[("memory", "random_waypoints"), "target"][1, 2] = number
+        games.load(columns, 1)
+        with pytest.raises(BadValue, match="from -1 to 24"):
             games.step()
 
 

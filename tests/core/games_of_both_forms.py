@@ -32,8 +32,9 @@ def scenario_of(number):
     walks = rng.random() < 0.5
     team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:random_waypoints", "speed": rng.choice(speeds)}
     if walks:  # compiled, the core plays a batch of these, and arrays do not
-        is_metric = False
-        team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:random_walk"}
+        strategy = rng.choice(["random_walk", "random_waypoints"]) if is_metric else "random_walk"
+        team = {"count": rng.randint(1, 4), "strategy": f"gamms.strategies:{strategy}"}
+        team |= {"speed": rng.choice([0.5, *speeds])} if is_metric else {}
     elif rng.random() < 0.5:  # agents that look around go along one edge in a turn
         is_metric = False
         team = {"count": rng.randint(1, 4), "strategy": "gamms.strategies:chase", "sensors": ["near", "eyes"]}

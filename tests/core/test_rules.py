@@ -76,6 +76,11 @@ class Block:
             *columns[0], *columns[1], *[ints([0] * room) for _ in range(2)], ints([-1] * NODES), ints([0] * room)
         )
 
+    def visitors(self):
+        """The agents, all on the ground, with the nodes that they visit."""
+        steps, tracks, sides = self.tracks()
+        return core.Visitors(steps, tracks, NO_LEGS, self.pieces(), ints([1] * self.agents), sides)
+
     def tag(self, *rules, number=0):
         """A rule of several taggings, each (plays, what `Tagging` takes by name)."""
         nodes, times, lengths = ints([0] * 2 * self.agents), floats([0.0] * 2 * self.agents), ints([0] * self.agents)
@@ -267,18 +272,18 @@ def test_rules_of_a_chain_are_called_in_their_order():
 def test_who_reaches_its_goal_first_wins_and_two_at_once_draw():
     goals = [0] * 2 * NODES
     goals[2 * 3 + RED] = goals[2 * 4 + BLUE] = 1
-    given = {"goals": ints(goals), "ground": ints([1, 1]), "order": ints([0, 1]), "points": 1.0, "at_end": False}
+    given = {"goals": ints(goals), "order": ints([0, 1]), "points": 1.0, "winner": core.WINNERS["its team"]}
     for starts, winner, reached in (([3, 1], RED, [0]), ([1, 1], -1, [0, 1]), ([1, 4], BLUE, [1])):
         block = Block([starts], [[3, 4]], [RED, BLUE])
-        core.play(core.Reach(block.games, block.events, 0, winner=core.WINNERS["its team"], **given), 0)
+        core.play(core.Reach(block.games, block.events, 0, visitors=block.visitors(), **given), 0)
         *arrived, (_, kind, won, _, _) = block.happened()
         assert (kind, won, [event[2] for event in arrived]) == ("end", winner, reached)
 
 
 def test_agents_that_arrive_score_and_are_out():
-    goals = ints([1 if node == 3 else 0 for node in range(NODES)])
     block = Block([[2, 2, 3]], [[3, 3, 3]], [RED, BLUE, RED])
-    core.play(core.Arrive(block.games, block.events, 0, team=RED, goals=goals, ground=ints([1] * 3), points=2.0), 0)
+    given = {"team": RED, "owners": ints([RED if node == 3 else -1 for node in range(NODES)]), "points": 2.0}
+    core.play(core.Arrive(block.games, block.events, 0, visitors=block.visitors(), **given), 0)
     assert [event[1:3] for event in block.happened()] == [
         ("arrive", 0), ("arrive", 2), ("eliminated", 0), ("eliminated", 2),
     ]  # fmt: skip

@@ -8,7 +8,7 @@ ctypedef unsigned char u8
 ctypedef unsigned long long u64
 ctypedef long long i64
 
-cdef i64 TAG, RESPAWNED, ELIMINATED, TAKE, DROP, CAPTURE, REACH, ARRIVE, END
+cdef i64 TAG, RESPAWNED, ELIMINATED, TAKE, DROP, CAPTURE, REACH, ARRIVE, END, ILLEGAL
 cdef i64 NOTHING, RESPAWN, ELIMINATE, NOBODY, LEADER, ITS_TEAM
 
 
@@ -20,6 +20,8 @@ cdef class Games:
     cdef const i64[::1] home, team
     cdef u8[::1] alive, placed, over
     cdef double[::1] score
+    cdef i64[::1] edge
+    cdef double[::1] share
 
 
 @cython.final
@@ -46,14 +48,16 @@ cpdef i64 leader(const double[::1] scores) except? -1 nogil
 cpdef int take_moves(Games games, NodeNumbers numbers, Moves moves, AgentColumns columns, MovingAgents agents, i64 turn) except -1
 
 
-@cython.final
 cdef class Steps:
+    cdef bint are_one_edge
     cdef i64[::1] nodes, lengths
     cdef double[::1] times
 
     @cython.locals(agent=i64, row=i64, node=i64)
-    cpdef int fill(self, Games games, i64 game) except -1 nogil
+    cdef int fill(self, Games games, i64 game) except -1 nogil
 
+
+cpdef int fill_steps(Steps steps, Games games, i64 game) except -1 nogil
 
 @cython.locals(agent=i64)
 cpdef int fill_sides(Games games, i64 game, const i64[::1] plays, i64[::1] sides) except -1 nogil
@@ -205,25 +209,36 @@ cdef class LastTeam(Rule):
     cdef int happen(self, i64 game) except -1 nogil
 
 
+@cython.final
+cdef class Visitors:
+    cdef Steps steps
+    cdef Tracks tracks
+    cdef Legs legs
+    cdef Pieces pieces
+    cdef const i64[::1] ground
+    cdef i64[::1] sides
+
+    cdef int follow(self, Games games, i64 game) except -1 nogil
+
+
 cdef class Reach(Rule):
-    cdef const i64[::1] goals, ground, order
-    cdef bint at_end
+    cdef Visitors visitors
+    cdef Pieces pieces
+    cdef const i64[::1] goals, order
     cdef i64 winner
     cdef double points
 
-    @cython.locals(begin=i64, earliest=i64, agent=i64, moment=i64, teams=i64, winner=i64, place=Py_ssize_t, team=i64, has_reached=bint, node=i64)
+    @cython.locals(earliest=double, piece=i64, since=double, is_first=bint, teams=i64, winner=i64, place=Py_ssize_t, team=i64, last=i64, agent=i64, node=i64)
     cdef int happen(self, i64 game) except -1 nogil
-    @cython.locals(goal=i64)
-    cdef Py_ssize_t _moment(self, i64 row, i64 agent) except -1 nogil
-    @cython.locals(found=bint, place=Py_ssize_t)
-    cdef bint _is_listed(self, i64 team) except -1 nogil
+    cdef bint _is_goal(self, i64 piece, i64 team) except -1 nogil
 
 
 cdef class Arrive(Rule):
+    cdef Visitors visitors
+    cdef Pieces pieces
     cdef i64 team
-    cdef const i64[::1] goals, ground
+    cdef const i64[::1] owners
     cdef double points
 
-    @cython.locals(agent=i64, row=i64)
+    @cython.locals(found=i64, place=i64, piece=i64, agent=i64)
     cdef int happen(self, i64 game) except -1 nogil
-    cdef bint _is_there(self, i64 row, i64 agent) except -1 nogil

@@ -1,9 +1,9 @@
-"""Rules of games along edges: tags, flags, agents that come back, goals, and ends. Each is played in one game.
+"""Rules of games: tags, flags, agents that come back, goals, and ends. Each is played in one game.
 
 Shapes. A block has games of `agents` agents in the order of their names. Row `game * agents + agent` of a column is an
 agent in a game, row `game * teams + team` of `score` a team. Numbers are 64-bit integers, but `alive`, `placed` and
 `over` (bytes), `score` (64-bit floats) and keys (64-bit integers without sign). Nodes, agents, teams, flags and rules
-are numbers from 0; -1 stands for none.
+are numbers from 0; -1 stands for none. `share` is 64-bit floats.
 
 `Games` has the columns, which `respawn`, `eliminate` and `end_game` write to; `Events` gets what happens. `Tagging`
 collects the contacts that make tags, and `Tags` matches them one to one. `Flags` are taken and brought home. A `Rule`
@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from gamms.core import contacts, draws
-from gamms.core.agents import AgentColumns, MovingAgents, Moves
+from gamms.core.agents import AgentColumns, Moves, MovingAgents
 from gamms.core.contacts import Contacts, Legs, NodeNumbers, Pieces, Tracks
 
 # kinds of events
@@ -32,6 +32,7 @@ CAPTURE = 5  # agent, other: the flag, node
 REACH = 6  # agent, node
 ARRIVE = 7  # agent, node
 END = 8  # agent: the team that wins, -1: none
+ILLEGAL = 9  # agent, other: the edge that it is on, node: it cannot go there from the edge
 # what becomes of tagged agents
 NOTHING = 0
 RESPAWN = 1
@@ -40,9 +41,13 @@ NOBODY = -1
 LEADER = -2  # instead of a team that wins: the one with the highest score
 ITS_TEAM = -3  # the one that reached its goal
 # the same for callers in Python, which do not see constants with a C type
-KINDS = ("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end")  # by number
+KINDS = ("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end", "illegal")  # by number
 THEN = {"": NOTHING, "respawn": RESPAWN, "eliminate": ELIMINATE}
 WINNERS = {"nobody": NOBODY, "leader": LEADER, "its team": ITS_TEAM}
+
+
+NO_INTS: memoryview[int] = memoryview(array("q"))
+NO_FLOATS: Any = memoryview(array("d"))
 
 
 class Games:
@@ -61,6 +66,8 @@ class Games:
         over: (games,) 1: a rule has ended the game.
         score: (games * teams,)
         team: (agents,) of each.
+        edge, share: (games * agents,) in games by metres the edge that an agent is on, -1 on its node, and how much of
+            the edge is behind it; else empty.
     """
 
     def __init__(
@@ -79,6 +86,8 @@ class Games:
         over: memoryview[int],
         score: memoryview[float],
         team: memoryview[int],
+        edge: memoryview[int] = NO_INTS,
+        share: memoryview[float] = NO_FLOATS,
     ) -> None:
         self.agents = agents
         self.teams = teams
@@ -93,6 +102,8 @@ class Games:
         self.over = over
         self.score = score
         self.team = team
+        self.edge = edge
+        self.share = share
 
 
 class Events:
@@ -163,6 +174,9 @@ def respawn(games: Games, events: Events, game: int, agent: int) -> int:
     games.alive[row] = 1
     games.placed[row] = 1
     games.stops[row] += 1
+    if len(games.edge) > 0:
+        games.edge[row] = -1
+        games.share[row] = 0.0
     return events.put(game, games.turn[game], NOBODY, RESPAWNED, agent, -1, node)
 
 
@@ -231,15 +245,17 @@ def take_moves(
 
 
 class Steps:
-    """The tracks of the agents of one game that go along one edge in a turn, or none.
+    """How the agents of one game have gone in a turn: along one edge, or none; a subclass says how others have.
 
     Attributes:
+        are_one_edge: whether all go along one edge, or none.
         nodes, times: (2 * agents,) the nodes that agents pass, and when; see `contacts.Tracks`, of which these are the
             columns with `most=2`.
         lengths: (agents,) how many each passes.
     """
 
     def __init__(self, nodes: memoryview[int], times: memoryview[float], lengths: memoryview[int]) -> None:
+        self.are_one_edge = True
         self.nodes = nodes
         self.times = times
         self.lengths = lengths
@@ -260,6 +276,11 @@ class Steps:
                 self.nodes[2 * agent] = games.start[row]
                 self.lengths[agent] = 2
         return 0
+
+
+def fill_steps(steps: Steps, games: Games, game: int) -> int:
+    """Write how the agents of a game came to where they are."""
+    return steps.fill(games, game)
 
 
 def fill_sides(games: Games, game: int, plays: memoryview[int], sides: memoryview[int]) -> int:
@@ -880,7 +901,7 @@ class TagRule(Rule):
 
 
 class FlagRule(Rule):
-    """Agents take the flags of other teams and bring them home, in steps along one edge.
+    """Agents take the flags of other teams and bring them home.
 
     Args:
         games: see `Rule`.
@@ -921,7 +942,7 @@ class FlagRule(Rule):
     def happen(self, game: int) -> int:
         """Let carriers drop, bring home and take flags."""
         self.flags.drop(self.games, self.events, game, self.number)
-        if self.flags.concern(self.games, game):
+        if not self.steps.are_one_edge or self.flags.concern(self.games, game):
             self.steps.fill(self.games, game)
             fill_sides(self.games, game, self.ground, self.sides)
             self.flags.pass_turn(self.games, self.events, game, self.number, self.tracks, self.legs, self.pieces)
@@ -1051,17 +1072,44 @@ class LastTeam(Rule):
         return end_game(self.games, self.events, game, self.number, left)
 
 
+class Visitors:
+    """The agents of one game on the ground, and the nodes that they visit in a turn.
+
+    Args:
+        steps: the columns of the tracks.
+        tracks: of one game.
+        legs: of one game.
+        pieces: scratch, which gets the visits.
+        ground: (agents,) 1: the agent is on the ground; 0: it is in the air.
+        sides: (agents,) those of the tracks.
+    """
+
+    def __init__(
+        self, steps: Steps, tracks: Tracks, legs: Legs, pieces: Pieces, ground: memoryview[int], sides: memoryview[int]
+    ) -> None:
+        self.steps = steps
+        self.tracks = tracks
+        self.legs = legs
+        self.pieces = pieces
+        self.ground = ground
+        self.sides = sides
+
+    def follow(self, games: Games, game: int) -> int:
+        """Follow how the agents of a game have gone in this turn."""
+        self.steps.fill(games, game)
+        return fill_sides(games, game, self.ground, self.sides)
+
+
 class Reach(Rule):
-    """The game ends when an agent reaches a goal of its team, in steps along one edge: `gamms.rules.reach`.
+    """The game ends when an agent reaches a goal of its team: `gamms.rules.reach`.
 
     Args:
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
+        visitors: the agents.
         goals: (nodes * teams,) 1: the node is a goal of the team; row `node * teams + team`.
-        ground: (agents,) 1: the agent is on the ground; 0: it is in the air.
         order: (reaching,) the teams that have goals, in the order in which their agents are named in events.
-        at_end: whether all that are on goals at the end of the turn reach them at once.
         winner: the team that wins; `NOBODY`; `ITS_TEAM`: the one that reached its goal.
         points: for each team that reached its goal.
     """
@@ -1072,42 +1120,45 @@ class Reach(Rule):
         events: Events,
         number: int,
         *,
+        visitors: Visitors,
         goals: memoryview[int],
-        ground: memoryview[int],
         order: memoryview[int],
-        at_end: bool,
         winner: int,
         points: float,
     ) -> None:
         super().__init__(games, events, number)
+        self.visitors = visitors
+        self.pieces: Pieces = self.visitors.pieces
         self.goals = goals
-        self.ground = ground
         self.order = order
-        self.at_end = at_end
         self.winner = winner
         self.points = points
 
     def happen(self, game: int) -> int:
         """Let the earliest agents reach their goals; teams that do so at one moment draw."""
-        begin = game * self.games.agents
-        earliest = 2
-        for agent in range(self.games.agents):
-            moment = self._moment(begin + agent, agent)
-            if moment < earliest and self._is_listed(self.games.team[agent]):
-                earliest = moment
-        if earliest == 2:
+        self.visitors.follow(self.games, game)
+        self.pieces.count = 0
+        contacts.put_visits(self.visitors.tracks, self.visitors.legs, self.pieces, 0)
+        earliest = 2.0
+        for piece in range(self.pieces.count):
+            since = self.pieces.since[piece]
+            if since < earliest and self._is_goal(piece, self.games.team[self.pieces.agents[piece]]):
+                earliest = since
+        if earliest == 2.0:
             return 0
         teams = 0
         winner = -1
         for place in range(len(self.order)):
             team = self.order[place]
-            has_reached = False
-            for agent in range(self.games.agents):
-                if self.games.team[agent] == team and self._moment(begin + agent, agent) == earliest:
-                    node = self.games.node[begin + agent]
+            last = -1
+            for piece in range(self.pieces.count):
+                agent = self.pieces.agents[piece]
+                is_first = agent != last and self.pieces.since[piece] == earliest
+                if is_first and self.games.team[agent] == team and self._is_goal(piece, team):
+                    last = agent
+                    node = self.pieces.nodes[piece]
                     self.events.put(game, self.games.turn[game], self.number, REACH, agent, -1, node)
-                    has_reached = True
-            if has_reached:
+            if last >= 0:
                 teams += 1
                 winner = team
                 self.games.score[game * self.games.teams + team] += self.points
@@ -1117,32 +1168,21 @@ class Reach(Rule):
             winner = self.winner
         return end_game(self.games, self.events, game, self.number, winner)
 
-    def _moment(self, row: int, agent: int) -> int:
-        """Return when an agent is at a goal of its team: 0 or 1, the beginning or end of the turn; 2: it is not."""
-        goal = self.games.node[row] * self.games.teams + self.games.team[agent]
-        if not self.ground[agent] or not self.games.alive[row] or not self.goals[goal]:
-            return 2
-        return (
-            0 if not self.at_end and not self.games.placed[row] and self.games.start[row] == self.games.node[row] else 1
-        )
-
-    def _is_listed(self, team: int) -> bool:
-        found = False
-        for place in range(len(self.order)):
-            found = found or self.order[place] == team
-        return found
+    def _is_goal(self, piece: int, team: int) -> bool:
+        """Return whether a visit is one of a goal of a team."""
+        return self.goals[self.pieces.nodes[piece] * self.games.teams + team] == 1
 
 
 class Arrive(Rule):
-    """Agents that reach a goal score and are out, in steps along one edge: `gamms.rules.arrive`.
+    """Agents that reach a goal score and are out: `gamms.rules.arrive`.
 
     Args:
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
+        visitors: the agents.
         team: of the agents.
-        goals: (nodes,) 1: the node is a goal.
-        ground: (agents,) 1: the agent is on the ground; 0: it is in the air.
+        owners: (nodes,) the team, if the node is a goal; else -1.
         points: for each.
     """
 
@@ -1152,30 +1192,29 @@ class Arrive(Rule):
         events: Events,
         number: int,
         *,
+        visitors: Visitors,
         team: int,
-        goals: memoryview[int],
-        ground: memoryview[int],
+        owners: memoryview[int],
         points: float,
     ) -> None:
         super().__init__(games, events, number)
+        self.visitors = visitors
+        self.pieces: Pieces = self.visitors.pieces
         self.team = team
-        self.goals = goals
-        self.ground = ground
+        self.owners = owners
         self.points = points
 
     def happen(self, game: int) -> int:
         """Let those that are at a goal arrive; all are named before one is taken out."""
-        for agent in range(self.games.agents):
-            row = game * self.games.agents + agent
-            if self._is_there(row, agent):
-                self.events.put(game, self.games.turn[game], self.number, ARRIVE, agent, -1, self.games.node[row])
-        for agent in range(self.games.agents):
-            if self._is_there(game * self.games.agents + agent, agent):
-                self.games.score[game * self.games.teams + self.team] += self.points
-                eliminate(self.games, self.events, game, agent)
+        self.visitors.follow(self.games, game)
+        found = find_arrivals(
+            self.visitors.tracks, self.visitors.legs, self.pieces, self.games.team, self.owners, self.team
+        )
+        for place in range(found):
+            piece = self.pieces.order[place]
+            agent = self.pieces.agents[piece]
+            self.events.put(game, self.games.turn[game], self.number, ARRIVE, agent, -1, self.pieces.nodes[piece])
+        for place in range(found):
+            self.games.score[game * self.games.teams + self.team] += self.points
+            eliminate(self.games, self.events, game, self.pieces.agents[self.pieces.order[place]])
         return 0
-
-    def _is_there(self, row: int, agent: int) -> bool:
-        if self.games.team[agent] != self.team or not self.ground[agent] or not self.games.alive[row]:
-            return False
-        return self.goals[self.games.node[row]] == 1

@@ -1,5 +1,6 @@
 cimport cython
 
+ctypedef unsigned char u8
 ctypedef long long i64
 
 cdef extern from "math.h":
@@ -14,6 +15,7 @@ cdef class Roads:
     cdef const i64[::1] ids, offsets, leaving, patched, patch_offsets, patch, sources, targets
     cdef const double[::1] lengths, costs, seconds
     cdef double turn_seconds
+    cdef bint is_patched
 
     @cython.locals(first=i64, last=i64, middle=i64)
     cdef Py_ssize_t place(self, i64 node) except -2 nogil
@@ -25,9 +27,16 @@ cdef class Roads:
 
 @cython.final
 cdef class Reach:
-    cdef i64[::1] nodes, listed, heap, places, seen
+    cdef i64[::1] nodes, listed, heap, places, rank, seen
     cdef double[::1] times, when
     cdef i64 found, search, size, count
+
+
+@cython.final
+cdef class KnownReach:
+    cdef const i64[::1] kinds
+    cdef i64[::1] counts, first, nodes
+    cdef i64 used
 
 
 @cython.final
@@ -35,6 +44,16 @@ cdef class Trips:
     cdef i64 most
     cdef i64[::1] node, edge, motion, left, legs, passed, edges, nodes, route
     cdef double[::1] share, now, speed, pace, begins, ends, since, until, times
+
+
+@cython.final
+cdef class Ways:
+    cdef Roads roads, back
+    cdef Reach reach
+    cdef u8[::1] direct
+    cdef i64 most
+    cdef i64[::1] goal, count, at, nodes
+    cdef double[::1] far
 
 
 @cython.locals(found=i64, number=i64, edge=i64)
@@ -50,6 +69,10 @@ cpdef bint is_going(Roads roads, i64 edge, i64 motion) except -1 nogil
 cpdef Py_ssize_t reachable(
     Roads roads, Reach reach, i64 node, i64 edge, double share, i64 motion, double speed, double now, bint goes_on
 ) except -1 nogil
+@cython.locals(key=i64, count=i64, place=i64)
+cpdef Py_ssize_t count_legal(Roads roads, Reach reach, KnownReach known, i64 agent, i64 node, double speed) except -1 nogil
+@cython.locals(key=i64)
+cpdef Py_ssize_t legal_node(Roads roads, Reach reach, KnownReach known, i64 agent, i64 node, i64 number) except -1 nogil
 cdef int list_node(Reach reach, i64 node, double time) except -1 nogil
 @cython.locals(number=i64)
 cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil
@@ -57,14 +80,27 @@ cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil
 cdef int list_around(Roads roads, Reach reach, i64 node, double speed, double begun, double left) except -1 nogil
 @cython.locals(number=i64)
 cdef int forget_seen(Reach reach) except -1 nogil
-cdef bint comes_before(Roads roads, Reach reach, i64 one, i64 other) except -1 nogil
+cdef bint comes_before(Reach reach, i64 one, i64 other) except -1 nogil
 @cython.locals(place=i64, above=i64)
-cdef int reach_node(Roads roads, Reach reach, i64 node, double time) except -1 nogil
+cdef int reach_node(Reach reach, i64 node, double time, i64 rank) except -1 nogil
 @cython.locals(first=i64, node=i64, place=i64, below=i64)
-cdef Py_ssize_t visit_first(Roads roads, Reach reach) except -1 nogil
+cdef Py_ssize_t visit_first(Reach reach) except -1 nogil
 
 @cython.locals(edge=i64, latest=double, found=bint, at=i64, number=i64, cost=double)
 cpdef bint is_only_way(Roads roads, Reach reach, i64 source, i64 target) except -1 nogil
+@cython.locals(edge=i64)
+cdef bint is_direct(Ways ways, i64 source, i64 target) except -1 nogil
+@cython.locals(at=i64, number=i64, edge=i64, cost=double, node=i64, place=i64)
+cpdef Py_ssize_t find_way(Ways ways, i64 row, i64 source, i64 goal) except -1 nogil
+@cython.locals(found=i64, number=i64, edge=i64, other=i64)
+cdef Py_ssize_t next_on_way(Ways ways, i64 node) except -2 nogil
+@cython.locals(place=i64, _=i64)
+cdef Py_ssize_t place_on_way(Ways ways, i64 row, i64 node, i64 goal) except -2 nogil
+@cython.locals(place=i64)
+cpdef double distance(Ways ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
+@cython.locals(place=i64, count=i64, first=i64, number=i64)
+cpdef Py_ssize_t put_route(Ways ways, Trips trips, i64 row, i64 node, i64 goal) except -1 nogil
+
 cpdef Py_ssize_t end_towards(Roads roads, i64 node, i64 edge, i64 target) except -1 nogil
 @cython.locals(cost=double)
 cpdef Py_ssize_t shorter_way(Roads roads, i64 edge, double share, double ahead, double behind) except -1 nogil

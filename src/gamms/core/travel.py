@@ -54,6 +54,7 @@ class Roads:
         self.offsets = offsets
         self.leaving = leaving
         self.patched = patched
+        self.is_patched = len(patched) > 0
         self.patch_offsets = patch_offsets
         self.patch = patch
         self.sources = sources
@@ -79,14 +80,14 @@ class Roads:
 
     def count(self, node: int) -> int:
         """Return how many edges leave a node."""
-        place = self.place(node)
+        place = self.place(node) if self.is_patched else -1
         if place < 0:
             return self.offsets[node + 1] - self.offsets[node]
         return self.patch_offsets[place + 1] - self.patch_offsets[place]
 
     def edge(self, node: int, number: int) -> int:
         """Return one of the edges that leave a node, by its number from 0."""
-        place = self.place(node)
+        place = self.place(node) if self.is_patched else -1
         if place < 0:
             return self.leaving[self.offsets[node] + number]
         return self.patch[self.patch_offsets[place] + number]
@@ -104,6 +105,7 @@ class Reach:
         heap, size: nodes to be visited, the first one first.
         places: where each node is in the heap, from 1; 0: it has not been seen; -1: it has been visited.
         when: when each node is reached at the soonest.
+        rank: of two nodes that are reached at once the one with the smaller rank comes first.
         seen, count: nodes that have been seen.
     """
 
@@ -115,6 +117,7 @@ class Reach:
         heap: memoryview[int],
         places: memoryview[int],
         when: memoryview[float],
+        rank: memoryview[int],
         seen: memoryview[int],
     ) -> None:
         self.nodes = nodes
@@ -123,11 +126,33 @@ class Reach:
         self.heap = heap
         self.places = places
         self.when = when
+        self.rank = rank
         self.seen = seen
         self.found = 0
         self.search = 0
         self.size = 0
         self.count = 0
+
+
+class KnownReach:
+    """What is legal where turns begin, as far as there is room to remember it.
+
+    Attributes:
+        kinds: (agents,) the number of the speed of each; agents with the same speed have the same.
+        counts: (kinds * nodes,) how many nodes are legal; 0: that is not known.
+        first: (kinds * nodes,) where they begin in `nodes`.
+        nodes: (room,) rows of nodes.
+        used: how many of these there are.
+    """
+
+    def __init__(
+        self, kinds: memoryview[int], counts: memoryview[int], first: memoryview[int], nodes: memoryview[int]
+    ) -> None:
+        self.kinds = kinds
+        self.counts = counts
+        self.first = first
+        self.nodes = nodes
+        self.used = 0
 
 
 class Trips:
@@ -196,6 +221,50 @@ class Trips:
         self.nodes = nodes
         self.times = times
         self.route = route
+
+
+class Ways:
+    """The cheapest ways of agents to nodes, of which the next nodes are remembered.
+
+    Of ways that cost the same the one with the fewest edges is taken; of these, at each node, the one that goes on to
+    the node with the smallest id.
+
+    Attributes:
+        roads: the map, on which every edge has a finite cost.
+        back: the same with all edges turned round.
+        reach: scratch.
+        direct: (edges,) scratch, all 0 at first: 1 of an edge that is known to be the only cheapest way from its
+            source to its target, 2 of one that is not.
+        most: how many nodes of a way are remembered, the one where it begins included.
+        goal: (rows,) where the way leads that an agent remembers.
+        count: (rows,) how many of its nodes are remembered, at first 0; also of a goal to which no way leads.
+        at: (rows,) the number of the node among them that was asked for last.
+        nodes, far: (rows * most,) these nodes, and how far it is from each to the goal.
+    """
+
+    def __init__(
+        self,
+        roads: Roads,
+        back: Roads,
+        reach: Reach,
+        direct: memoryview[int],
+        most: int,
+        goal: memoryview[int],
+        count: memoryview[int],
+        at: memoryview[int],
+        nodes: memoryview[int],
+        far: memoryview[float],
+    ) -> None:
+        self.roads = roads
+        self.back = back
+        self.reach = reach
+        self.direct = direct
+        self.most = most
+        self.goal = goal
+        self.count = count
+        self.at = at
+        self.nodes = nodes
+        self.far = far
 
 
 # -- edges -----------------------------------------------------------------------------------------------------------
@@ -314,6 +383,27 @@ def reachable(
     return reach.found
 
 
+def count_legal(roads: Roads, reach: Reach, known: KnownReach, agent: int, node: int, speed: float) -> int:
+    """Return how many nodes are legal for an agent on a node when a turn begins."""
+    key = known.kinds[agent] * len(roads.ids) + node
+    if known.counts[key] > 0:
+        return known.counts[key]
+    count = reachable(roads, reach, node, -1, 0.0, 0, speed, 0.0, False)
+    if known.used + count <= len(known.nodes):
+        known.counts[key] = count
+        known.first[key] = known.used
+        for place in range(count):
+            known.nodes[known.used + place] = reach.nodes[place]
+        known.used += count
+    return count
+
+
+def legal_node(roads: Roads, reach: Reach, known: KnownReach, agent: int, node: int, number: int) -> int:
+    """Return one of the nodes that `count_legal` has counted last."""
+    key = known.kinds[agent] * len(roads.ids) + node
+    return known.nodes[known.first[key] + number] if known.counts[key] > 0 else reach.nodes[number]
+
+
 def list_node(reach: Reach, node: int, time: float) -> int:
     """Append a node that is reached at a time, unless it is listed."""
     if reach.listed[node] != reach.search:
@@ -341,9 +431,9 @@ def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: floa
     latest = left + SLACK
     reach.size = 0
     reach.count = 0
-    reach_node(roads, reach, node, begun)
+    reach_node(reach, node, begun, roads.ids[node])
     while reach.size > 0:
-        at = visit_first(roads, reach)
+        at = visit_first(reach)
         if not endless:
             list_node(reach, at, reach.when[at])
         for number in range(roads.count(at)):
@@ -351,9 +441,9 @@ def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: floa
             if not endless:
                 time = reach.when[at] + turns(roads, edge, 1.0, speed)
                 if time <= latest:
-                    reach_node(roads, reach, roads.targets[edge], time)
+                    reach_node(reach, roads.targets[edge], time, roads.ids[roads.targets[edge]])
             elif roads.lengths[edge] < INFINITE:
-                reach_node(roads, reach, roads.targets[edge], begun)
+                reach_node(reach, roads.targets[edge], begun, roads.ids[roads.targets[edge]])
     if endless:
         for one in range(len(roads.ids)):
             if reach.places[one] < 0:
@@ -368,17 +458,19 @@ def forget_seen(reach: Reach) -> int:
     return 0
 
 
-def comes_before(roads: Roads, reach: Reach, one: int, other: int) -> bool:
-    """Return whether a node is reached before another; of two at once the one with the smaller id is."""
+def comes_before(reach: Reach, one: int, other: int) -> bool:
+    """Return whether a node is reached before another; of two at once the one with the smaller rank is."""
     if reach.when[one] != reach.when[other]:
         return reach.when[one] < reach.when[other]
-    return roads.ids[one] < roads.ids[other]
+    return reach.rank[one] < reach.rank[other]
 
 
-def reach_node(roads: Roads, reach: Reach, node: int, time: float) -> int:
-    """Note that a node can be reached at a time."""
+def reach_node(reach: Reach, node: int, time: float, rank: int) -> int:
+    """Note that a node can be reached at a time, and its rank then."""
     place = reach.places[node]
-    if place < 0 or (place > 0 and reach.when[node] <= time):
+    if place < 0:
+        return 0
+    if place > 0 and (reach.when[node] < time or (reach.when[node] == time and reach.rank[node] <= rank)):
         return 0
     if place == 0:
         reach.seen[reach.count] = node
@@ -386,9 +478,10 @@ def reach_node(roads: Roads, reach: Reach, node: int, time: float) -> int:
         reach.size += 1
         place = reach.size
     reach.when[node] = time
+    reach.rank[node] = rank
     while place > 1:
         above = reach.heap[(place >> 1) - 1]
-        if not comes_before(roads, reach, node, above):
+        if not comes_before(reach, node, above):
             break
         reach.heap[place - 1] = above
         reach.places[above] = place
@@ -398,7 +491,7 @@ def reach_node(roads: Roads, reach: Reach, node: int, time: float) -> int:
     return 0
 
 
-def visit_first(roads: Roads, reach: Reach) -> int:
+def visit_first(reach: Reach) -> int:
     """Take the first node from the heap and return it."""
     first = reach.heap[0]
     reach.places[first] = -1
@@ -407,9 +500,9 @@ def visit_first(roads: Roads, reach: Reach) -> int:
     place = 1
     while 2 * place <= reach.size:
         below = 2 * place
-        if below < reach.size and comes_before(roads, reach, reach.heap[below], reach.heap[below - 1]):
+        if below < reach.size and comes_before(reach, reach.heap[below], reach.heap[below - 1]):
             below += 1
-        if not comes_before(roads, reach, reach.heap[below - 1], node):
+        if not comes_before(reach, reach.heap[below - 1], node):
             break
         reach.heap[place - 1] = reach.heap[below - 1]
         reach.places[reach.heap[place - 1]] = place
@@ -429,17 +522,109 @@ def is_only_way(roads: Roads, reach: Reach, source: int, target: int) -> bool:
     reach.size = 0
     reach.count = 0
     found = True
-    reach_node(roads, reach, source, 0.0)
+    reach_node(reach, source, 0.0, 0)
     while found and reach.size > 0:
-        at = visit_first(roads, reach)
+        at = visit_first(reach)
         for number in range(roads.count(at)):
             edge = roads.edge(at, number)
             cost = reach.when[at] + roads.costs[edge]
             if cost <= latest and (at != source or roads.targets[edge] != target):
                 found = found and roads.targets[edge] != target
-                reach_node(roads, reach, roads.targets[edge], cost)
+                reach_node(reach, roads.targets[edge], cost, 0)
     forget_seen(reach)
     return found
+
+
+# -- ways ----------------------------------------------------------------------------------------------------------
+
+
+def is_direct(ways: Ways, source: int, target: int) -> bool:
+    """Return whether an edge is the only cheapest way from one node to another."""
+    edge = cheapest(ways.roads, source, target)
+    if edge < 0 or source == target:
+        return False
+    if ways.direct[edge] == 0:
+        ways.direct[edge] = 1 if is_only_way(ways.roads, ways.reach, source, target) else 2
+    return ways.direct[edge] == 1
+
+
+def find_way(ways: Ways, row: int, source: int, goal: int) -> int:
+    """Let an agent remember the way from a node to another; return how many of its nodes it remembers, 0: no way.
+
+    Distances are found from the goal, each from that of the next node on the way, so that they do not depend on where
+    the way begins.
+    """
+    ways.reach.size = 0
+    ways.reach.count = 0
+    reach_node(ways.reach, goal, 0.0, 0)
+    while ways.reach.size > 0 and ways.reach.places[source] >= 0:
+        at = visit_first(ways.reach)
+        for number in range(ways.back.count(at)):
+            edge = ways.back.edge(at, number)
+            cost = ways.reach.when[at] + ways.back.costs[edge]
+            reach_node(ways.reach, ways.back.targets[edge], cost, ways.reach.rank[at] + 1)
+    ways.goal[row] = goal
+    ways.at[row] = 0
+    ways.count[row] = 0
+    node = source if ways.reach.places[source] < 0 else -1
+    while node >= 0 and ways.count[row] < ways.most:
+        place = row * ways.most + ways.count[row]
+        ways.nodes[place] = node
+        ways.far[place] = ways.reach.when[node]
+        ways.count[row] += 1
+        node = next_on_way(ways, node)
+    forget_seen(ways.reach)
+    return ways.count[row]
+
+
+def next_on_way(ways: Ways, node: int) -> int:
+    """Return the node that comes behind another on the way to the goal of a search; -1: it is the goal."""
+    found = -1
+    for number in range(ways.roads.count(node)):
+        edge = ways.roads.edge(node, number)
+        other = ways.roads.targets[edge]
+        if (
+            ways.reach.places[other] < 0
+            and ways.reach.when[other] + ways.roads.costs[edge] == ways.reach.when[node]
+            and ways.reach.rank[other] + 1 == ways.reach.rank[node]
+            and (found < 0 or ways.roads.ids[other] < ways.roads.ids[found])
+        ):
+            found = other
+    return found
+
+
+def place_on_way(ways: Ways, row: int, node: int, goal: int) -> int:
+    """Return the number of a node on the way to a goal that an agent remembers; -1: there is no way to the goal."""
+    if ways.goal[row] == goal:
+        place = ways.at[row]
+        for _ in range(ways.count[row]):
+            # The last node does not tell where the way goes on, unless it is the goal.
+            if ways.nodes[row * ways.most + place] == node and (place + 1 < ways.count[row] or node == goal):
+                ways.at[row] = place
+                return place
+            place = place + 1 if place + 1 < ways.count[row] else 0
+    return 0 if find_way(ways, row, node, goal) > 0 else -1
+
+
+def distance(ways: Ways, row: int, node: int, goal: int) -> float:
+    """Return what the way of an agent from a node to a goal costs; infinite where there is none."""
+    if is_direct(ways, node, goal):
+        return ways.roads.costs[cheapest(ways.roads, node, goal)]
+    place = place_on_way(ways, row, node, goal)
+    return ways.far[row * ways.most + place] if place >= 0 else INFINITE
+
+
+def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int) -> int:
+    """Write the next nodes on the way of an agent from a node to a goal; return how many: none at the goal."""
+    if is_direct(ways, node, goal):
+        trips.route[0] = goal
+        return 1
+    place = place_on_way(ways, row, node, goal)
+    count = ways.count[row] - place - 1 if place >= 0 else 0
+    first = row * ways.most + place + 1
+    for number in range(count):
+        trips.route[number] = ways.nodes[first + number]
+    return count
 
 
 # -- where to --------------------------------------------------------------------------------------------------------

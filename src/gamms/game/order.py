@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.core.agents import MovingAgents, Moves
+from gamms.core.agents import Moves, MovingAgents
 from gamms.core.ask import Sensing
 from gamms.core.block import INT64
 from gamms.deciding import Deciders

@@ -68,10 +68,10 @@ class Reach:
     """
 
     def __init__(self, nodes: int) -> None:
-        ints, floats = np.zeros((5, nodes), np.int64), np.zeros((2, nodes))
+        ints, floats = np.zeros((6, nodes), np.int64), np.zeros((2, nodes))
         self.nodes, self.times = ints[0], floats[0]
-        listed, heap, places, seen = (column.data for column in ints[1:])
-        self.core = core.Reach(self.nodes.data, self.times.data, listed, heap, places, floats[1].data, seen)
+        listed, heap, places, rank, seen = (column.data for column in ints[1:])
+        self.core = core.Reach(self.nodes.data, self.times.data, listed, heap, places, floats[1].data, rank, seen)
 
 
 class Trips:
@@ -79,18 +79,20 @@ class Trips:
 
     Args:
         rows: how many agents there are.
-        most: for how many legs of each there is room, and for how many nodes of a route.
+        most: for how many legs of each there is room.
+        route: for how many nodes of a route there is room; None: for as many.
 
     Attributes:
         core: what the core writes to.
     """
 
-    def __init__(self, rows: int, most: int) -> None:
+    def __init__(self, rows: int, most: int, route: int | None = None) -> None:
         states, shares = np.zeros((6, rows), np.int64), np.zeros((4, rows))
         self.node, self.edge, self.motion, self.left, self.legs, self.passed = states
         self.share, self.now, self.speed, self.pace = shares
         self.most, self.edges, self.nodes = most, np.zeros((rows, most), np.int64), np.zeros((rows, most + 1), np.int64)
-        parts, self.times, self.route = np.zeros((4, rows, most)), np.zeros((rows, most + 1)), np.zeros(most, np.int64)
+        parts, self.times = np.zeros((4, rows, most)), np.zeros((rows, most + 1))
+        self.route = np.zeros(most if route is None else route, np.int64)
         self.begins, self.ends, self.since, self.until = parts
         columns = (*states, *shares, self.edges, *parts, self.nodes, self.times, self.route)
         self.core = core.Trips(most, *(column.reshape(-1).data for column in columns))

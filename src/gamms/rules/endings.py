@@ -168,7 +168,9 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             drawer=render_goals,
             teams=list(goals),
             array_form=in_arrays,
-            core_form=in_core("arrive", team, goal, points) if _are_nodes(goals) and fits_core(points) else None,
+            core_form=in_core("arrive", team, goal, points, counts_passing)
+            if _are_nodes(goals) and fits_core(points)
+            else None,
         ),
     )
 

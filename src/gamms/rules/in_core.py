@@ -13,7 +13,7 @@ from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats,
 from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
-from gamms.rules.meetings import NO_LEGS, ask
+from gamms.rules.meetings import ask
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -57,11 +57,11 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
             one.nearness,
             None,
             tracks,
-            NO_LEGS,
+            making.legs,
             flat(roster.keys, np.uint64),
             purpose,
             turn,
-            by_metres=False,
+            by_metres=making.by_metres,
         )
         taggers, tagged = (roster.plays_for([side]) for side in one.sides)
         owners = None if one.ground is None else one.ground.rows(state.facts, state.streets, roster.teams)
@@ -125,7 +125,7 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
         flags=core,
         steps=making.steps,
         tracks=making.tracks(sides, at_end=not flags.passing),
-        legs=NO_LEGS,
+        legs=making.legs,
         pieces=making.pieces,
         ground=making.plays(None),
         sides=sides,
@@ -183,26 +183,27 @@ def reach(
         making.games,
         making.events,
         number,
+        visitors=making.visitors(at_end=not passing),
         goals=flat(is_goal, np.int64),
-        ground=making.plays(None),
         order=flat(np.array(order, np.int64), np.int64),
-        at_end=not passing,
         winner=rules.WINNERS["its team" if winner is ONE_THAT_SHOWS else "nobody"],
         points=score,
     )
 
 
-def arrive(team: Hashable, goal: Collection[int], points: float, making: Making) -> rules.Rule:
-    """Make `gamms.rules.arrive`, of a goal of nodes."""
-    is_goal = np.zeros(making.state.streets.num_nodes, np.int64)
-    is_goal[making.rows(goal)] = 1
+def arrive(team: Hashable, goal: Collection[int], points: float, passing: bool, making: Making) -> rules.Rule:
+    """Make `gamms.rules.arrive`, of a goal of nodes; of a team without agents, a rule that does nothing."""
+    if team not in making.state.roster.teams:
+        return _nothing(making)
+    owners = np.full(making.state.streets.num_nodes, -1)
+    owners[making.rows(goal)] = making.team(team)
     return rules.Arrive(
         making.games,
         making.events,
         making.number(PlayedRule(True, isinstance(points, float))),
+        visitors=making.visitors(at_end=not passing),
         team=making.team(team),
-        goals=flat(is_goal, np.int64),
-        ground=making.plays(None),
+        owners=flat(owners, np.int64),
         points=points,
     )
 

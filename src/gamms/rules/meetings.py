@@ -533,7 +533,7 @@ class InGame(Room):
             agent = roster.number.get(block.names[row])
             if agent is not None:
                 roster.placed[agent] = 1
-        roster.steps.fill(roster.games, 0)
+        rules.fill_steps(roster.steps, roster.games, 0)
         return self._steps
 
     def _of_tracks(self, ctx: Context, turn: int) -> InTurn:

@@ -14,6 +14,7 @@ from gamms.core import moves
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.forms import declare, spec_of
 from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.travelers import Waypoints
 from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -241,7 +242,12 @@ def random_waypoints(
 
     kept = Kept(_waypoints_begun)
     offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], kept=kept)
+    if fallback is stay:
+        declare(strategy, replace(spec_of(strategy), core_form=Waypoints(chosen, turns)))
     return strategy
+
+
+IN_CORE = (stay, random_walk, random_waypoints)  # strategies that the core plays in batches
 
 
 _NO_WAYPOINT = {"target": -1, "left": 0}  # a row, turns

@@ -16,7 +16,8 @@ class StrategySpec:
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: agents are asked one by one.
-        core_form: the number by which `gamms.core.moves` knows the strategy; None: the core does not play it.
+        core_form: the number by which `gamms.core.moves` knows the strategy, or its `travelers.Waypoints`; None: the
+            core does not play it.
         flies: whether it decides for agents that fly, too; the array form returns how far they fly then.
         looks: whether it asks what sensors show or have in view. Agents may carry any sensor if it does not.
         may_skip: whether it may set no action, for which the array form returns `NO_ACTION`.
@@ -28,7 +29,7 @@ class StrategySpec:
     """
 
     array_form: Callable[..., Any] | None = None
-    core_form: int | None = None
+    core_form: Any = None
     flies: bool = False
     looks: bool = True
     may_skip: bool = False

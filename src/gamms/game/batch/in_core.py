@@ -1,9 +1,10 @@
 """Plays the games of a batch in the core: those of which every part is a function of it.
 
-`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy. `RuleSpec.core_form` is a function
-that makes the rule that `gamms.core.rules` plays.
+`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy, or its `Waypoints`.
+`RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
+from array import array
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -11,25 +12,29 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import core
-from gamms.core import conflicts, contacts, draws, moves, rules, turn
+from gamms.core import by_metres, conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
-from gamms.game.batch.columns import PlayedGame, decider_of
+from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
 from gamms.game.batch.state import CoreEvents, GameArrays
+from gamms.game.batch.travel import ByMetres
+from gamms.game.batch.travelers import ThreadTravel, TravelColumns, Waypoints, why_not_by_metres
 from gamms.game.conflicts import Table, flat
 from gamms.game.settings import as_called
+from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
 ONE_THAT_SHOWS = "a winner that the core finds"
-_REACH, _END = rules.KINDS.index("reach"), rules.KINDS.index("end")
+_REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
+_NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
 
 class PlayedRule(NamedTuple):
@@ -57,33 +62,33 @@ class Making:
     Attributes:
         state: of all games.
         games, events, steps, pieces: see `gamms.core.rules`.
-        nodes, times, lengths: the columns of the steps.
+        legs: of the agents of one game; none in games that count edges.
+        by_metres: whether the games are by metres.
         rules: of the numbers that events have, what they are of.
         agents_in: columns of numbers of agents that are kept, -1 for none; they may have been loaded.
     """
 
-    def __init__(self, state: GameArrays, games: rules.Games) -> None:
-        agents = len(state.roster.names)
+    def __init__(
+        self, state: GameArrays, games: rules.Games, events: rules.Events, travel: ThreadTravel | None
+    ) -> None:
+        agents, streets = len(state.roster.names), state.streets
         self.state = state
         self.games = games
-        self.events = rules.Events(_FIRST_ROOM)
-        self.nodes, self.times, self.lengths = ints(2 * agents), floats(2 * agents), ints(agents)
-        self.steps = rules.Steps(self.nodes, self.times, self.lengths)
-        pieces, places = [ints(6 * agents) for _ in range(6)], [floats(6 * agents) for _ in range(4)]
-        first = np.full(state.streets.num_nodes, -1).data
-        self.pieces = contacts.Pieces(
-            pieces[0],
-            pieces[1],
-            pieces[2],
-            places[0],
-            places[1],
-            places[2],
-            places[3],
-            pieces[3],
-            pieces[4],
-            first,
-            pieces[5],
-        )
+        self.events = events
+        self.by_metres = travel is not None
+        self.legs = _NO_LEGS
+        if travel is None:
+            self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
+            self._tracks: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
+            self.steps = rules.Steps(*self._tracks)
+        else:
+            self._most_nodes, most_legs = travel.most + 1, travel.most
+            keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
+            self._tracks, self.steps, self.legs = travel.tracks, travel.course, travel.legs
+        room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
+        places: Any = [ints(room) for _ in range(3)] + [floats(room) for _ in range(4)]
+        found: Any = ints(room), ints(room), np.full(keys, -1).data, ints(room)
+        self.pieces = contacts.Pieces(*places, *found)
         self.rules: list[PlayedRule] = []
         self.agents_in: list[IntArray] = []
 
@@ -93,9 +98,14 @@ class Making:
         return len(self.rules) - len(played)
 
     def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
-        """Return the tracks of agents that go along one edge, of these sides."""
-        agents = len(self.state.roster.names)
-        return contacts.Tracks(agents, 2, self.nodes, self.times, self.lengths, sides, at_end=at_end)
+        """Return the tracks of the agents of a game, of these sides."""
+        return contacts.Tracks(len(self.state.roster.names), self._most_nodes, *self._tracks, sides, at_end=at_end)
+
+    def visitors(self, *, at_end: bool) -> rules.Visitors:
+        """Return the agents on the ground, with the nodes that they visit."""
+        sides = ints(len(self.state.roster.names))
+        tracks = self.tracks(sides, at_end=at_end)
+        return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None), sides)
 
     def plays(self, teams: Collection[Hashable] | None) -> Any:
         """Return which agents are of these teams, 1 or 0; None: of any."""
@@ -141,8 +151,7 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
     settings, roster = game.settings(), state.roster
     if not core.is_compiled:
         yield "the core, which is not compiled"
-    if type(state.movement) is not Movement or state.movement.closed:
-        yield "ways that are not those along one edge"
+    yield from _why_not_by(state.movement, roster)
     if state.flyers is not None or None in roster.teams or not roster.is_first.all():
         yield "agents that fly, have no team or may come"
     if any(settings[name] for name in ("order", "deeds", "channels")):
@@ -151,11 +160,28 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
         yield "what is called, or looks at the games, in a turn"
     for agent in roster.agents:
         decider = decider_of(agent, settings["plans"])
-        if decider is not None and spec_of(decider).core_form is None:
+        form = moves.STAY if decider is None else spec_of(decider).core_form
+        if form is None:
             yield "a strategy"
+        if isinstance(form, Waypoints):
+            yield from _why_not_on_the_way(agent.speed, state.movement, settings["on_illegal"])
     for one in as_called(game.rules):
         if one.phase != "after" or one.spec.core_form is None:
             yield f"the rule {one.name!r}"
+
+
+def _why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
+    if isinstance(by, ByMetres):
+        yield from why_not_by_metres(by, roster)
+    elif type(by) is not Movement or by.closed:
+        yield "ways along several edges, or none"
+
+
+def _why_not_on_the_way(speed: float | None, by: Movement, on_illegal: str) -> Iterator[str]:
+    if speed is None or not isinstance(by, ByMetres):
+        yield "agents on their way to nodes, but along one edge in a turn"
+    if on_illegal == "raise":
+        yield "agents on their way to nodes whose illegal actions are raised"
 
 
 class CoreGames:
@@ -171,8 +197,9 @@ class CoreGames:
         self._rules = [form for one in as_called(game.rules) if (form := one.spec.core_form) is not None]
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        forms = [moves.STAY if one is None else spec_of(one).core_form for one in deciders]
-        self._decides_by = np.array(forms, np.uint8)
+        self._forms = [moves.STAY if one is None else spec_of(one).core_form for one in deciders]
+        numbers = [by_metres.RANDOM_WAYPOINTS if isinstance(one, Waypoints) else one for one in self._forms]
+        self._decides_by = np.array(numbers, np.uint8)
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))
@@ -182,7 +209,7 @@ class CoreGames:
         self._until = np.zeros(shape[0], np.int64)
         self._score = np.zeros((shape[0], len(state.roster.teams)))
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
-        self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
+        self._shared: tuple[rules.Games, dict[str, Any], TravelColumns | None]  # the columns that they share
 
     def forget(self) -> None:
         """Make all that turns are played with anew, because games begin again."""
@@ -231,17 +258,23 @@ class CoreGames:
 
     def _refuse_unknown_agents(self) -> None:
         """Refuse numbers that rules have kept, or that were loaded, and that are those of no agents."""
-        agents = len(self._decides_by)
+        agents, nodes, travel = len(self._decides_by), self._state.streets.num_nodes, self._shared[2]
         for column in self._made[0][1].agents_in:
             if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
                 raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
+        targets = np.zeros(0, np.int64) if travel is None else travel.targets
+        if targets.min(initial=-1) < -1 or targets.max(initial=-1) >= nodes:
+            raise BadValue(f"Agents remember rows of nodes from -1 to {nodes - 1}, not {shown(targets)}.")
 
     def _player(self) -> tuple[turn.Player, Making]:
         """Make what one more thread plays with."""
         state, roster, shape = self._state, self._state.roster, self._state.node.shape
         if self._made:  # they share columns
-            games, shared = self._shared
+            games, shared, columns = self._shared
         else:
+            by = state.movement
+            columns = TravelColumns(state, by, self._forms) if isinstance(by, ByMetres) else None
+            on_edges = {} if columns is None else {"edge": memory_of(by.edge), "share": memory_of(by.share)}
             games = rules.Games(
                 shape[1],
                 len(roster.teams),
@@ -256,6 +289,7 @@ class CoreGames:
                 over=self._over.data,
                 score=memory_of(self._score),
                 team=flat(roster.team_of, np.int64),
+                **on_edges,
             )
             shared = {
                 "ends": memory_of(self._ends),
@@ -265,27 +299,33 @@ class CoreGames:
                 "blocks": memory_of(state.counts["blocked"]),
                 "blocked": memory_of(state.blocked),
             }
-            self._shared = games, shared
+            self._shared = games, shared, columns
         walks = draws.Choices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
         some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
         given = memory_of(self._given)
-        contests, requests = self._conflicting()
+        contests, requests = self._conflicting(columns)
         movers = moves.Movers(self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **shared)
-        making = Making(state, games)
+        events = rules.Events(_FIRST_ROOM)
+        travel = None if columns is None else columns.travelers(movers, events)
+        making = Making(state, games, events, travel)
         made = [make(making) for make in self._rules]
         first = rules.chained(made) if made else None
-        return turn.Player(games, movers, first, self._until.data), making
+        agents = None if travel is None else travel.agents
+        return turn.Player(games, movers, agents, first, self._until.data), making
 
-    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
+    def _conflicting(
+        self, columns: TravelColumns | None
+    ) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
         """Return what finds those who give way; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None
         state = self._state
-        table = Table(self._conflicts, state.roster, state.streets.columns, has_edges=False)
+        table = Table(self._conflicts, state.roster, state.movement.columns, has_edges=columns is not None)
         if table.has_missing_ranks:
             raise BadValue("An agent has no rank in conflicts.")
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
-        where = memory_of(self._start), memory_of(self._ends), memory_of(self._takes_part)
+        ends = (self._start, self._ends) if columns is None else (columns.starts, columns.ends)
+        where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._takes_part)
         return table.contests, table.requests(*where, ranks)
 
     def _read(self, making: Making) -> None:
@@ -309,7 +349,21 @@ class CoreGames:
             reason = played.reason or self._reason_of_goals(noted, row)
             how = {"reason": reason, "winner": who, "truncated": played.truncated}
             state.over[game] = joined_end(state.over[game], how)
-        state.events.take(noted.those(~is_end))
+        is_illegal = noted.kinds == _ILLEGAL
+        for row in np.flatnonzero(is_illegal).tolist():
+            self._note_illegal(noted, row)
+        state.events.take(noted.those(~is_end & ~is_illegal))
+
+    def _note_illegal(self, noted: CoreEvents, row: int) -> None:
+        """Note that an agent on an edge wanted to go to a node to which no way leads from there."""
+        state, by = self._state, self._state.movement
+        edge, target, game, agent = (
+            int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
+        )
+        ends = by.columns.sources[edge], by.columns.targets[edge], target
+        may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
+        error = no_way(*state.streets.ids_of(np.array(ends)).tolist(), is_paced=True, may_turn=bool(may_turn))
+        state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))
 
     def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
         """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""

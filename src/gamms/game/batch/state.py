@@ -550,12 +550,12 @@ class GameArrays:
 
         return undo
 
-    def note_failure(self, failure: Failure) -> None:
-        """Note in the log of a game what an agent did wrong, and let it know."""
+    def note_failure(self, failure: Failure, turn: int | None = None) -> None:
+        """Note in the log of a game what an agent did wrong, and let it know; `turn` is when, None: now."""
         game, _, agent, kind, message = failure
         self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
-        name, turn = self.roster.names[agent], int(self.turn[game])
-        self.errors[game].append({"turn": turn, "agent": name, "kind": kind, "message": message})
+        name, when = self.roster.names[agent], int(self.turn[game]) if turn is None else turn
+        self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})
 
     def purposes(self, *purpose: str | int) -> BitArray:
         """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""

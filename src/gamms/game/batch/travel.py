@@ -46,6 +46,7 @@ class ByMetres(Movement):
         whole, closed: see `Movement`.
 
     Attributes:
+        paces: (agents,) speeds; NaN: along one edge in a turn.
         edge: (games, agents) the rows of the edges that agents are on; -1: they are on their nodes.
         share: (games, agents) of the edge that is behind them.
         motion: (games, agents) how they move there, see `ir.progress.Motion`.
@@ -69,7 +70,8 @@ class ByMetres(Movement):
         self.terms, self.turn_seconds = terms, terms.turn_seconds
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
-        self._kinds, self._kind_of = np.unique(np.where(self._is_paced, self._speeds, np.nan), return_inverse=True)
+        self.paces = np.where(self._is_paced, self._speeds, np.nan)
+        self._kinds, self._kind_of = np.unique(self.paces, return_inverse=True)
         self._is_endless = np.isinf(self._kinds) & (terms.seconds is None)  # by which they go any distance in a turn
         self.room = _FIRST_ROOM
         self.begin((0, len(speeds)))
@@ -134,6 +136,11 @@ class ByMetres(Movement):
     def backs(self, edges: IntArray, games: IntArray) -> IntArray:
         """Return the rows of the edges by which one turns round on others, -1 among them, in games; -1: none."""
         return self.maps.backs(edges, games)
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether an agent goes any distance in a turn."""
+        return bool(self._is_endless.any())
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 

@@ -1,0 +1,60 @@
+cimport cython
+
+from gamms.core cimport draws, moves, rules, travel
+from gamms.core.conflicts cimport resolve
+from gamms.core.moves cimport Movers
+from gamms.core.rules cimport Events, Games, Steps
+from gamms.core.travel cimport KnownReach, Reach, Roads, Trips, Ways
+
+ctypedef unsigned char u8
+ctypedef unsigned long long u64
+ctypedef long long i64
+
+cdef i64 ENDLESS
+cdef u8 ROAMS
+
+
+@cython.final
+cdef class Travelers:
+    cdef Movers movers
+    cdef Ways ways
+    cdef Roads roads
+    cdef Reach reach
+    cdef KnownReach known
+    cdef Trips trips
+    cdef Events events
+    cdef i64 nodes
+    cdef const double[::1] speeds
+    cdef i64[::1] motion, starts, ends, targets, pauses
+    cdef const i64[::1] options, offsets, waits
+
+
+@cython.locals(i=i64, row=i64, target=i64)
+cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
+cdef int begin(Games games, Travelers t, i64 row, i64 i) except -1 nogil
+cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
+@cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, count=i64, number=i64)
+cdef Py_ssize_t target_of(Games games, Travelers t, i64 game, i64 i) except -2 nogil
+@cython.locals(key=u64)
+cdef Py_ssize_t drawn_below(Games games, Travelers t, i64 game, i64 i, i64 bound) except -1 nogil
+@cython.locals(row=i64, node=i64, begin=i64)
+cdef Py_ssize_t waypoint(Games games, Travelers t, i64 game, i64 i) except -2 nogil
+@cython.locals(node=i64, edge=i64, motion=i64, is_last=bint, count=i64)
+cdef bint set_off(Travelers t, i64 row, i64 i, i64 target) except -1 nogil
+@cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)
+cdef Py_ssize_t motion_towards(Travelers t, i64 row, i64 i, i64 target) except -1 nogil
+@cython.locals(i=i64, row=i64, leg=i64, goes=bint)
+cpdef int give_way(Games games, Travelers t, i64 game) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cpdef int move(Games games, Travelers t, i64 game) except -1 nogil
+
+
+cdef class Course(Steps):
+    cdef Trips trips
+    cdef Roads roads
+    cdef const i64[::1] edge_streets, edge_flags
+    cdef i64[::1] sources, targets, streets, flags
+    cdef double[::1] metres
+
+    @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64)
+    cdef int fill(self, Games games, i64 game) except -1 nogil

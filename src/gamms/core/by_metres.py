@@ -1,0 +1,269 @@
+"""Moves of one game by metres: agents decide, give way to each other, and go; see `gamms.core.travel`."""
+
+from __future__ import annotations
+
+from gamms.core import draws, moves, rules, travel
+from gamms.core.conflicts import resolve
+from gamms.core.moves import Movers
+from gamms.core.rules import Events, Games, Steps
+from gamms.core.travel import KnownReach, Reach, Roads, Trips, Ways
+
+ENDLESS = 1 << 32  # edges: more than any way has
+ROAMS = 3  # how an agent decides, behind those of `moves`: it goes to nodes drawn at random, one after the other
+RANDOM_WAYPOINTS = ROAMS  # the same for callers in Python
+
+
+class Travelers:
+    """The agents of games by metres as they decide and go; rows are those of `rules.Games`.
+
+    Attributes:
+        movers: what they have in common with agents that go along one edge in a turn.
+        roads, reach, ways, known: where they may go.
+        trips: (agents,) their ways through the turn of one game.
+        events: get what they cannot do.
+        nodes: how many there are.
+        speeds: (agents,) metres in the time of speeds; NaN: none.
+        motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.
+        starts, ends: (rows,) the places between which they move, as conflicts compare them: nodes, behind them edges.
+        targets, pauses: (rows,) of those that roam: the node, -1 for none yet, and how many turns they stay there.
+        options: nodes that are drawn from; those of agent `i` are `options[offsets[i]:offsets[i + 1]]`.
+        offsets: (agents + 1,)
+        waits: (agents,) how many turns they stay at each node.
+    """
+
+    def __init__(
+        self,
+        movers: Movers,
+        ways: Ways,
+        known: KnownReach,
+        trips: Trips,
+        events: Events,
+        *,
+        nodes: int,
+        speeds: memoryview[float],
+        motion: memoryview[int],
+        starts: memoryview[int],
+        ends: memoryview[int],
+        targets: memoryview[int],
+        pauses: memoryview[int],
+        options: memoryview[int],
+        offsets: memoryview[int],
+        waits: memoryview[int],
+    ) -> None:
+        self.movers = movers
+        self.ways = ways
+        self.roads: Roads = self.ways.roads
+        self.reach: Reach = self.ways.reach
+        self.known = known
+        self.trips = trips
+        self.events = events
+        self.nodes = nodes
+        self.speeds = speeds
+        self.motion = motion
+        self.starts = starts
+        self.ends = ends
+        self.targets = targets
+        self.pauses = pauses
+        self.options = options
+        self.offsets = offsets
+        self.waits = waits
+
+
+def decide(games: Games, t: Travelers, game: int) -> int:
+    """Let the living agents of a game choose where they go, and find their ways through the turn."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        games.start[row] = games.node[row]
+        t.movers.takes_part[row] = games.alive[row]
+        begin(games, t, row, i)
+        t.starts[row] = place_of(t, i)
+        if games.alive[row]:
+            t.movers.blocked[row] = 0
+            target = target_of(games, t, game, i)
+            if target >= 0 and not set_off(t, row, i, target):
+                t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, t.trips.edge[i], target)
+        if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
+            travel.stand(t.trips, i)
+            t.trips.motion[i] = travel.STOPPED
+        t.ends[row] = place_of(t, i)
+    return 0
+
+
+def begin(games: Games, t: Travelers, row: int, i: int) -> int:
+    """Put an agent where it is when a turn begins."""
+    return travel.begin(
+        t.trips, i, games.node[row], games.edge[row], games.share[row], t.motion[row], 0.0, t.speeds[i], ENDLESS
+    )
+
+
+def place_of(t: Travelers, i: int) -> int:
+    """Return where an agent is, as conflicts compare it."""
+    return t.trips.node[i] if t.trips.edge[i] < 0 else t.nodes + t.trips.edge[i]
+
+
+def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
+    """Return the node that an agent wants to go to, as it decides or is given it; -1: none."""
+    row = game * games.agents + i
+    by = t.movers.decides_by[i]
+    edge = t.trips.edge[i]
+    if by == ROAMS:
+        return waypoint(games, t, game, i)
+    if by == moves.WALKS and edge >= 0:
+        return t.roads.targets[edge]
+    if by != moves.WALKS and by != moves.IS_GIVEN:  # noqa: PLR1714 - as C
+        return -1
+    node = t.trips.node[i]
+    if edge >= 0:
+        share = t.trips.share[i]
+        travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], 0.0, False)
+        return t.reach.nodes[t.movers.given[row]]
+    count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
+    number = t.movers.given[row] if by == moves.IS_GIVEN else drawn_below(games, t, game, i, count)
+    return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
+
+
+def drawn_below(games: Games, t: Travelers, game: int, i: int, bound: int) -> int:
+    """Return the number below a bound that an agent draws first in a turn."""
+    key = draws.turn_key(t.movers.walks.keys[game * games.agents + i], games.turn[game])
+    return draws.below(draws.bits_at(key, 0), bound)
+
+
+def waypoint(games: Games, t: Travelers, game: int, i: int) -> int:
+    """Return the node to which an agent goes that goes to nodes drawn at random, and stays at each for some turns."""
+    row = game * games.agents + i
+    node = games.node[row]
+    if t.targets[row] == node and t.pauses[row] > 0:
+        t.pauses[row] -= 1
+    elif (
+        t.targets[row] < 0
+        or t.targets[row] == node
+        or not travel.distance(t.ways, row, node, t.targets[row]) < travel.INFINITE
+    ):
+        begin = t.offsets[i]
+        t.targets[row] = t.options[begin + drawn_below(games, t, game, i, t.offsets[i + 1] - begin)]
+        t.pauses[row] = t.waits[i]
+    return t.targets[row]
+
+
+def set_off(t: Travelers, row: int, i: int, target: int) -> bool:
+    """Let an agent go towards a node until the turn is over, one on an edge the shorter way; return whether it can."""
+    node = t.trips.node[i]
+    edge = t.trips.edge[i]
+    motion = travel.FORWARD
+    if edge >= 0:
+        motion = motion_towards(t, row, i, target)
+        if motion == 0:
+            return False
+        node = t.roads.sources[edge] if motion == travel.BACK else t.roads.targets[edge]
+        is_last = node == target or not travel.is_endless(t.roads, t.speeds[i])
+        if is_last and not travel.go(t.roads, t.trips, i, motion, 0):
+            return True
+    while node != target:
+        count = travel.put_route(t.ways, t.trips, row, node, target)
+        if count == 0 or not travel.go(t.roads, t.trips, i, motion, count):
+            return True
+        node = t.trips.node[i]
+    return True
+
+
+def motion_towards(t: Travelers, row: int, i: int, target: int) -> int:
+    """Return the motion of an agent on an edge towards a node; 0: it cannot go there."""
+    node = t.trips.node[i]
+    edge = t.trips.edge[i]
+    motion = travel.end_towards(t.roads, node, edge, target)
+    if motion == 0 and t.speeds[i] == t.speeds[i]:  # not NaN
+        ahead = travel.distance(t.ways, row, t.roads.targets[edge], target)
+        behind = travel.distance(t.ways, row, node, target)
+        motion = travel.shorter_way(t.roads, edge, t.trips.share[i], ahead, behind)
+    return motion
+
+
+def give_way(games: Games, t: Travelers, game: int) -> int:
+    """Let agents stay that lose conflicts, and count them."""
+    if not t.movers.has_conflicts:
+        return 0
+    if resolve(t.movers.contests, t.movers.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type] # there are
+        return 0
+    for i in range(games.agents):
+        row = game * games.agents + i
+        leg = i * t.trips.most
+        goes = t.trips.legs[i] > 0 and t.trips.begins[leg] != t.trips.ends[leg]
+        if goes and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
+            begin(games, t, row, i)
+            travel.stand(t.trips, i)
+            t.trips.motion[i] = travel.STOPPED
+            t.movers.blocked[row] = 1
+            t.movers.blocks[row] += 1
+    return 0
+
+
+def move(games: Games, t: Travelers, game: int) -> int:
+    """Let agents go, and count those that come to other nodes; one turn more was played then."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        games.placed[row] = 0
+        if t.trips.node[i] != games.start[row]:
+            games.node[row] = t.trips.node[i]
+            t.movers.moves[row] += 1
+        games.edge[row] = t.trips.edge[i]
+        games.share[row] = t.trips.share[i]
+        t.motion[row] = t.trips.motion[i]
+    games.turn[game] += 1
+    return 0
+
+
+class Course(Steps):
+    """How the agents of one game have gone in a turn, as contacts take it.
+
+    Args:
+        trips: of the agents; their columns are those of the tracks and legs.
+        roads: the map.
+        edge_streets, edge_flags: (edges,) what legs along each edge have, see `contacts.Legs`.
+        sources, targets, streets, flags, metres: columns of the legs: (agents * most,).
+    """
+
+    def __init__(
+        self,
+        trips: Trips,
+        roads: Roads,
+        nodes: memoryview[int],
+        times: memoryview[float],
+        lengths: memoryview[int],
+        edge_streets: memoryview[int],
+        edge_flags: memoryview[int],
+        sources: memoryview[int],
+        targets: memoryview[int],
+        streets: memoryview[int],
+        flags: memoryview[int],
+        metres: memoryview[float],
+    ) -> None:
+        super().__init__(nodes, times, lengths)
+        self.are_one_edge = False
+        self.trips = trips
+        self.roads = roads
+        self.edge_streets = edge_streets
+        self.edge_flags = edge_flags
+        self.sources = sources
+        self.targets = targets
+        self.streets = streets
+        self.flags = flags
+        self.metres = metres
+
+    def fill(self, games: Games, game: int) -> int:
+        """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
+        for agent in range(games.agents):
+            row = game * games.agents + agent
+            first = agent * self.trips.most
+            if games.placed[row]:
+                self.trips.legs[agent] = 0
+                self.trips.passed[agent] = 1
+                self.trips.nodes[agent * (self.trips.most + 1)] = games.node[row]
+                self.trips.times[agent * (self.trips.most + 1)] = 1.0
+            for leg in range(first, first + self.trips.legs[agent]):
+                edge = self.trips.edges[leg]
+                self.sources[leg] = self.roads.sources[edge]
+                self.targets[leg] = self.roads.targets[edge]
+                self.streets[leg] = self.edge_streets[edge]
+                self.flags[leg] = self.edge_flags[edge]
+                self.metres[leg] = self.roads.lengths[edge]
+        return 0
