@@ -70,3 +70,5 @@ cdef class Numbering:
 
 
 cpdef i64 resolve_moves(Contests c, Requests requests, Numbering numbering, Moves moves, i64 turn) except -1 nogil
+@cython.locals(i=i64, found=list)
+cpdef list losers(Contests c)

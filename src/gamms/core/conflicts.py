@@ -514,3 +514,12 @@ def resolve_moves(c: Contests, requests: Requests, numbering: Numbering, moves: 
     """
     numbering.number_moves(moves)
     return resolve(c, requests, 0, turn)
+
+
+def losers(c: Contests) -> list[int]:
+    """Return the agents that stay because they have lost a contest, ascending."""
+    found = []
+    for i in range(c.agents):
+        if c.stays[i] != GOES:
+            found.append(i)  # noqa: PERF401 - compiled, a comprehension would be a closure
+    return found

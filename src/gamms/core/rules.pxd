@@ -86,6 +86,7 @@ cdef class Tags:
     cdef bint _is_before(self, i64 one, i64 other) except -1 nogil
     @cython.locals(number=i64, place=i64, row=i64, a=i64, b=i64)
     cpdef Py_ssize_t match(self) except -1 nogil
+    cpdef list made(self, NodeNumbers numbers)
     cdef int _make(self, i64 tag, i64 tagging, i64 tagger, i64 other, i64 node) except -1 nogil
 
 

@@ -473,6 +473,13 @@ class Tags:
         self.number = number
         return number
 
+    def made(self, numbers: NodeNumbers) -> list[tuple[int, int, int, int]]:
+        """Return the tags that were made: by what, who tagged whom, and the id of the node where the latter was."""
+        return [
+            (self.taggings[tag], self.taggers[tag], self.others[tag], numbers.ids[self.nodes[tag]])
+            for tag in range(self.number)
+        ]
+
     def _make(self, tag: int, tagging: int, tagger: int, other: int, node: int) -> int:
         self.taggings[tag] = tagging
         self.taggers[tag] = tagger

@@ -16,6 +16,7 @@ cdef i64 FACTOR_X, FACTOR_Y, MANY, MOST_KEPT
 cdef class Places:
     cdef readonly object at
     cdef readonly list names, nodes
+    cdef readonly dict rows
     cdef readonly i64 count
     cdef readonly double[::1] x, y
     cdef readonly signed char[::1] is_seen
@@ -56,7 +57,7 @@ cdef class Sight:
     cdef Py_ssize_t _find(self, double x, double y) except -1 nogil
     @cython.locals(gap=i64, place=i64, row=i64, hole=i64)
     cdef int _sort(self, i64 count) except -1 nogil
-    @cython.locals(names=list, nodes=list, data=dict, place=i64, row=i64, name=str)
+    @cython.locals(names=list, nodes=list, data=dict, place=i64, row=i64, own_row=i64)
     cdef dict _named(self, i64 count, str own)
     cpdef dict by_name(self, double x, double y, str own)
     @cython.locals(count=i64, place=i64)

@@ -30,6 +30,7 @@ class Places:
     Attributes:
         at: node -> (x, y), map units.
         names: (agents,) of the agents.
+        rows: name -> row.
         nodes: (agents,) the nodes that they are on.
         count: how many agents there are.
         x, y: (room,) where they are.
@@ -39,6 +40,7 @@ class Places:
     def __init__(self, at: Any) -> None:
         self.at = at
         self.names: list[str] = []
+        self.rows: dict[str, int] = {}
         self.nodes: list[Any] = []
         self.count = 0
         self._reserve(8)
@@ -49,7 +51,12 @@ class Places:
         self.is_seen = memoryview(array("b", bytes(room)))
 
     def fill(self, names: list[str], nodes: list[Any]) -> int:
-        """Enter all agents; each is found until `put` says otherwise (KeyError)."""
+        """Enter all agents; each is found until `put` says otherwise (KeyError).
+
+        Args:
+            names: their names; a list that was given before has not changed.
+            nodes: those that they are on.
+        """
         count = len(nodes)
         self.count = 0
         if count > len(self.x):
@@ -60,7 +67,9 @@ class Places:
             self.x[row] = place[0]
             self.y[row] = place[1]
             self.is_seen[row] = 1
-        self.names = names
+        if names is not self.names:
+            self.names = names
+            self.rows = {name: row for row, name in enumerate(names)}
         self.nodes = nodes
         self.count = count
         return 0
@@ -276,12 +285,12 @@ class Sight:
     def _named(self, count: int, own: str) -> dict[Any, Any]:
         names = self.places.names
         nodes = self.places.nodes
+        own_row = self.places.rows.get(own, -1)
         data = {}
         for place in range(count):
             row = self.found[place]
-            name = names[row]
-            if name != own:
-                data[name] = nodes[row]
+            if row != own_row:
+                data[names[row]] = nodes[row]
         return data
 
     def by_name(self, x: float, y: float, own: str) -> dict[Any, Any]:

@@ -224,11 +224,7 @@ class TurnConflicts:
         self._agents: _Agents | None = None
         self._order: TurnOrder | None = None  # what these depend on
         self._conflicts: IConflicts | None = None
-        self._allow_swaps: object = None
-
-    def forget(self) -> None:
-        """Forget the agents, whose ranks follow from another seed from now on."""
-        self._order = None
+        self._key: tuple[Any, ...] = ()
 
     def losers(
         self,
@@ -251,12 +247,12 @@ class TurnConflicts:
             moves_of: returns the moves of slots, by name and in their order.
             ctx: of the game.
         """
-        whole, allow_swaps = order.whole, getattr(conflicts, "allow_swaps", None)
-        if order is not self._order or conflicts is not self._conflicts or self._allow_swaps != allow_swaps:
+        whole, key = order.whole, (getattr(conflicts, "allow_swaps", None), ctx.seed)
+        if order is not self._order or conflicts is not self._conflicts or self._key != key:
             known = _own(conflicts)
             names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
             self._agents = None if known is None else _Agents(known, names, teams, ctx.seed)
-            self._order, self._conflicts, self._allow_swaps = order, conflicts, allow_swaps
+            self._order, self._conflicts, self._key = order, conflicts, key
         if moves is not None and self._agents is not None and self._agents.is_ranked and whole.on_ground is None:
             return self._agents.losers_of(moves, turn)
         if self._agents is None:
@@ -388,10 +384,11 @@ class _Agents:
     def _found(self) -> list[int]:
         """Return the numbers of the agents that stay, as the core has them."""
         memory = self._memory
-        losers = np.flatnonzero(memory.stays).tolist()
-        for i in losers:
-            if memory.stays[i] == core.LOSES_UNRANKED and self._ranking is not None:
-                self._ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
+        losers: list[int] = core.losers(memory.contests)
+        if self._ranking is not None and self._ranking.rank is not None:
+            for i in losers:
+                if memory.stays[i] == core.LOSES_UNRANKED:
+                    self._ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
         return losers
 
     def _number(self, starts: Sequence[Any], ends: Sequence[Any]) -> None:

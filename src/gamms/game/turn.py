@@ -134,7 +134,6 @@ class TurnEngine:
     def restart_streams(self) -> None:
         """Let agents draw by the seed that the context has now."""
         self.seed_changes += 1
-        self._conflicts.forget()
         self._slots.rekey()
 
     def close(self) -> None:

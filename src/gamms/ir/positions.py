@@ -27,12 +27,15 @@ class Positions:
 
     Args:
         block: the agents.
+
+    Attributes:
+        block: as given.
     """
 
-    __slots__ = ("_block", "_flyer_xyz", "_flyers", "_node_ids", "_noted", "_noted_at", "_read_at")
+    __slots__ = ("_flyer_xyz", "_flyers", "_node_ids", "_noted", "_noted_at", "_read_at", "block")
 
     def __init__(self, block: AgentBlock) -> None:
-        self._block = block
+        self.block = block
         self._noted: list[str] = []  # the names, as they were noted
         self._noted_at = -1  # at this version of the structure
         self._read_at = -1  # the version of the arrays
@@ -43,7 +46,7 @@ class Positions:
     @property
     def version(self) -> int:
         """A number that changes whenever a node, position, team or life of an agent may have."""
-        block = self._block
+        block = self.block
         if block.flyers:
             block.locate()
         return block.version
@@ -51,22 +54,22 @@ class Positions:
     @property
     def structure_version(self) -> int:
         """A number that changes whenever agents come or go, or a team or life of one may have changed."""
-        return self._block.structure.version
+        return self.block.structure.version
 
     @property
     def names(self) -> Sequence[str]:
         """The names (agents,)."""
-        return self._block.names
+        return self.block.names
 
     @property
     def teams(self) -> Sequence[Any]:
         """The teams (agents,)."""
-        return self._block.teams
+        return self.block.teams
 
     @property
     def nodes(self) -> "memoryview[int]":
         """The node ids (agents,), of flyers those below them."""
-        block = self._block
+        block = self.block
         if block.flyers:
             block.locate()
         return block.node
@@ -74,18 +77,23 @@ class Positions:
     @property
     def previous_nodes(self) -> Sequence[int]:
         """The ids (agents,) of the nodes before their last moves."""
-        return self._block.previous
+        return self.block.previous
+
+    def noted_names(self) -> list[str]:
+        """Return the names, to be kept: one list until agents come, go or change."""
+        version = self.block.structure.version
+        if self._noted_at != version:
+            self._noted, self._noted_at = list(self.block.names), version
+        return self._noted
 
     def noted(self) -> tuple[Sequence[str], Sequence[Any]]:
-        """Return the names and `places`, to be kept; the names are one list until agents come, go or change."""
-        block = self._block
-        if self._noted_at != block.structure.version:
-            self._noted, self._noted_at = list(block.names), block.structure.version
+        """Return the names and `places`, to be kept; see `noted_names`."""
+        block, names = self.block, self.noted_names()
         if block.flyers or block.travellers:
-            return self._noted, self.places
+            return names, self.places
         # NOTE: in line, for every turn (benchmarks: turns; teams).
         node = block.node
-        return self._noted, block.copied.of(node, block.version).data if block.has_teams else node.tolist()
+        return names, block.copied.of(node, block.version).data if block.has_teams else node.tolist()
 
     @property
     def places(self) -> MutableSequence[Any]:
@@ -93,8 +101,8 @@ class Positions:
 
         Ids of nodes; of those who fly points (x, y, z), of those on an edge their `Progress`.
         """
-        places = self._with_flyers(self._block.node, self._block.position)
-        if self._block.travellers:
+        places = self._with_flyers(self.block.node, self.block.position)
+        if self.block.travellers:
             for row, progress in self.on_edges.items():
                 places[row] = progress
         return places
@@ -102,14 +110,14 @@ class Positions:
     @property
     def previous_places(self) -> MutableSequence[Any]:
         """Where the agents were before their last moves (agents,), in the same form: ids of nodes, and points."""
-        return self._with_flyers(self._block.previous, self._block.previous_position)
+        return self._with_flyers(self.block.previous, self.block.previous_position)
 
     def _with_flyers(self, nodes: Any, points: Sequence[Any]) -> MutableSequence[Any]:
-        if not (self._block.flyers or self._block.travellers):
-            places: MutableSequence[Any] = copied_column(nodes) if self._block.has_teams else nodes.tolist()
+        if not (self.block.flyers or self.block.travellers):
+            places: MutableSequence[Any] = copied_column(nodes) if self.block.has_teams else nodes.tolist()
             return places
         places = nodes.tolist()
-        for row in self._block.flyers:
+        for row in self.block.flyers:
             places[row] = points[row]
         return places
 
@@ -139,52 +147,52 @@ class Positions:
     @property
     def travellers(self) -> Collection[int]:
         """The rows of agents that may be on an edge."""
-        return self._block.travellers
+        return self.block.travellers
 
     def on_edge(self, row: int) -> Progress | None:
         """Return where on an edge an agent is; None: on its node, or in the air."""
-        return self._block.on_edge(row)
+        return self.block.on_edge(row)
 
     def subscribe(self) -> ChangeLog:
         """Return a log of the agents that are elsewhere from now on; one that goes on along its edge is not in it."""
-        return self._block.subscribe()
+        return self.block.subscribe()
 
     @property
     def on_edges(self) -> Mapping[int, Progress]:
         """Row -> where it is, of the agents that are on an edge."""
-        block = self._block
+        block = self.block
         return {row: progress for row in sorted(block.travellers) if (progress := block.on_edge(row)) is not None}
 
     @property
     def inactive(self) -> Collection[int]:
         """The rows of the agents that are not alive."""
-        return self._block.inactive
+        return self.block.inactive
 
     @property
     def living(self) -> IntArray:
         """The rows of the agents that are alive, ascending."""
-        rows = np.arange(len(self._block))
-        inactive = self._block.inactive
+        rows = np.arange(len(self.block))
+        inactive = self.block.inactive
         return np.delete(rows, list(inactive)) if inactive else rows
 
     @property
     def living_rows(self) -> list[int]:
         """The same as a fresh list."""
-        rows, inactive = range(len(self._block)), self._block.inactive
+        rows, inactive = range(len(self.block)), self.block.inactive
         return [row for row in rows if row not in inactive] if inactive else list(rows)
 
     def row_of(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
-        return self._block.rows.of(name)
+        return self.block.rows.of(name)
 
     def found(self, rows: list[int]) -> dict[str, int]:
         """Return name -> node id of agents whose rows were asked for just now."""
-        names, nodes = self._block.names, self._block.node
+        names, nodes = self.block.names, self.block.node
         return {names[row]: nodes[row] for row in rows}
 
     def _catch_up(self) -> None:
         """Read the arrays again, if something has changed."""
-        version, block = self.version, self._block
+        version, block = self.version, self.block
         if version != self._read_at:
             self._read_at = version
             self._node_ids = _frozen(block.node, np.int64)

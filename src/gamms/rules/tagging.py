@@ -163,15 +163,15 @@ def _tag(ctx: Context, taggings: Sequence[_Tagging]) -> None:
         tagging.collect(ctx, turn, number)
     if tags.count == 0:
         return
-    made = range(tags.match())
-    columns, names, ids = (tags.taggings, tags.taggers, tags.others, tags.nodes), turn.roster.names, turn.numbers.ids
+    tags.match()
+    game, agents, names = ctx.game, ctx.agent, turn.roster.names
     done = list[tuple[_Tagging, BaseAgent, BaseAgent]]()
-    for number, tagger, other, node in [[column[tag] for column in columns] for tag in made]:
-        tagging, one = taggings[number], ctx.agent.get_agent(names[tagger])
-        done.append((tagging, one, ctx.agent.get_agent(names[other])))
-        ctx.game.emit("tag", agent=names[tagger], other=names[other], node=ids[node])
+    for number, tagger, other, node in tags.made(turn.numbers):
+        tagging, one = taggings[number], agents.get_agent(names[tagger])
+        done.append((tagging, one, agents.get_agent(names[other])))
+        game.emit("tag", agent=names[tagger], other=names[other], node=node)
         if tagging.score:
-            ctx.game.scores[one.team] += tagging.score
+            game.scores[one.team] += tagging.score
     for tagging, one, another in done:
         (_THEN[tagging.then] if isinstance(tagging.then, str) else tagging.then)(ctx, one, another)
 

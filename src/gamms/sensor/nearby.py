@@ -6,7 +6,7 @@
 from collections.abc import Collection, Iterable
 from itertools import compress
 from math import inf
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from gamms.ir.positions import Positions
 from gamms.sensor.sensor import ALL_AROUND
 from gamms.sensor.views import FULL_CIRCLE, Place, Views, ViewsPastObstacles, coordinates, on_ground
 from gamms.typing import IContext
-from gamms.typing.context import HostContext
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, PassedNode
 
@@ -93,10 +92,6 @@ class NearbyAgents:
         self.places_of_nodes = PlacesOfNodes(ctx)
         self._agents = sight.Places(self.places_of_nodes)
         self._sights: dict[float, sight.Sight] = {}
-
-    @property
-    def _block(self) -> AgentBlock:
-        return cast("HostContext", self._ctx).agent.block
 
     def places(self) -> FloatArray:
         """Return where all agents are (agents, 2); those on an edge are between its ends.
@@ -222,7 +217,7 @@ class NearbyAgents:
     def _follow(self) -> bool:
         """Enter where agents are now, if they have done nothing since but go to nodes; return whether this is so."""
         # NOTE: each turn begins here (benchmarks: turns).
-        graph, block = self._graph, self._block
+        graph, block = self._graph, self._ctx.agent.positions.block
         if graph is None or (block, block.structure.version, graph.revision) != self._entered or block.travellers:
             return False
         if self._agents.follow(block):
@@ -301,7 +296,7 @@ class NearbyAgents:
             else:
                 self._enter(positions, rows)
         self._version, self._moment = version, moment
-        block = self._block
+        block = positions.block
         is_plain = not (block.flyers or block.travellers) and len(self.places_of_nodes) <= _MOST_NODES
         self._entered = (block, block.structure.version, revision) if is_plain else None
         return positions
@@ -311,7 +306,7 @@ class NearbyAgents:
         try:
             if is_new:
                 self.places_of_nodes.renew(nodes)
-            self._agents.fill(list(positions.names), nodes)
+            self._agents.fill(positions.noted_names(), nodes)
         except UnknownName:
             self._revision = None
             self._xy_of(positions)  # which says whose node it is
