@@ -1,8 +1,10 @@
 """Columns of agents and views of their rows, with a context and a journal that fit on one screen."""
 
+from array import array
+
 import pytest
 
-from gamms.core.agents import AgentColumns, AgentView
+from gamms.core.agents import AgentColumns, AgentView, Moves, MovingAgents
 from gamms.core.block import INT64, Block, BlockColumn
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 
@@ -131,3 +133,24 @@ def test_neither_is_done_while_agents_decide():
     view._last[0] = {"action": 6}
     view.set_state()
     assert asked == ["call agent.get_state", "call agent.set_state"]
+
+
+def column(*numbers):
+    return memoryview(array(INT64, numbers))
+
+
+def test_moves_begin_where_agents_are_and_are_counted_where_they_lead_elsewhere():
+    columns, counts = Columns(), memoryview(array("i", [0, 0]))
+    moves = Moves(starts := column(0, 0), ends := column(0, 0))
+    moving = MovingAgents(columns, column(2, 0), counts)
+    moving.begin(moves)
+    assert starts.tolist() == ends.tolist() == [7, 5]
+    ends[1] = 6
+    moving.count(moves)
+    assert counts.tolist() == [0, 1]
+
+
+def test_agents_of_rows_that_are_not_there_begin_nowhere():
+    moving = MovingAgents(Columns(), column(3), memoryview(array("i", [0])))
+    with pytest.raises(IndexError):
+        moving.begin(Moves(column(0), column(0)))

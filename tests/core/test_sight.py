@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
+from gamms.core.agents import AgentColumns
 from gamms.core.sight import Places, Sight
 
 LARGE = 1.7e308
@@ -52,6 +53,18 @@ def test_those_within_the_radius_are_found_in_the_order_of_their_rows(places, ra
             columns.put(row, end, is_seen=is_seen)
             sight.move(row)
             nodes[row], are_seen[row] = end, is_seen
+
+
+@given(nodes=st.lists(st.integers(0, 3), min_size=1, max_size=9), data=st.data())
+def test_agents_that_went_to_other_nodes_are_found_there(nodes, data):
+    at = {node: (float(node), 0.0) for node in range(4)}
+    places, sight = sight_of(at, [0] * len(nodes), 0.5)
+    columns = AgentColumns()
+    columns.show(memoryview(np.array(nodes, np.int64)), memoryview(np.zeros(len(nodes), np.int64)))
+    assert places.follow(columns) == sum(node != 0 for node in nodes)
+    here = data.draw(st.sampled_from(nodes))
+    assert sight.seen_from(here, "a0") == {f"a{i}": here for i, node in enumerate(nodes) if i and node == here}
+    assert places.follow(columns) == 0
 
 
 @given(radius=st.floats(1e-3, 1e3), far=st.floats(-1e9, 1e9), angle=st.floats(0.0, 6.3))
