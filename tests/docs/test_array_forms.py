@@ -61,19 +61,6 @@ def test_a_view_has_the_names_that_the_page_has(play):
         assert play(ctx)
 
 
-def test_a_view_of_games_of_which_some_have_left_the_arrays_has_these_names():
-    def jump(ctx):
-        if ctx.seed == 2:
-            ctx.agent.delete_agent("red_1")
-
-    with SCENE.build(seed=1) as ctx:
-        ctx.game.add(jump)
-        games = ctx.game.batch(seeds=[1, 2])
-        games.step()
-        assert [*games.detached] == [1]
-        assert public(games.observe("red")) - {*dir(Mapping)} == described("What a view has")
-
-
 @pytest.mark.parametrize("play", PLAYS.values(), ids=PLAYS)
 def test_a_turn_has_the_names_that_the_page_has(play):
     names = described("A rule in arrays")
