@@ -57,25 +57,30 @@ def random_scenario(number):
             {"name": f"{rng.choice('abcxyz')}{i}{team}", "node": rng.choice(nodes)} for i in range(rng.randint(1, 4))
         ]
         teams[team] = {"agents": agents, "strategy": rng.choice([WALK, WALK, WALK, WALK, STAY])}
-    is_metric = rng.random() < 0.5
-    if is_metric:
+    unit = rng.choice(["edges", "edges", "metres", "metres_per_second"])
+    if unit != "edges" or rng.random() < 0.5:
         for team in teams:
-            teams[team] |= random_travel(rng, nodes)
+            teams[team] |= random_travel(rng, nodes, SPEEDS["edges" if unit == "edges" else "metres"])
     changes = {"teams": teams, "rules": random_rules(rng, names, nodes), "max_turns": rng.choice([9, 30])}
     if rng.random() < 0.6:
         changes["conflicts"] = random_conflicts(rng, names, nodes)
     settings = {"team_memory": False} if rng.random() < 0.3 else {}
-    if is_metric:
-        unit = rng.choice(["metres", "metres_per_second"])
+    if unit != "edges":
         settings |= {"speed_unit": unit} | ({"turn_seconds": 2.5} if unit != "metres" else {})
     return base.replace(**changes, settings=settings) if settings else base.replace(**changes)
 
 
-def random_travel(rng, nodes):
-    """Return a random speed by metres of a team, and perhaps a strategy that goes far."""
+SPEEDS = {
+    "edges": [0.3, 1, 2, 2.7, 5, float("inf")],
+    "metres": [1e-9, 0.5, 3.0, 12.5, 40.0, 1000.0, float("inf")],
+}
+
+
+def random_travel(rng, nodes, speeds):
+    """Return one of some speeds of a team, and perhaps a strategy that goes far."""
     if rng.random() < 0.15:
         return {}
-    travel = {"speed": rng.choice([1e-9, 0.5, 3.0, 12.5, 40.0, 1000.0, float("inf")])}
+    travel = {"speed": rng.choice(speeds)}
     if rng.random() < 0.5:
         given = {"nodes": rng.choice([None, rng.sample(nodes, 3)]), "pause": rng.choice([0, 0, 2])}
         travel["strategy"] = {"function": "gamms.strategies:random_waypoints", "with": given}
@@ -224,6 +229,9 @@ BY_METRES = GRID.replace(
     },
     settings={"speed_unit": "metres"},
 )
+BY_SPEED = GRID.replace(
+    teams={"red": {"count": 3, "strategy": WALK, "speed": 2}, "blue": {"count": 3, "strategy": ROAM, "speed": 1.3}}
+)
 EVERY_RULE = [
     {"rule": "gamms.rules.territory:published", "with": {"nodes": {0: "red", 24: "blue"}}},
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "territory": "territory"}},
@@ -236,7 +244,6 @@ EVERY_RULE = [
     {"rule": "time_limit", "with": {"turns": 9}},
 ]
 OTHERWISE = {
-    "speeds": {"teams": {"red": {"count": 2, "strategy": WALK, "speed": 2}, "blue": {"count": 2, "strategy": WALK}}},
     "arrivals": {"settings": {"speed_unit": "metres", "decide": "arrival"}},
     "waypoints": {"teams": {"red": {"count": 2, "strategy": ROAM}, "blue": {"count": 2, "strategy": WALK}}},
     "anywhere": {"settings": {"legal": "any"}},
@@ -255,7 +262,7 @@ OTHERWISE = {
 }
 
 
-@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_games_of_all_rules_in_the_docs_are_in_the_core(scenario):
     with scenario.replace(rules=EVERY_RULE, conflicts={"capacity": 2}).batch(2) as games:
         assert is_in_core(games)
@@ -271,7 +278,7 @@ def test_games_with_anything_else_are_in_arrays(change):
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 5, 64])
-@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_any_number_of_threads_plays_the_same_games(scenario, threads):
     with scenario.batch(5) as games, scenario.batch(5) as others:
         games.run(threads=threads)
@@ -319,7 +326,7 @@ def test_a_territory_that_is_not_published_is_missed_in_the_first_turn(in_arrays
         assert messages[0] == messages[1]
 
 
-@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_loaded_games_go_on_from_there(in_arrays, scenario):
     with scenario.batch(3) as games, in_arrays(scenario, 3) as others:
         for one in (games, others):
@@ -336,7 +343,7 @@ def test_loaded_games_go_on_from_there(in_arrays, scenario):
 
 
 @pytest.mark.parametrize("turns", [0, 3])
-@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_rollouts_go_on_from_a_running_game(in_arrays, scenario, turns):
     with scenario.replace(rules=EVERY_RULE).build(seed=4) as ctx:
         for _ in range(turns):
@@ -349,7 +356,7 @@ def test_rollouts_go_on_from_a_running_game(in_arrays, scenario, turns):
             assert text_of(games) == text_of(others)
 
 
-@pytest.mark.parametrize("scenario", [GRID, BY_METRES], ids=["edges", "metres"])
+@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_a_recording_is_that_of_the_game_that_is_played_alone(tmp_path, scenario):
     alone, in_batch = tmp_path / "alone.ggr", tmp_path / "batch.ggr"
     scenario.play(seed=6, record=alone)

@@ -76,7 +76,19 @@ CASES = {
 }
 
 PLAYED = {
-    *("agents", "ask", "belief", "by_metres", "conflicts", "contacts", "messages", "moves", "rules", "sight"),
+    *(
+        "agents",
+        "ask",
+        "belief",
+        "by_edges",
+        "by_metres",
+        "conflicts",
+        "contacts",
+        "messages",
+        "moves",
+        "rules",
+        "sight",
+    ),
     *("travel", "turn"),
 }
 

@@ -15,6 +15,12 @@ cdef u8 ROAMS
 
 
 @cython.final
+cdef class Roaming:
+    cdef i64[::1] targets, pauses
+    cdef const i64[::1] options, offsets, waits
+
+
+@cython.final
 cdef class Travelers:
     cdef Movers movers
     cdef Ways ways
@@ -25,8 +31,8 @@ cdef class Travelers:
     cdef Events events
     cdef i64 nodes
     cdef const double[::1] speeds
-    cdef i64[::1] motion, starts, ends, targets, pauses
-    cdef const i64[::1] options, offsets, waits
+    cdef i64[::1] motion, starts, ends
+    cdef Roaming roaming
 
 
 @cython.locals(i=i64, row=i64, target=i64)
@@ -36,9 +42,9 @@ cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
 @cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, count=i64, number=i64)
 cdef Py_ssize_t target_of(Games games, Travelers t, i64 game, i64 i) except -2 nogil
 @cython.locals(key=u64)
-cdef Py_ssize_t drawn_below(Games games, Travelers t, i64 game, i64 i, i64 bound) except -1 nogil
-@cython.locals(row=i64, node=i64, begin=i64)
-cdef Py_ssize_t waypoint(Games games, Travelers t, i64 game, i64 i) except -2 nogil
+cdef Py_ssize_t drawn_below(Games games, draws.Choices walks, i64 game, i64 i, i64 bound) except -1 nogil
+@cython.locals(row=i64, node=i64, target=i64, begin=i64, number=i64)
+cdef Py_ssize_t waypoint(Games games, Roaming roaming, Ways ways, draws.Choices walks, i64 game, i64 i) except -2 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, is_last=bint, count=i64)
 cdef bint set_off(Travelers t, i64 row, i64 i, i64 target) except -1 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)

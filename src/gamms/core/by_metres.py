@@ -13,6 +13,31 @@ ROAMS = 3  # how an agent decides, behind those of `moves`: it goes to nodes dra
 RANDOM_WAYPOINTS = ROAMS  # the same for callers in Python
 
 
+class Roaming:
+    """What agents do that go to nodes drawn at random, one after the other.
+
+    Attributes:
+        targets, pauses: (rows,) the node, -1 for none yet, and how many turns they stay there.
+        options: nodes that are drawn from; those of agent `i` are `options[offsets[i]:offsets[i + 1]]`.
+        offsets: (agents + 1,)
+        waits: (agents,) how many turns they stay at each node.
+    """
+
+    def __init__(
+        self,
+        targets: memoryview[int],
+        pauses: memoryview[int],
+        options: memoryview[int],
+        offsets: memoryview[int],
+        waits: memoryview[int],
+    ) -> None:
+        self.targets = targets
+        self.pauses = pauses
+        self.options = options
+        self.offsets = offsets
+        self.waits = waits
+
+
 class Travelers:
     """The agents of games by metres as they decide and go; rows are those of `rules.Games`.
 
@@ -24,11 +49,8 @@ class Travelers:
         nodes: how many there are.
         speeds: (agents,) metres in the time of speeds; NaN: none.
         motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.
+        roaming: what those do that go to nodes drawn at random.
         starts, ends: (rows,) the places between which they move, as conflicts compare them: nodes, behind them edges.
-        targets, pauses: (rows,) of those that roam: the node, -1 for none yet, and how many turns they stay there.
-        options: nodes that are drawn from; those of agent `i` are `options[offsets[i]:offsets[i + 1]]`.
-        offsets: (agents + 1,)
-        waits: (agents,) how many turns they stay at each node.
     """
 
     def __init__(
@@ -38,17 +60,13 @@ class Travelers:
         known: KnownReach,
         trips: Trips,
         events: Events,
+        roaming: Roaming,
         *,
         nodes: int,
         speeds: memoryview[float],
         motion: memoryview[int],
         starts: memoryview[int],
         ends: memoryview[int],
-        targets: memoryview[int],
-        pauses: memoryview[int],
-        options: memoryview[int],
-        offsets: memoryview[int],
-        waits: memoryview[int],
     ) -> None:
         self.movers = movers
         self.ways = ways
@@ -57,16 +75,12 @@ class Travelers:
         self.known = known
         self.trips = trips
         self.events = events
+        self.roaming = roaming
         self.nodes = nodes
         self.speeds = speeds
         self.motion = motion
         self.starts = starts
         self.ends = ends
-        self.targets = targets
-        self.pauses = pauses
-        self.options = options
-        self.offsets = offsets
-        self.waits = waits
 
 
 def decide(games: Games, t: Travelers, game: int) -> int:
@@ -107,7 +121,7 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
     by = t.movers.decides_by[i]
     edge = t.trips.edge[i]
     if by == ROAMS:
-        return waypoint(games, t, game, i)
+        return waypoint(games, t.roaming, t.ways, t.movers.walks, game, i)
     if by == moves.WALKS and edge >= 0:
         return t.roads.targets[edge]
     if by != moves.WALKS and by != moves.IS_GIVEN:  # noqa: PLR1714 - as C
@@ -118,31 +132,32 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
         travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], 0.0, False)
         return t.reach.nodes[t.movers.given[row]]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
-    number = t.movers.given[row] if by == moves.IS_GIVEN else drawn_below(games, t, game, i, count)
+    number = t.movers.given[row] if by == moves.IS_GIVEN else drawn_below(games, t.movers.walks, game, i, count)
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
 
 
-def drawn_below(games: Games, t: Travelers, game: int, i: int, bound: int) -> int:
+def drawn_below(games: Games, walks: draws.Choices, game: int, i: int, bound: int) -> int:
     """Return the number below a bound that an agent draws first in a turn."""
-    key = draws.turn_key(t.movers.walks.keys[game * games.agents + i], games.turn[game])
+    key = draws.turn_key(walks.keys[game * games.agents + i], games.turn[game])
     return draws.below(draws.bits_at(key, 0), bound)
 
 
-def waypoint(games: Games, t: Travelers, game: int, i: int) -> int:
-    """Return the node to which an agent goes that goes to nodes drawn at random, and stays at each for some turns."""
+def waypoint(games: Games, roaming: Roaming, ways: Ways, walks: draws.Choices, game: int, i: int) -> int:
+    """Return the node to which an agent goes that roams; -1: no way leads there, so it draws again next time."""
     row = game * games.agents + i
     node = games.node[row]
-    if t.targets[row] == node and t.pauses[row] > 0:
-        t.pauses[row] -= 1
-    elif (
-        t.targets[row] < 0
-        or t.targets[row] == node
-        or not travel.distance(t.ways, row, node, t.targets[row]) < travel.INFINITE
-    ):
-        begin = t.offsets[i]
-        t.targets[row] = t.options[begin + drawn_below(games, t, game, i, t.offsets[i + 1] - begin)]
-        t.pauses[row] = t.waits[i]
-    return t.targets[row]
+    target = roaming.targets[row]
+    if target == node and roaming.pauses[row] > 0:
+        roaming.pauses[row] -= 1
+    elif target < 0 or target == node or not travel.distance(ways, row, node, target) < travel.INFINITE:
+        begin = roaming.offsets[i]
+        number = drawn_below(games, walks, game, i, roaming.offsets[i + 1] - begin)
+        target = roaming.options[begin + number]
+        roaming.targets[row] = target
+        roaming.pauses[row] = roaming.waits[i]
+        if target != node and not travel.distance(ways, row, node, target) < travel.INFINITE:
+            return -1
+    return target
 
 
 def set_off(t: Travelers, row: int, i: int, target: int) -> bool:

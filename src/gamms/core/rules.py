@@ -67,7 +67,7 @@ class Games:
         score: (games * teams,)
         team: (agents,) of each.
         edge, share: (games * agents,) in games by metres the edge that an agent is on, -1 on its node, and how much of
-            the edge is behind it; else empty.
+            the edge is behind it; see also `by_edges`. Empty in games along one edge a turn.
     """
 
     def __init__(

@@ -98,6 +98,8 @@ cdef Py_ssize_t next_on_way(Ways ways, i64 node) except -2 nogil
 cdef Py_ssize_t place_on_way(Ways ways, i64 row, i64 node, i64 goal) except -2 nogil
 @cython.locals(place=i64)
 cpdef double distance(Ways ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
+@cython.locals(place=i64)
+cpdef Py_ssize_t following(Ways ways, i64 row, i64 node, i64 goal) except -1 nogil
 @cython.locals(place=i64, count=i64, first=i64, number=i64)
 cpdef Py_ssize_t put_route(Ways ways, Trips trips, i64 row, i64 node, i64 goal) except -1 nogil
 

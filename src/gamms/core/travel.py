@@ -614,6 +614,14 @@ def distance(ways: Ways, row: int, node: int, goal: int) -> float:
     return ways.far[row * ways.most + place] if place >= 0 else INFINITE
 
 
+def following(ways: Ways, row: int, node: int, goal: int) -> int:
+    """Return the next node on the way of an agent from a node to a goal; where there is none, the node."""
+    if is_direct(ways, node, goal):
+        return goal
+    place = place_on_way(ways, row, node, goal)
+    return ways.nodes[row * ways.most + place + 1] if place >= 0 and node != goal else node
+
+
 def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int) -> int:
     """Write the next nodes on the way of an agent from a node to a goal; return how many: none at the goal."""
     if is_direct(ways, node, goal):

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport by_metres, moves, rules
+from gamms.core cimport by_edges, by_metres, moves, rules
 
 ctypedef long long i64
 
@@ -9,9 +9,10 @@ ctypedef long long i64
 cdef class Player:
     cdef rules.Games games
     cdef moves.Movers movers
+    cdef by_edges.Walkers walkers
     cdef by_metres.Travelers travelers
     cdef rules.Rule first
-    cdef bint has_rules, by_metres
+    cdef bint has_rules, by_edges, by_metres
     cdef const i64[::1] until
 
 

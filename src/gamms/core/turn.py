@@ -2,19 +2,19 @@
 
 A turn of a game is these phases, one after the other, which `play_turn` calls. All agents decide before one moves.
 
-| phase    | along one edge   | by metres            | what happens                                            |
-|----------|------------------|----------------------|---------------------------------------------------------|
-| decide   | `moves.decide`   | `by_metres.decide`   | each living agent chooses where it goes, or is given it |
-| give way | `moves.give_way` | `by_metres.give_way` | agents that lose conflicts stay where they are          |
-| move     | `moves.move`     | `by_metres.move`     | agents go; one turn more was played                     |
-| rules    | `rules.play`     | `rules.play`         | the rules are applied in order; they may end the game   |
+| phase    | what happens                                            | along one edge, several, by metres           |
+|----------|---------------------------------------------------------|----------------------------------------------|
+| decide   | each living agent chooses where it goes, or is given it | `decide` of `moves`, `by_edges`, `by_metres` |
+| give way | agents that lose conflicts stay where they are          | `give_way`, likewise                         |
+| move     | agents go; one turn more was played                     | `move` of `moves`, `moves`, `by_metres`      |
+| rules    | the rules are applied in order; they may end the game   | `rules.play`                                 |
 
 Games share nothing but the map and their rules' arguments: they may be played in any order and on several threads.
 """
 
 from __future__ import annotations
 
-from gamms.core import by_metres, moves, rules
+from gamms.core import by_edges, by_metres, moves, rules
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -31,7 +31,8 @@ class Player:
     Attributes:
         games: the columns of all games.
         movers: their agents as they move along one edge in a turn.
-        travelers: their agents as they go by metres, if the games are `by_metres`.
+        walkers: their agents as they go along several edges, if they do so: `by_edges`.
+        travelers: their agents as they go by metres, if they do so: `by_metres`.
         first: the first of their rules, if `has_rules`.
         until: (games,) a game is played until so many turns of it are.
     """
@@ -40,12 +41,15 @@ class Player:
         self,
         games: rules.Games,
         movers: moves.Movers,
+        walkers: by_edges.Walkers | None,
         travelers: by_metres.Travelers | None,
         first: rules.Rule | None,
         until: memoryview[int],
     ) -> None:
         self.games = games
         self.movers = movers
+        self.walkers = walkers
+        self.by_edges = walkers is not None
         self.travelers = travelers
         self.by_metres = travelers is not None
         self.first = first
@@ -59,6 +63,10 @@ def play_turn(p: Player, game: int) -> int:
         by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
         by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type]
         by_metres.move(p.games, p.travelers, game)  # type: ignore[arg-type]
+    elif p.by_edges:
+        by_edges.decide(p.games, p.walkers, game)  # type: ignore[arg-type] # there are some
+        by_edges.give_way(p.games, p.walkers, game)  # type: ignore[arg-type]
+        moves.move(p.games, p.movers, game)
     else:
         moves.decide(p.games, p.movers, game)
         moves.give_way(p.games, p.movers, game)

@@ -32,6 +32,7 @@ class ByEdges(Movement):
         whole, closed: see `Movement`.
 
     Attributes:
+        paces: (agents,) speeds, none more than there are nodes; NaN: along one edge.
         begun: (games, agents) the row of the node to which an agent has covered part of the edge; -1: to none.
         covered: (games, agents) how much of it.
     """
@@ -52,6 +53,7 @@ class ByEdges(Movement):
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         # No way to a node has more edges than there are nodes.
         self._speeds = np.array([0.0 if speed is None else min(speed, streets.num_nodes) for speed in speeds])
+        self.paces = np.where(self._is_paced, self._speeds, np.nan)
         self._kinds, self._kind_of = np.unique(self._speeds, return_inverse=True)
         self._sources = np.repeat(np.arange(streets.num_nodes), self.whole.counts)
         self._keys = len(self._kinds) * _REACHES * len(self.whole.targets)

@@ -4,7 +4,6 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from array import array
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -14,14 +13,15 @@ import numpy as np
 from gamms import core
 from gamms.core import by_metres, conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
-from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
+from gamms.game.batch.by_edges import ByEdges
+from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.forms import spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.travelers import ThreadTravel, TravelColumns, Waypoints, why_not_by_metres
+from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints, why_not_by
 from gamms.game.conflicts import Table, flat
 from gamms.game.settings import as_called
 from gamms.game.travel import no_way
@@ -34,7 +34,6 @@ ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
-_NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
 
 class PlayedRule(NamedTuple):
@@ -75,14 +74,14 @@ class Making:
         self.state = state
         self.games = games
         self.events = events
-        self.by_metres = travel is not None
-        self.legs = _NO_LEGS
+        self.by_metres = travel is not None and travel.most_legs > 0
+        self.legs = NO_LEGS
         if travel is None:
             self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
             self._tracks: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
             self.steps = rules.Steps(*self._tracks)
         else:
-            self._most_nodes, most_legs = travel.most + 1, travel.most
+            self._most_nodes, most_legs = travel.most, travel.most_legs
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
             self._tracks, self.steps, self.legs = travel.tracks, travel.course, travel.legs
         room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
@@ -151,7 +150,7 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
     settings, roster = game.settings(), state.roster
     if not core.is_compiled:
         yield "the core, which is not compiled"
-    yield from _why_not_by(state.movement, roster)
+    yield from why_not_by(state.movement, roster)
     if state.flyers is not None or None in roster.teams or not roster.is_first.all():
         yield "agents that fly, have no team or may come"
     if any(settings[name] for name in ("order", "deeds", "channels")):
@@ -170,15 +169,8 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
             yield f"the rule {one.name!r}"
 
 
-def _why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
-    if isinstance(by, ByMetres):
-        yield from why_not_by_metres(by, roster)
-    elif type(by) is not Movement or by.closed:
-        yield "ways along several edges, or none"
-
-
 def _why_not_on_the_way(speed: float | None, by: Movement, on_illegal: str) -> Iterator[str]:
-    if speed is None or not isinstance(by, ByMetres):
+    if speed is None or type(by) is Movement:
         yield "agents on their way to nodes, but along one edge in a turn"
     if on_illegal == "raise":
         yield "agents on their way to nodes whose illegal actions are raised"
@@ -209,7 +201,9 @@ class CoreGames:
         self._until = np.zeros(shape[0], np.int64)
         self._score = np.zeros((shape[0], len(state.roster.teams)))
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
-        self._shared: tuple[rules.Games, dict[str, Any], TravelColumns | None]  # the columns that they share
+        self._shared: tuple[
+            rules.Games, dict[str, Any], EdgeColumns | MetreColumns | None
+        ]  # the columns that they share
 
     def forget(self) -> None:
         """Make all that turns are played with anew, because games begin again."""
@@ -252,6 +246,7 @@ class CoreGames:
                 for one in [pool.submit(turn.play_aside, player, *ends) for (player, _), *ends in parts]:
                     one.result()
         state.is_going[:] = self._over == 0
+        state.movement.take_out(*np.nonzero(~state.alive))
         for _, making in self._made:
             self._read(making)
         state.now.clear()
@@ -262,7 +257,7 @@ class CoreGames:
         for column in self._made[0][1].agents_in:
             if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
                 raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
-        targets = np.zeros(0, np.int64) if travel is None else travel.targets
+        targets = np.zeros(0, np.int64) if travel is None else travel.roamers.targets
         if targets.min(initial=-1) < -1 or targets.max(initial=-1) >= nodes:
             raise BadValue(f"Agents remember rows of nodes from -1 to {nodes - 1}, not {shown(targets)}.")
 
@@ -272,9 +267,7 @@ class CoreGames:
         if self._made:  # they share columns
             games, shared, columns = self._shared
         else:
-            by = state.movement
-            columns = TravelColumns(state, by, self._forms) if isinstance(by, ByMetres) else None
-            on_edges = {} if columns is None else {"edge": memory_of(by.edge), "share": memory_of(by.share)}
+            columns = self._columns()
             games = rules.Games(
                 shape[1],
                 len(roster.teams),
@@ -289,7 +282,7 @@ class CoreGames:
                 over=self._over.data,
                 score=memory_of(self._score),
                 team=flat(roster.team_of, np.int64),
-                **on_edges,
+                **({} if columns is None else columns.on_edges),
             )
             shared = {
                 "ends": memory_of(self._ends),
@@ -306,25 +299,34 @@ class CoreGames:
         contests, requests = self._conflicting(columns)
         movers = moves.Movers(self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **shared)
         events = rules.Events(_FIRST_ROOM)
-        travel = None if columns is None else columns.travelers(movers, events)
+        travel = None if columns is None else columns.thread(movers, events)
         making = Making(state, games, events, travel)
         made = [make(making) for make in self._rules]
         first = rules.chained(made) if made else None
-        agents = None if travel is None else travel.agents
-        return turn.Player(games, movers, agents, first, self._until.data), making
+        walkers, travelers = (None, None) if travel is None else travel[:2]
+        return turn.Player(games, movers, walkers, travelers, first, self._until.data), making
+
+    def _columns(self) -> EdgeColumns | MetreColumns | None:
+        """Return what threads share in games that do not go along one edge a turn."""
+        by = self._state.movement
+        if isinstance(by, ByMetres):
+            return MetreColumns(self._state, by, self._forms)
+        return EdgeColumns(self._state, by, self._forms) if isinstance(by, ByEdges) else None
 
     def _conflicting(
-        self, columns: TravelColumns | None
+        self, columns: EdgeColumns | MetreColumns | None
     ) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
         """Return what finds those who give way; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None
         state = self._state
-        table = Table(self._conflicts, state.roster, state.movement.columns, has_edges=columns is not None)
+        table = Table(
+            self._conflicts, state.roster, state.movement.columns, has_edges=isinstance(columns, MetreColumns)
+        )
         if table.has_missing_ranks:
             raise BadValue("An agent has no rank in conflicts.")
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
-        ends = (self._start, self._ends) if columns is None else (columns.starts, columns.ends)
+        ends = (columns and columns.ends) or (self._start, self._ends)
         where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._takes_part)
         return table.contests, table.requests(*where, ranks)
 

@@ -1,5 +1,6 @@
-"""Makes what the core plays games by metres with: maps, ways through a turn, and what agents do that roam."""
+"""Makes what the core plays games with that go along several edges a turn, or by metres."""
 
+from array import array
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -7,13 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.core import by_metres, contacts, moves, rules, travel
+from gamms.core import by_edges, by_metres, contacts, moves, rules, travel
+from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Roster
+from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.conflicts import flat
 from gamms.game.travel import Reach, Trips, map_of
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 
 _MOST_LEGS = 1 << 17  # of the agents of a game, 500 bytes each
 _MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
@@ -21,6 +24,7 @@ _MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
 _LONGEST = 256  # nodes on the way of an agent that are remembered
 _BACKWARDS, _TURNS = 1, 2  # flags of legs, see `contacts.Legs`
 _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
+NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 _WAYPOINTS = "memory", "random_waypoints"  # the key of what agents remember
 
 
@@ -43,133 +47,231 @@ def most_legs(by: ByMetres) -> int:
     return 3 + min(int(np.searchsorted(lengths, fastest, side="right")), by.streets.num_nodes)
 
 
-def why_not_by_metres(by: ByMetres, roster: Roster) -> Iterator[str]:
-    """Yield what of games by metres the core cannot play, in words."""
-    if by.closed or by.terms.decides_at_arrivals:
-        yield "closed roads, or agents that decide at arrivals"
+def why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
+    """Yield what of the moves of games the core cannot play, in words."""
+    if by.closed or type(by) not in (Movement, ByEdges, ByMetres):
+        yield "closed roads, or ways along none"
+    if isinstance(by, ByMetres):
+        yield from _why_not_by_metres(by, roster)
+    elif not np.isfinite(by.streets.weights("length")).all():
+        yield "edges that are infinitely long"
+    elif isinstance(by, ByEdges) and len(roster.names) * most_nodes(by) > _MOST_LEGS:
+        yield "agents that may go along very many edges in a turn"
+
+
+def _why_not_by_metres(by: ByMetres, roster: Roster) -> Iterator[str]:
+    if by.terms.decides_at_arrivals:
+        yield "agents that decide at arrivals"
     if not (np.isfinite(by.terms.costs).all() and np.isfinite(by.columns.lengths).all()):
         yield "edges that are infinitely long"
     if len(roster.names) * most_legs(by) > _MOST_LEGS:
         yield "agents that may go along very many edges in a turn"
 
 
+def most_nodes(by: ByEdges) -> int:
+    """Return how many nodes an agent passes in a turn at most, the one where it is included."""
+    return 3 + int(by.paces.max(initial=0.0, where=~np.isnan(by.paces)))
+
+
 class ThreadTravel(NamedTuple):
-    """What one thread plays games by metres with.
+    """What one thread plays games by metres with, or those along several edges.
 
     Attributes:
-        agents: as they go.
+        walkers, travelers: agents as they go along edges, or by metres.
         course: how they have gone.
         tracks, legs: the columns of that, as contacts take them: nodes, times and lengths of tracks.
-        most: legs of an agent.
+        most: nodes that an agent passes.
+        most_legs: of an agent.
     """
 
-    agents: by_metres.Travelers
-    course: by_metres.Course
+    walkers: by_edges.Walkers | None
+    travelers: by_metres.Travelers | None
+    course: rules.Steps
     tracks: tuple[Any, Any, Any]
     legs: contacts.Legs
     most: int
+    most_legs: int
 
 
-class TravelColumns:
-    """What is the same for all threads that play games by metres.
+class Roamers:
+    """What agents remember and draw from that go to random waypoints.
 
     Args:
         state: of all games.
         by: how agents go.
         deciders: what agents decide by: numbers of `gamms.core`, or `Waypoints`.
+
+    Attributes:
+        exist: whether there are some.
+        core: as the core has them.
+        targets: (games, agents) rows of nodes that they remember, which may have been loaded; -1: none.
     """
 
-    def __init__(self, state: GameArrays, by: ByMetres, deciders: list[int | Waypoints]) -> None:
-        self.by = by
-        self._agents = agents = len(deciders)
-        rows = state.node.size
-        self.most = most_legs(by)
-        self.starts, self.ends = np.zeros((2, *state.node.shape), np.int64)
+    def __init__(self, state: GameArrays, by: Movement, deciders: list[int | Waypoints]) -> None:
+        self._agents = len(deciders)
         roaming = [one if isinstance(one, Waypoints) else None for one in deciders]
-        self.roams = np.array([one is not None for one in roaming], np.bool_)
-        options = [self._options(one) for one in roaming]
-        self._options_of_agents = np.concatenate(options) if options else np.zeros(0, np.int64)
-        self._offsets = np.cumsum([0, *map(len, options)])
-        self._waits = np.array([0 if one is None else one.pause for one in roaming], np.int64)
-        self.targets = self._pauses = np.zeros((0, agents), np.int64)
-        if self.roams.any():
-            kept = state.keep(_WAYPOINTS, self._begin, is_new=bool(state.takes_up[self.roams].all()))
-            self.targets, self._pauses = kept["target"], kept["left"]
-        longest = _LONGEST if self.roams.any() else 8
-        self._remembered = max(8, min(longest, _MOST_REMEMBERED // max(rows, 1)), self.most if by.is_endless else 0)
-        self._goals, self._counts, self._at = np.zeros((3, rows), np.int64)
-        self._goals[:] = -1
-        self._nodes = np.zeros(rows * self._remembered, np.int64)
-        self._far: Any = np.zeros(rows * self._remembered)
-        self._back = self._map_back()
-        edges = np.arange(len(by.columns.edge_ids))
-        backs, ids = by.backs(edges, np.zeros_like(edges)), by.columns.edge_ids
-        self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
-        self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
-
-    def _options(self, waypoints: Waypoints | None) -> IntArray:
-        streets = self.by.streets
-        if waypoints is None:
-            return np.zeros(0, np.int64)
-        return np.arange(streets.num_nodes) if waypoints.nodes is None else streets.rows(waypoints.nodes)
+        options = [_options_of(one, by) for one in roaming]
+        roams = np.array([one is not None for one in roaming], np.bool_)
+        self.exist = bool(roams.any())
+        self.targets = pauses = np.zeros((0, self._agents), np.int64)
+        if self.exist:
+            kept = state.keep(_WAYPOINTS, self._begin, is_new=bool(state.takes_up[roams].all()))
+            self.targets, pauses = kept["target"], kept["left"]
+        self.core = by_metres.Roaming(
+            self.targets.reshape(-1).data,
+            pauses.reshape(-1).data,
+            flat(np.concatenate([np.zeros(0, np.int64), *options]), np.int64),
+            flat(np.cumsum([0, *map(len, options)]), np.int64),
+            flat(np.array([0 if one is None else one.pause for one in roaming]), np.int64),
+        )
 
     def _begin(self, games: int) -> dict[str, IntArray]:
         shape = games, self._agents
         return {"target": np.full(shape, -1), "left": np.zeros(shape, np.int64)}
 
-    def _map_back(self) -> travel.Roads:
-        """Return the map with all edges turned round."""
-        columns = self.by.columns
-        leaving = kernels.group_rows(columns.targets, self.by.streets.num_nodes)
+
+def _options_of(waypoints: Waypoints | None, by: Movement) -> IntArray:
+    if waypoints is None:
+        return np.zeros(0, np.int64)
+    return np.arange(by.streets.num_nodes) if waypoints.nodes is None else by.streets.rows(waypoints.nodes)
+
+
+class Memories:
+    """The ways that agents remember, of all games.
+
+    Args:
+        by: how agents go.
+        costs: (edges,) by which they find their ways.
+        rows: how many agents all games have.
+        most: how many nodes each remembers, as far as that is not too much in all; 8 at least.
+        least: the same, whatever it is in all.
+    """
+
+    def __init__(self, by: Movement, costs: FloatArray, rows: int, most: int, least: int = 0) -> None:
+        self._by = by
+        self._costs = costs
+        self.most = max(8, least, min(most, _MOST_REMEMBERED // max(rows, 1)))
+        self._ints: Any = np.zeros((3, rows), np.int64)
+        self._ints[0] = -1
+        self._nodes: Any = np.zeros(rows * self.most, np.int64)
+        self._far: Any = np.zeros(rows * self.most)
+        columns = by.columns
+        leaving = kernels.group_rows(columns.targets, by.streets.num_nodes)
         turned = replace(columns, sources=columns.targets, targets=columns.sources)
-        return map_of(turned, self.by.terms.costs, None, 1.0, leaving)
+        self._back = map_of(turned, costs, None, 1.0, leaving)
+
+    def ways(self, roads: travel.Roads, reach: Reach) -> travel.Ways:
+        """Return what one thread finds ways with on a map."""
+        columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
+        direct: Any = np.zeros(len(self._costs), np.uint8).data
+        return travel.Ways(*[roads, self._back, reach.core, direct, self.most, *columns])
+
+    def plain_ways(self, reach: Reach) -> travel.Ways:
+        """Return the same where only costs count."""
+        return self.ways(map_of(self._by.columns, self._costs, None, 1.0), reach)
+
+
+class EdgeColumns:
+    """What is the same for all threads that play games along several edges a turn.
+
+    Args:
+        state: of all games.
+        by: how agents go.
+        deciders: see `Roamers`.
+    """
+
+    def __init__(self, state: GameArrays, by: ByEdges, deciders: list[int | Waypoints]) -> None:
+        self._by = by
+        self._agents = len(deciders)
+        self.roamers = Roamers(state, by, deciders)
+        self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
+        self.ends: tuple[IntArray, IntArray] | None = None
+        rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
+        self._hops = Memories(by, np.ones(len(lengths)), rows, 8)
+        self._ways = Memories(by, lengths, rows, _LONGEST) if self.roamers.exist else self._hops
+
+    def thread(self, movers: moves.Movers, events: rules.Events) -> ThreadTravel:  # noqa: ARG002 - as by metres
+        """Return what one thread plays with."""
+        by, most = self._by, most_nodes(self._by)
+        reach = Reach(by.streets.num_nodes)
+        nodes: Any = np.zeros(self._agents * most, np.int64).data
+        times: Any = np.zeros(self._agents * most).data
+        lengths: Any = np.zeros(self._agents, np.int64).data
+        walkers = by_edges.Walkers(
+            movers,
+            self._hops.plain_ways(reach),
+            self._ways.plain_ways(reach),
+            self.roamers.core,
+            most,
+            flat(by.paces, np.float64),
+            nodes,
+            times,
+            lengths,
+        )
+        course = by_edges.Walks(most, nodes, times, lengths)
+        return ThreadTravel(walkers, None, course, (nodes, times, lengths), NO_LEGS, most, 0)
+
+
+class MetreColumns:
+    """What is the same for all threads that play games by metres.
+
+    Args:
+        state: of all games.
+        by: how agents go.
+        deciders: see `Roamers`.
+
+    Attributes:
+        roamers: those of the agents that roam.
+        on_edges: where agents are, as `rules.Games` has it.
+        ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
+    """
+
+    def __init__(self, state: GameArrays, by: ByMetres, deciders: list[int | Waypoints]) -> None:
+        self._by = by
+        self._agents = len(deciders)
+        self._most = most_legs(by)
+        starts, ends = np.zeros((2, *state.node.shape), np.int64)
+        self.ends = starts, ends
+        self.roamers = Roamers(state, by, deciders)
+        self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
+        longest = _LONGEST if self.roamers.exist else 0
+        least = self._most if by.is_endless else 0
+        self._memories = Memories(by, by.terms.costs, state.node.size, longest, least)
+        edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
+        backs = by.backs(edges, np.zeros_like(edges))
+        self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
+        self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
 
     def _known(self) -> travel.KnownReach:
         """Return room to remember what is legal on nodes."""
-        speeds, kinds = np.unique(self.by.paces, return_inverse=True)
-        tables: Any = np.zeros((2, len(speeds) * self.by.streets.num_nodes), np.int64)
+        speeds, kinds = np.unique(self._by.paces, return_inverse=True)
+        tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
         room: Any = np.empty(_MOST_LEGAL, np.int64)
         return travel.KnownReach(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def travelers(self, movers: moves.Movers, events: rules.Events) -> ThreadTravel:
+    def thread(self, movers: moves.Movers, events: rules.Events) -> ThreadTravel:
         """Return what one thread plays with; events get what agents cannot do."""
-        by = self.by
+        by, most = self._by, self._most
         roads, reach = by.maps.of(None), Reach(by.streets.num_nodes)
-        trips = Trips(self._agents, self.most, max(self._remembered, self.most))
-        ways = travel.Ways(
-            roads,
-            self._back,
-            reach.core,
-            np.zeros(len(by.columns.edge_ids), np.uint8).data,
-            self._remembered,
-            self._goals.data,
-            self._counts.data,
-            self._at.data,
-            self._nodes.data,
-            self._far.data,
-        )
-        agents = by_metres.Travelers(
+        trips = Trips(self._agents, most, max(self._memories.most, most))
+        travelers = by_metres.Travelers(
             movers,
-            ways,
+            self._memories.ways(roads, reach),
             self._known(),
             trips.core,
             events,
+            self.roamers.core,
             nodes=by.streets.num_nodes,
             speeds=flat(by.paces, np.float64),
             motion=by.motion.reshape(-1).data,
-            starts=self.starts.reshape(-1).data,
-            ends=self.ends.reshape(-1).data,
-            targets=self.targets.reshape(-1).data,
-            pauses=self._pauses.reshape(-1).data,
-            options=flat(self._options_of_agents, np.int64),
-            offsets=flat(self._offsets, np.int64),
-            waits=flat(self._waits, np.int64),
+            starts=self.ends[0].reshape(-1).data,
+            ends=self.ends[1].reshape(-1).data,
         )
-        columns: Any = [*np.zeros((4, self._agents * self.most), np.int64), np.zeros(self._agents * self.most)]
+        columns: Any = [*np.zeros((4, self._agents * most), np.int64), np.zeros(self._agents * most)]
         legs = [column.data for column in columns]
         tables = flat(self._streets, np.int64), flat(self._flags, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
         course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
-        of_legs = contacts.Legs(self.most, *[trips.legs.data, *legs[:4], *parts, legs[4]])
-        return ThreadTravel(agents, course, tracks, of_legs, self.most)
+        of_legs = contacts.Legs(most, *[trips.legs.data, *legs[:4], *parts, legs[4]])
+        return ThreadTravel(None, travelers, course, tracks, of_legs, most + 1, most)
