@@ -215,6 +215,7 @@ def names_in_docs(row):
 
 def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
     strategies = {name: getattr(gamms.strategies, name) for name in gamms.strategies.__all__}
+    strategies["random_waypoints"] = gamms.strategies.random_waypoints(scene([]).build(seed=1))
     in_core = {name for name, one in strategies.items() if spec_of(one).core_form is not None}
     assert names_in_docs("strategies") == in_core
     assert names_in_docs("rules") == set(FORMS)

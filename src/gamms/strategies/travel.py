@@ -247,9 +247,6 @@ def random_waypoints(
     return strategy
 
 
-IN_CORE = (stay, random_walk, random_waypoints)  # strategies that the core plays in batches
-
-
 _NO_WAYPOINT = {"target": -1, "left": 0}  # a row, turns
 
 
