@@ -1,5 +1,8 @@
 """Plain rules and collectors in batches: the context is pointed at each game in turn, with the same results."""
 
+from queue import SimpleQueue
+from threading import Thread
+
 import numpy as np
 import pytest
 from batch_scenes import plain, rule_form, scene
@@ -502,6 +505,29 @@ def test_rules_that_remember_outside_of_the_game_are_refused():
         ctx.game.add(remember)
         with ctx.game.batch(3) as games, pytest.raises(BadValue, match=r"'ends' of remember\(\) .* ctx\.game\.data"):
             games.run()
+
+
+def test_a_batch_is_played_by_one_thread_at_a_time():
+    batches, refused = SimpleQueue(), SimpleQueue()
+
+    def play(games):
+        with pytest.raises(BadValue, match="Another thread plays this batch"):
+            games.step()
+        refused.put(games.turn.tolist())
+
+    def play_elsewhere(ctx):
+        if not batches.empty():
+            thread = Thread(target=play, args=[batches.get()])
+            thread.start()
+            thread.join()
+
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.add(play_elsewhere)
+        with ctx.game.batch(2) as games:
+            batches.put(games)
+            games.step()
+            assert refused.get() == [0, 0]
+            assert games.turn.tolist() == [1, 1]
 
 
 class Counting:

@@ -338,7 +338,8 @@ class RuleSpec:
         parts: what it makes the rule of.
         brings_back: whether agents that are out come back, so that learners wait for that.
         last_turn: the turn after which the rule ends the game, for windows to show how far it is.
-        array_form: does the same in many games: called with a `batch.turn.ArrayTurn`; None: it is called game by game.
+        array_form: does the same in many games: called with a `batch.turn.ArrayTurn`; None: batches play one
+            game after the other.
         array_check: the same for `check`: called with the turn and where agents go, (games, agents), returns which
             moves it refuses.
         core_form: called with a `batch.in_core.Making`, returns the rule as the core plays it in batches; None: the
@@ -349,8 +350,6 @@ class RuleSpec:
         begin_arrays: called with the context and the state of the batch, returns what the array form keeps of the game
             of a context, which may have begun: key -> name -> an array of one game. A form that keeps something
             without it plays no games that have begun.
-        facts_in_game: called with that state and the number of a game, returns its facts as strategies get them that
-            are asked agent by agent.
         is_in_arrays_alone: whether the rule itself is made of its array form.
     """
 
@@ -371,7 +370,6 @@ class RuleSpec:
     why_not_in_arrays: Callable[[Sequence[IAgent]], str | None] | None = None
     prepare_arrays: Callable[[Any], object] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
-    facts_in_game: Callable[[Any, int], Mapping[str, Any]] | None = None
     is_in_arrays_alone: bool = False
 
 

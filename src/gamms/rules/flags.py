@@ -17,7 +17,6 @@ from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, column, turn_of
@@ -99,7 +98,6 @@ def capture_flag(
             core_form=in_core("capture_flag", game) if fits_core(score) else None,
             prepare_arrays=game.prepare_arrays,
             begin_arrays=game.begin_arrays,
-            facts_in_game=game.facts_in_game,
         ),
     )
 
@@ -139,16 +137,6 @@ class _Flags(NamedTuple):
         for team, times in known.get("captures", {}).items():
             first["captures"][0, roster.teams.index(team)] = times
         return {("capture_flag", self.key): first}
-
-    def facts_in_game(self, state: GameArrays, number: int) -> dict[str, Any]:
-        """Return what is published in one game of a batch, by name."""
-        if not self.announce:
-            return {}
-        kept = state.keep(("capture_flag", self.key), self.start_of(state.roster))
-        rows, names = kept["carriers"][number].tolist(), state.roster.names
-        pairs = zip(self.bases.items(), rows, strict=True)
-        flags = {team: {"node": base, "carrier": None if row < 0 else names[row]} for (team, base), row in pairs}
-        return {self.key: published(self.key, flags)}
 
     def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
         """Return what makes the state of the rule in many games; see `_FlagsInArrays`."""

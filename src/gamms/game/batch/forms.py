@@ -15,7 +15,7 @@ class StrategySpec:
     """How batches play a strategy, or the plan of a team.
 
     Attributes:
-        array_form: returns the actions of all agents of an `ArrayView`; None: agents are asked one by one.
+        array_form: returns the actions of all agents of an `ArrayView`; None: batches play one game after the other.
         core_form: the number by which `gamms.core.moves` knows the strategy, or its `travelers.Waypoints`; None: the
             core does not play it.
         flies: whether it decides for agents that fly, too; the array form returns how far they fly then.
@@ -48,7 +48,7 @@ def declare(strategy: object, spec: StrategySpec) -> None:
 
 
 def spec_of(strategy: object) -> StrategySpec:
-    """Return what a strategy, or the plan of a team, declares; one that declares nothing is asked agent by agent.
+    """Return what a strategy, or the plan of a team, declares; one that declares nothing has no array form.
 
     A function that `functools.wraps` another one has the attributes of that, but does not do the same.
     """

@@ -1,9 +1,10 @@
 """The front of a batch: many games of one kind, played together."""
 
 import os
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
+from threading import RLock
 from typing import Any, Literal, NamedTuple, NoReturn, Self
 
 import numpy as np
@@ -104,6 +105,7 @@ class Batch(Fixed):
         self._steps = 0
         self._is_said = False  # whether it was logged what slows it down
         self._was_given = False  # whether actions came from outside and were not kept
+        self._lock = RLock()  # of the thread that plays
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -167,7 +169,7 @@ class Batch(Fixed):
         if not self.is_in_arrays:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         before, is_played = self._engine.turns(), False
-        with uninterrupted(at_most_once=True):
+        with self._playing(), uninterrupted(at_most_once=True):
             try:
                 with self._watched():
                     self._play_turn(given)
@@ -193,6 +195,18 @@ class Batch(Fixed):
                     engine.step_game(number, given)
         self._engine, self._left = engine, why
         self._put_public(slow=why)
+
+    @contextmanager
+    def _playing(self) -> Iterator[None]:
+        """Refuse to play while another thread does."""
+        if not self._lock.acquire(blocking=False):
+            raise BadValue(
+                "Another thread plays this batch right now. Make a batch for each thread, or use run(threads=…)."
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _note(self, given: dict[Hashable, Given]) -> None:
         """Note the actions of a turn that was played."""
@@ -228,8 +242,8 @@ class Batch(Fixed):
                 number. Other games are played by one.
 
         Raises:
-            BadType, BadValue: `progress` or `warn` is no flag, `threads` is not a number from 1, or nothing could ever
-                end these games.
+            BadType, BadValue: `progress` or `warn` is no flag, `threads` is not a number from 1, nothing could ever
+                end these games, or another thread plays them.
         """
         self._refuse_closed()
         num_threads = min(as_count(threads, "threads"), len(self))
@@ -238,7 +252,7 @@ class Batch(Fixed):
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if as_bool(warn, "warn"):
             self._say_what_is_slow()
-        with progress_line() as line:
+        with self._playing(), progress_line() as line:
             show = line if is_shown else None
             if isinstance(self._engine, ArrayEngine):
                 self._run_in_arrays(self._engine, num_threads, show)
