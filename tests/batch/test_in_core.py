@@ -238,6 +238,7 @@ EVERY_RULE = [
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "territory": "territory"}},
     {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}},
     {"rule": "reach", "with": {"team": "red", "nodes": 12}},
+    {"rule": "reach", "with": {"team": "blue", "nodes": "starts of red"}},
     {"rule": "arrive", "with": {"team": "blue", "nodes": [3, 4]}},
     {"rule": "respawn", "with": {"teams": "blue"}},
     {"rule": "none_left", "with": {"team": "red"}},
@@ -252,7 +253,6 @@ OTHERWISE = {
     "deeds": {"settings": {"deeds": {"scan": {}}}},
     "channels": {"channels": {"radio": {"range_m": 3.0}}},
     "hops": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}]},
-    "starts": {"rules": [{"rule": "reach", "with": {"team": "red", "nodes": "starts of blue"}}]},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
     "strategy": {
         "teams": {

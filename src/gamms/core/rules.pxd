@@ -22,6 +22,7 @@ cdef class Games:
     cdef double[::1] score
     cdef i64[::1] edge
     cdef double[::1] share
+    cdef i64 nobody
 
 
 @cython.final
@@ -40,8 +41,8 @@ cpdef int respawn(Games games, Events events, i64 game, i64 agent) except -1 nog
 @cython.locals(row=i64)
 cpdef int eliminate(Games games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef int end_game(Games games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
-@cython.locals(best=i64, is_alone=bint, team=Py_ssize_t)
-cpdef i64 leader(const double[::1] scores) except? -1 nogil
+@cython.locals(best=i64, teams=i64, is_alone=bint, team=Py_ssize_t)
+cpdef i64 leader(const double[::1] scores, i64 nobody=*) except? -1 nogil
 
 
 @cython.locals(agent=i64, node=i64)
@@ -54,6 +55,17 @@ cdef class Steps:
     cdef double[::1] times
 
     @cython.locals(agent=i64, row=i64, node=i64)
+    cdef int fill(self, Games games, i64 game) except -1 nogil
+
+
+cdef class Courses(Steps):
+    cdef const i64[::1] places
+    cdef i64[::1] all_ints
+    cdef double[::1] all_floats
+    cdef Steps behind
+    cdef bint is_last
+
+    @cython.locals(begin=i64)
     cdef int fill(self, Games games, i64 game) except -1 nogil
 
 
@@ -155,6 +167,8 @@ cdef class Rule:
 
 
 cpdef int play(Rule rule, i64 game) except -1 nogil
+@cython.locals(place=Py_ssize_t)
+cpdef int play_games(Rule rule, const i64[::1] games) except -1 nogil
 
 
 cdef class TagRule(Rule):
@@ -204,8 +218,6 @@ cdef class NoneLeft(Rule):
 
 
 cdef class LastTeam(Rule):
-    cdef i64 nobody
-
     @cython.locals(left=i64, agent=i64, team=i64)
     cdef int happen(self, i64 game) except -1 nogil
 
@@ -225,12 +237,16 @@ cdef class Visitors:
 cdef class Reach(Rule):
     cdef Visitors visitors
     cdef Pieces pieces
-    cdef const i64[::1] goals, order
+    cdef const i64[::1] starters, order
+    cdef i64[::1] goals
     cdef i64 winner
     cdef double points
 
-    @cython.locals(earliest=double, piece=i64, since=double, is_first=bint, teams=i64, winner=i64, place=Py_ssize_t, team=i64, last=i64, agent=i64, node=i64)
     cdef int happen(self, i64 game) except -1 nogil
+    @cython.locals(place=Py_ssize_t, home=i64)
+    cdef int _mark_starts(self, i64 game, i64 mark) except -1 nogil
+    @cython.locals(earliest=double, piece=i64, since=double, is_first=bint, teams=i64, winner=i64, place=Py_ssize_t, team=i64, last=i64, agent=i64, node=i64)
+    cdef int _reach(self, i64 game) except -1 nogil
     cdef bint _is_goal(self, i64 piece, i64 team) except -1 nogil
 
 
@@ -238,8 +254,11 @@ cdef class Arrive(Rule):
     cdef Visitors visitors
     cdef Pieces pieces
     cdef i64 team
-    cdef const i64[::1] owners
+    cdef const i64[::1] starters
+    cdef i64[::1] owners
     cdef double points
 
     @cython.locals(found=i64, place=i64, piece=i64, agent=i64)
     cdef int happen(self, i64 game) except -1 nogil
+    @cython.locals(agent=Py_ssize_t, home=i64)
+    cdef int _mark_starts(self, i64 game, i64 mark) except -1 nogil

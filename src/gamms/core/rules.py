@@ -61,13 +61,14 @@ class Games:
         alive: (games * agents,) 1: the agent takes part.
         placed: (games * agents,) 1: a rule put the agent where it is since it moved, so that it passed no node.
         stops: (games * agents,) how often the agent was tagged, put back or taken out.
-        home: (games * agents,) where it began the game; -1: it is in the air.
+        home: (games * agents,) where it comes back; -1: it has not come yet.
         turn: (games,) how many turns were played.
         over: (games,) 1: a rule has ended the game.
         score: (games * teams,)
         team: (agents,) of each.
         edge, share: (games * agents,) in games by metres the edge that an agent is on, -1 on its node, and how much of
             the edge is behind it; see also `by_edges`. Empty in games along one edge a turn.
+        nobody: the number of the agents' team that is none; -1: all agents have a team.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class Games:
         team: memoryview[int],
         edge: memoryview[int] = NO_INTS,
         share: memoryview[float] = NO_FLOATS,
+        nobody: int = -1,
     ) -> None:
         self.agents = agents
         self.teams = teams
@@ -104,6 +106,7 @@ class Games:
         self.team = team
         self.edge = edge
         self.share = share
+        self.nobody = nobody
 
 
 class Events:
@@ -202,21 +205,30 @@ def end_game(games: Games, events: Events, game: int, rule: int, winner: int) ->
     """
     games.over[game] = 1
     if winner == LEADER:
-        winner = leader(games.score[game * games.teams : (game + 1) * games.teams])
+        winner = leader(games.score[game * games.teams : (game + 1) * games.teams], games.nobody)
     return events.put(game, games.turn[game], rule, END, winner, -1, -1)
 
 
-def leader(scores: memoryview[float]) -> int:
-    """Return the number of the highest of several scores; -1 where there is only one, or several are the highest."""
+def leader(scores: memoryview[float], nobody: int = -1) -> int:
+    """Return the number of the highest of several scores; -1 where there is only one, or several are the highest.
+
+    Args:
+        scores: of teams.
+        nobody: the number of one that does not count; -1: all do.
+    """
     best = -1
+    teams = 0
     is_alone = False
     for team in range(len(scores)):
+        if team == nobody:
+            continue
+        teams += 1
         if best < 0 or scores[team] > scores[best]:
             best = team
             is_alone = True
         elif scores[team] == scores[best]:
             is_alone = False
-    return best if is_alone and len(scores) > 1 else -1
+    return best if is_alone and teams > 1 else -1
 
 
 # -- the course of a turn ----------------------------------------------------------------------------------------------
@@ -275,6 +287,44 @@ class Steps:
             elif games.start[row] != node:
                 self.nodes[2 * agent] = games.start[row]
                 self.lengths[agent] = 2
+        return 0
+
+
+class Courses(Steps):
+    """How the agents of several games have gone in a turn, in any way; `fill` copies what there is of one game.
+
+    Args:
+        places: (games,) the number of each game of the block among the several.
+        all_ints, all_floats: columns of the several, one game after the other.
+        ints, floats: get those of one game.
+        behind: fills more columns of that game; None: there are no more.
+    """
+
+    def __init__(
+        self,
+        places: memoryview[int],
+        all_ints: memoryview[int],
+        all_floats: memoryview[float],
+        ints: memoryview[int],
+        floats: memoryview[float],
+        behind: Steps | None,
+    ) -> None:
+        super().__init__(ints, floats, ints)
+        self.places = places
+        self.all_ints = all_ints
+        self.all_floats = all_floats
+        self.behind = behind
+        self.is_last = behind is None
+        self.are_one_edge = not self.is_last and self.behind.are_one_edge  # type: ignore[union-attr] # there is one
+
+    def fill(self, games: Games, game: int) -> int:
+        """Copy the columns of a game."""
+        begin = self.places[game] * len(self.nodes)
+        self.nodes[:] = self.all_ints[begin : begin + len(self.nodes)]
+        begin = self.places[game] * len(self.times)
+        self.times[:] = self.all_floats[begin : begin + len(self.times)]
+        if not self.is_last:
+            self.behind.fill(games, game)  # type: ignore[union-attr] # it is not the last
         return 0
 
 
@@ -850,6 +900,13 @@ def play(rule: Rule, game: int) -> int:
     return rule.happen_all(game)
 
 
+def play_games(rule: Rule, games: memoryview[int]) -> int:
+    """Call a rule, and those behind it, in games of these numbers."""
+    for place in range(len(games)):
+        rule.happen_all(games[place])
+    return 0
+
+
 class TagRule(Rule):
     """Agents tag those that they meet: `gamms.rules.tag`, all such rules of a game as one.
 
@@ -994,7 +1051,7 @@ class Returns(Rule):
         """Bring those back that have waited long enough."""
         for agent in range(self.games.agents):
             row = game * self.games.agents + agent
-            if self.games.alive[row] or not self.plays[agent]:
+            if self.games.alive[row] or self.games.home[row] < 0 or not self.plays[agent]:
                 self.out[row] = -1
                 continue
             if self.out[row] < 0:
@@ -1060,19 +1117,14 @@ class LastTeam(Rule):
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
-        nobody: the number of the agents' team that is none; -1: all agents have a team.
     """
-
-    def __init__(self, games: Games, events: Events, number: int, *, nobody: int) -> None:
-        super().__init__(games, events, number)
-        self.nobody = nobody
 
     def happen(self, game: int) -> int:
         """End the game if at most one team is left."""
         left = -1
         for agent in range(self.games.agents):
             team = self.games.team[agent]
-            if team != self.nobody and self.games.alive[game * self.games.agents + agent]:
+            if team != self.games.nobody and self.games.alive[game * self.games.agents + agent]:
                 if left >= 0 and team != left:
                     return 0
                 left = team
@@ -1116,6 +1168,7 @@ class Reach(Rule):
         number: see `Rule`.
         visitors: the agents.
         goals: (nodes * teams,) 1: the node is a goal of the team; row `node * teams + team`.
+        starters: (teams * agents,) 1: where the agent began is a goal of the team, too. Empty: there are none.
         order: (reaching,) the teams that have goals, in the order in which their agents are named in events.
         winner: the team that wins; `NOBODY`; `ITS_TEAM`: the one that reached its goal.
         points: for each team that reached its goal.
@@ -1129,6 +1182,7 @@ class Reach(Rule):
         *,
         visitors: Visitors,
         goals: memoryview[int],
+        starters: memoryview[int],
         order: memoryview[int],
         winner: int,
         points: float,
@@ -1137,12 +1191,26 @@ class Reach(Rule):
         self.visitors = visitors
         self.pieces: Pieces = self.visitors.pieces
         self.goals = goals
+        self.starters = starters
         self.order = order
         self.winner = winner
         self.points = points
 
     def happen(self, game: int) -> int:
         """Let the earliest agents reach their goals; teams that do so at one moment draw."""
+        self._mark_starts(game, 1)
+        self._reach(game)
+        return self._mark_starts(game, 0)
+
+    def _mark_starts(self, game: int, mark: int) -> int:
+        """Mark where agents of a game began as goals, or no longer."""
+        for place in range(len(self.starters)):
+            home = self.games.home[game * self.games.agents + place % self.games.agents]
+            if self.starters[place] and home >= 0:
+                self.goals[home * self.games.teams + place // self.games.agents] = mark
+        return 0
+
+    def _reach(self, game: int) -> int:
         self.visitors.follow(self.games, game)
         self.pieces.count = 0
         contacts.put_visits(self.visitors.tracks, self.visitors.legs, self.pieces, 0)
@@ -1190,6 +1258,7 @@ class Arrive(Rule):
         visitors: the agents.
         team: of the agents.
         owners: (nodes,) the team, if the node is a goal; else -1.
+        starters: (agents,) 1: where the agent began is a goal, too. Empty: there are none.
         points: for each.
     """
 
@@ -1202,10 +1271,12 @@ class Arrive(Rule):
         visitors: Visitors,
         team: int,
         owners: memoryview[int],
+        starters: memoryview[int],
         points: float,
     ) -> None:
         super().__init__(games, events, number)
         self.visitors = visitors
+        self.starters = starters
         self.pieces: Pieces = self.visitors.pieces
         self.team = team
         self.owners = owners
@@ -1214,9 +1285,11 @@ class Arrive(Rule):
     def happen(self, game: int) -> int:
         """Let those that are at a goal arrive; all are named before one is taken out."""
         self.visitors.follow(self.games, game)
+        self._mark_starts(game, self.team)
         found = find_arrivals(
             self.visitors.tracks, self.visitors.legs, self.pieces, self.games.team, self.owners, self.team
         )
+        self._mark_starts(game, NOBODY)
         for place in range(found):
             piece = self.pieces.order[place]
             agent = self.pieces.agents[piece]
@@ -1224,4 +1297,12 @@ class Arrive(Rule):
         for place in range(found):
             self.games.score[game * self.games.teams + self.team] += self.points
             eliminate(self.games, self.events, game, self.pieces.agents[self.pieces.order[place]])
+        return 0
+
+    def _mark_starts(self, game: int, mark: int) -> int:
+        """Let the nodes where agents of a game began belong to a team."""
+        for agent in range(len(self.starters)):
+            home = self.games.home[game * self.games.agents + agent]
+            if self.starters[agent] and home >= 0:
+                self.owners[home] = mark
         return 0

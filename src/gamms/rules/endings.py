@@ -11,10 +11,8 @@ from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, reason_of_goals
-from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.ir.graph import IntArray
-from gamms.ir.obstacles import BoolArray
+from gamms.rules.array_turns import array_form_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import living_teams, turn_of
 from gamms.text import shown, shown_as_called
@@ -99,24 +97,16 @@ def reach(
             reason, won = _end_of(there, winner)
             ctx.game.end(reason, winner=won)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        there = _arrive_in_arrays(turn, goals, passing=passing)
-        for one, at in there.items() if score else ():
-            turn.add_score(one, at, score)
-        ended = np.unique(np.concatenate(list(there.values())))
-        ends = [_end_of([one for one, at in there.items() if game in at], winner) for game in ended.tolist()]
-        turn.end(ended, [reason for reason, _ in ends], [won for _, won in ends])
-
+    shown_winner = ONE_THAT_SHOWS if winner is ITS_TEAM else winner
+    core_form = in_core("reach", goals, shown_winner, score, passing) if fits_core(score) else None
     return declared(
         reach,
         RuleSpec(
             prepare=prepare,
             drawer=render_goals,
             teams=named,
-            array_form=in_arrays,
-            core_form=in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
-            if _are_nodes(goals) and fits_core(score)
-            else None,
+            array_form=array_form_of(core_form),
+            core_form=core_form,
         ),
     )
 
@@ -155,22 +145,15 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             ctx.game.scores[team] += points
             ctx.game.eliminate(name)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        visits = _visits_of_goal(turn, team, goal, passing=counts_passing)
-        turn.emit("arrive", visits.at, agents={"agent": visits.agents}, nodes={"node": visits.nodes})
-        turn.add_score(team, visits.at, points)
-        turn.eliminate(visits.at, visits.agents)
-
+    core_form = in_core("arrive", team, goal, points, counts_passing) if fits_core(points) else None
     return declared(
         arrive,
         RuleSpec(
             prepare=prepare,
             drawer=render_goals,
             teams=list(goals),
-            array_form=in_arrays,
-            core_form=in_core("arrive", team, goal, points, counts_passing)
-            if _are_nodes(goals) and fits_core(points)
-            else None,
+            array_form=array_form_of(core_form),
+            core_form=core_form,
         ),
     )
 
@@ -195,20 +178,15 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
         if ctx.game.turn >= last:
             ctx.game.end("time limit", winner=_leader(ctx) if winner is LEADER else winner, truncated=True)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        at = np.flatnonzero(turn.turn >= last)
-        if len(at):
-            winners = _leaders(turn, at) if winner is LEADER else [winner] * len(at)
-            turn.end(at, "time limit", winners, truncated=True)
-
+    core_form = in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner)
     return declared(
         time_limit,
         RuleSpec(
             teams=named,
             last_turn=last,
             rank=Rank.END,
-            array_form=in_arrays,
-            core_form=in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner),
+            array_form=array_form_of(core_form),
+            core_form=core_form,
         ),
     )
 
@@ -231,26 +209,16 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         if team not in living_teams(ctx) and team in ctx.agent.teams:
             ctx.game.end(_none_in_play(team), winner=_leader(ctx) if winner is LEADER else winner)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        is_member = turn.roster.plays_for([team])
-        at = np.flatnonzero(~(turn.alive & is_member).any(axis=1)) if is_member.any() else np.zeros(0, np.int64)
-        if len(at):
-            turn.end(at, _none_in_play(team), _leaders(turn, at) if winner is LEADER else [winner] * len(at))
-
+    core_form = in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner)
     return declared(
         none_left,
         RuleSpec(
             teams=named,
             rank=Rank.END,
-            array_form=in_arrays,
-            core_form=in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner),
+            array_form=array_form_of(core_form),
+            core_form=core_form,
         ),
     )
-
-
-def _are_nodes(goals: Mapping[Any, frozenset[int] | str]) -> bool:
-    """Return whether goals are nodes, rather than where agents began, which differs from game to game."""
-    return not any(isinstance(goal, str) for goal in goals.values())
 
 
 def _none_in_play(team: Team) -> str:
@@ -270,17 +238,8 @@ def last_team() -> Rule:
         if len(left) <= 1:
             ctx.game.end("last team", winner=next(iter(left), None))
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        teams = [number for number, team in enumerate(turn.roster.teams) if team is not None]
-        alive = np.zeros((len(turn.games), len(teams)), np.bool_)
-        for column, number in enumerate(teams):
-            alive[:, column] = (turn.alive & (turn.roster.team_of == number)).any(axis=1)
-        at = np.flatnonzero(alive.sum(axis=1) <= 1)
-        names = [turn.roster.teams[number] for number in teams]
-        left = [names[row.argmax()] if row.any() else None for row in alive[at]]
-        turn.end(at, "last team", left)
-
-    return declared(last_team, RuleSpec(rank=Rank.END, array_form=in_arrays, core_form=in_core("last_team")))
+    core_form = in_core("last_team")
+    return declared(last_team, RuleSpec(rank=Rank.END, array_form=array_form_of(core_form), core_form=core_form))
 
 
 def _named_winner(winner: Team) -> list[Hashable]:
@@ -375,45 +334,6 @@ def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
     return reason_of_goals(there), won if len(there) == 1 else None
 
 
-def _arrive_in_arrays(
-    turn: ArrayTurn, goals: Mapping[Any, frozenset[int] | str], *, passing: bool
-) -> dict[Hashable, IntArray]:
-    """Do what `_arrive` does for many games; return team -> the games in which its agents are first at a goal."""
-    arrived, earliest = [], np.full(len(turn.games), np.inf)  # the moment
-    for team, goal in goals.items():
-        visits = _visits_of_goal(turn, team, goal, passing=passing)
-        np.minimum.at(earliest, visits.at, visits.begin)
-        arrived.append((team, visits))
-    first: dict[Hashable, IntArray] = {}
-    for team, visits in arrived:
-        winning = visits.those(visits.begin == earliest[visits.at])
-        turn.emit("reach", winning.at, agents={"agent": winning.agents}, nodes={"node": winning.nodes})
-        first[team] = np.unique(winning.at)
-    return first
-
-
-def _visits_of_goal(turn: ArrayTurn, team: Hashable, goal: frozenset[int] | str, *, passing: bool) -> Visits:
-    """Return the first visit of each agent of a team to its goal, by game and agent."""
-    are_members = turn.roster.plays_for([team]) & ~turn.roster.flies
-    if isinstance(goal, str):
-        visits = turn.visits(turn.alive & are_members, passing=passing)
-        visits = visits.those(_are_starts(turn, visits, goal))
-    else:
-        at_goal = turn.shared(("nodes", goal), lambda: np.isin(turn.streets.columns.node_ids, sorted(goal)))
-        visits = turn.visits(at_goal, passing=passing)
-        visits = visits.those(are_members[visits.agents])
-    _, first_visit = np.unique(visits.at * len(are_members) + visits.agents, return_index=True)
-    return visits.those(first_visit)
-
-
-def _are_starts(turn: ArrayTurn, visits: Visits, team: str) -> BoolArray:
-    """Return which visits are those of nodes where agents of the team of that text began, (visits,)."""
-    theirs = turn.roster.plays_for([one for one in turn.roster.teams if str(one) == team]) & ~turn.roster.flies
-    starts = turn.start_of(np.flatnonzero(theirs))
-    are_starts: BoolArray = (visits.nodes[:, None] == starts[visits.at]).any(axis=1)
-    return are_starts
-
-
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
     """Say where the goals are, for those who draw the game."""
     known: dict[Any, str] = ctx.game.data.setdefault(GOALS, {})
@@ -428,17 +348,6 @@ def _leader(ctx: Context) -> Hashable:
     scores = {team: ctx.game.scores[team] for team in ctx.agent.teams if team is not None}
     best = [team for team, score in scores.items() if score == max(scores.values())]
     return best[0] if len(best) == 1 < len(scores) else None
-
-
-def _leaders(turn: ArrayTurn, at: IntArray) -> list[Hashable]:
-    """Return what `_leader` returns, of several games."""
-    teams = [team for team in turn.roster.teams if team is not None]
-    if len(teams) < 2:
-        return [None] * len(at)
-    scores = np.stack([turn.scores(team)[at] for team in teams], axis=1)
-    is_best = scores == scores.max(axis=1, keepdims=True)
-    leaders = np.where(is_best.sum(axis=1) == 1, is_best.argmax(axis=1), len(teams))
-    return [[*teams, None][leader] for leader in leaders.tolist()]
 
 
 def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:

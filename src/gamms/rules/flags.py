@@ -12,11 +12,9 @@ from gamms.core import rules as core
 from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import IntArray
-from gamms.ir.obstacles import BoolArray
+from gamms.rules.array_turns import array_form_of
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, column, turn_of
@@ -84,9 +82,7 @@ def capture_flag(
     def capture_flag(ctx: Context) -> None:
         game.play(ctx)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        _FlagsInArrays(game, turn).play()
-
+    core_form = in_core("capture_flag", game) if fits_core(score) else None
     return declared(
         capture_flag,
         RuleSpec(
@@ -94,8 +90,8 @@ def capture_flag(
             drawer=FlagsDrawer(game.key, colors),
             disclose=all_know(game.key),
             key=game.key,
-            array_form=in_arrays,
-            core_form=in_core("capture_flag", game) if fits_core(score) else None,
+            array_form=array_form_of(core_form),
+            core_form=core_form,
             prepare_arrays=game.prepare_arrays,
             begin_arrays=game.begin_arrays,
         ),
@@ -126,7 +122,7 @@ class _Flags(NamedTuple):
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-        """Return the state of the rule in a game as arrays; see `_FlagsInArrays`."""
+        """Return the state of the rule in a game as arrays; see `start_of`."""
         known, first, roster = ctx.game.data.get(self.key, {}), self.start_of(state.roster)(1), state.roster
         stopped = _stopped(ctx.game.events[known.get("seen", 0) :]) if known else set()
         for number, flag in enumerate(self.bases):
@@ -139,7 +135,11 @@ class _Flags(NamedTuple):
         return {("capture_flag", self.key): first}
 
     def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
-        """Return what makes the state of the rule in many games; see `_FlagsInArrays`."""
+        """Return what makes the state of the rule in many games.
+
+        It is `carriers` and `stops` (games, flags), the numbers of the agents that carry flags, -1 for none, and how
+        often these had been tagged or put back before; and `captures` (games, teams).
+        """
 
         def make(games: int) -> Arrays:
             carriers = np.full((games, len(self.bases)), -1)
@@ -293,128 +293,6 @@ class _FlagsOfAgents:
         self._core.members = column("q", [team for team, _ in agents])
         nodes = [cast("int", ctx.game.start_node(agent)) for _, agent in agents]
         self._core.starts = column("q", map(turn.numbers.number, nodes))
-
-
-class _FlagsInArrays:
-    """A turn of the rule in many games.
-
-    Attributes:
-        flags: the arguments.
-        names: of the flags: the teams that own them.
-        turn: of the games.
-        kept: what the rule remembers of all games of the batch: `carriers` and `stops` (games, flags), the numbers of
-            the agents that carry flags, -1 for none, and how often these had been tagged or put back before;
-            `captures` (games, teams).
-        carriers: those of the games of this turn.
-        taken: (games, flags) the moments at which flags were taken in this turn.
-        going: in which of them the rule goes on, (games,).
-    """
-
-    def __init__(self, flags: _Flags, turn: ArrayTurn) -> None:
-        self.flags, self.names, self.turn = flags, list(flags.bases), turn
-        self.kept = turn.keep(("capture_flag", flags.key), flags.start_of(turn.roster))
-        self.carriers = self.kept["carriers"][turn.games]
-        self.taken = np.full(self.carriers.shape, -1.0)
-        self.going = np.ones(len(turn.games), np.bool_)
-
-    def play(self) -> None:
-        turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
-        if len(at):
-            self._drop(at, which)
-        there = turn.visits(turn.shared(("bases", self.flags.key), self._bases), passing=self.flags.passing)
-        there = there.those(~turn.roster.flies[there.agents])
-        are_involved = np.zeros(turn.alive.shape, np.bool_)
-        are_involved[there.at, there.agents] = True
-        at, which = np.nonzero(self.carriers >= 0)
-        are_involved[at, self.carriers[at, which]] = True
-        visits = turn.visits(are_involved, passing=self.flags.passing)
-        for now in np.unique(visits.begin).tolist():
-            reached = visits.those((visits.begin == now) & self.going[visits.at])
-            has_captured = [self._capture(reached, number, now) for number in range(len(self.names))]
-            self._take(there.those((there.begin <= now) & (now <= there.end) & self.going[there.at]), now)
-            if any(has_captured) and self.flags.goal is not None:
-                self._end(self.flags.goal)
-        self.kept["carriers"][turn.games] = self.carriers
-        at, which = np.nonzero(self.carriers >= 0)
-        self.kept["stops"][turn.games[at], which] = turn.stops(at, self.carriers[at, which])
-
-    def _bases(self) -> BoolArray:
-        """Return which nodes are bases, (nodes,)."""
-        return np.isin(self.turn.streets.columns.node_ids, list(self.flags.bases.values()))
-
-    def _homes(self) -> IntArray:
-        """Return the row of the base of each team that plays, (teams,); -1 where it has none."""
-        bases, rows = self.flags.bases, self.turn.streets.rows
-        return np.array([rows([bases[team]])[0] if team in bases else -1 for team in self.turn.roster.teams])
-
-    def _drop(self, at: IntArray, which: IntArray) -> None:
-        """Let carriers drop these flags if they were stopped."""
-        turn, agents = self.turn, self.carriers[at, which]
-        is_lost = ~turn.alive[at, agents] | (turn.stops(at, agents) != self.kept["stops"][turn.games[at], which])
-        at, which, agents = at[is_lost], which[is_lost], agents[is_lost]
-        self._emit("drop", at, which, turn.node[at, agents])
-        self.carriers[at, which] = -1
-
-    def _emit(self, kind: str, at: IntArray, which: IntArray, nodes: IntArray) -> None:
-        """Note what became of flags, on these nodes."""
-        if len(at):
-            agents, flags = self.carriers[at, which], [self.names[number] for number in which.tolist()]
-            values = {"flag": flags, "node": self.turn.streets.ids(nodes).tolist()}  # in the order of the plain form
-            self.turn.emit(kind, at, agents={"agent": agents}, values=values)
-
-    def _are_home(self, visits: Visits) -> BoolArray:
-        """Return which visits are those of nodes that are home for a carrier."""
-        turn, node, team_of = self.turn, visits.nodes, self.turn.roster.team_of[visits.agents]
-        if self.flags.ground is not None:
-            owned: BoolArray = self.flags.ground.in_arrays(turn)[node] == team_of
-            return owned
-        teams = turn.roster.teams
-        bases = turn.shared(("homes", self.flags.key), self._homes)
-        is_home: BoolArray = bases[team_of] == node
-        for number in np.flatnonzero(bases < 0).tolist():
-            of_team = np.flatnonzero(team_of == number)
-            if len(of_team):
-                members = turn.roster.members(teams[number])
-                starts = turn.start_of(members[~turn.roster.flies[members]])[visits.at[of_team]]
-                is_home[of_team] = (starts == node[of_team][:, None]).any(axis=1)
-        return is_home
-
-    def _capture(self, reached: Visits, number: int, now: float) -> bool:
-        """Let carriers of one flag that reach nodes now capture it; return whether some do."""
-        carried = reached.those(self.carriers[reached.at, number] == reached.agents)
-        home = carried.those((now > self.taken[carried.at, number]) & self._are_home(carried))
-        home = home.those(np.unique(home.at, return_index=True)[1])
-        if not len(home.at):
-            return False
-        self._emit("capture", home.at, np.full(len(home.at), number), home.nodes)
-        self.turn.add_scores(home.at, home.agents, self.flags.score)
-        np.add.at(self.kept["captures"], (self.turn.games[home.at], self.turn.roster.team_of[home.agents]), 1)
-        self.carriers[home.at, number] = -1
-        return True
-
-    def _take(self, there: Visits, now: float) -> None:
-        """Let agents that are on bases take flags."""
-        turn, roster, carriers, at, agents = self.turn, self.turn.roster, self.carriers, there.at, there.agents
-        for number, (flag, base) in enumerate(self.flags.bases.items() if len(at) else ()):
-            may_take = (turn.streets.ids(there.nodes) == base) & (carriers[at, number] < 0)
-            may_take &= ~roster.plays_for([flag, None])[agents] & ~(carriers[at] == agents[:, None]).any(axis=1)
-            those = np.flatnonzero(may_take)
-            if len(those):
-                purpose = "capture_flag", self.flags.key, str(flag)
-                draws = turn.draw_bits(at[those], roster.keys[agents[those]], *purpose)
-                those = those[np.lexsort((draws, at[those]))]
-                those = those[np.unique(at[those], return_index=True)[1]]
-                carriers[at[those], number], self.taken[at[those], number] = agents[those], now
-                self._emit("take", at[those], np.full(len(those), number), there.nodes[those])
-
-    def _end(self, goal: int) -> None:
-        """End the games in which a team has captured as many flags as it needs."""
-        turn = self.turn
-        is_full = self.kept["captures"][turn.games] >= goal
-        at = np.flatnonzero(is_full.any(axis=1) & self.going)
-        winners = [turn.roster.teams[row.argmax()] if row.sum() == 1 else None for row in is_full[at]]
-        turn.end(at, "flags captured", winners)
-        self.going[at] = False
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:

@@ -1,4 +1,7 @@
-"""The rules that the core plays in batches: functions, one for each, that make what `gamms.core.rules` has of it."""
+"""The rules that the core plays in batches: functions, one for each, that make what `gamms.core.rules` has of it.
+
+The core plays all of a game, or `array_turns.py` one turn of games that arrays play.
+"""
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
@@ -8,12 +11,13 @@ import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import Roster, kept_in
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats, ints, memory_of
 from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
-from gamms.rules.meetings import ask
+from gamms.ir.obstacles import BoolArray
+from gamms.rules.meetings import ask, search_for
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -50,12 +54,14 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
     behind: rules.Tagging | None = None
     for one in reversed(taggings):
         sides = ints(len(roster.names))
-        tracks = making.tracks(sides, at_end=not one.nearness.passing)
+        nearness = one.nearness
+        tracks = making.tracks(sides, at_end=not nearness.passing)
+        near = making.near(nearness)
         found = contacts.Contacts(making.pieces)
         ask(
             found,
-            one.nearness,
-            None,
+            nearness,
+            near,
             tracks,
             making.legs,
             flat(roster.keys, np.uint64),
@@ -63,16 +69,15 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
             turn,
             by_metres=making.by_metres,
         )
-        taggers, tagged = (roster.plays_for([side]) for side in one.sides)
-        owners = None if one.ground is None else one.ground.rows(state.facts, state.streets, roster.teams)
+        taggers, tagged = (roster.plays_for([side]) & (nearness.air | ~roster.flies) for side in one.sides)
         behind = rules.Tagging(
             found,
-            contacts.SEARCHES["on nodes"],
-            0.0,
+            search_for(near, nearness, by_metres=making.by_metres),
+            nearness.limit,
             flat(taggers + 2 * tagged, np.int64),
             sides,
             mutual=one.mutual,
-            owners=_NOTHING if owners is None else flat(owners, np.int64),
+            owners=_owners(one.ground, making),
             then=rules.THEN[one.then],
             points=one.score,
             behind=behind,
@@ -96,23 +101,24 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
     for number, node in zip(number_of.values(), base.tolist(), strict=True):
         if number >= 0:
             home[number] = node
-    owners = None if flags.ground is None else flags.ground.rows(state.facts, streets, roster.teams)
     purposes = [state.purposes("capture_flag", flags.key, str(team)) for team in flags.bases]
     sides = ints(len(roster.names))
+    tracks = making.tracks(sides, at_end=not flags.passing)
+    ground = np.where(roster.flies, -1, roster.team_of)
     core = rules.Flags(
         len(flags.bases),
         team=flat(np.array([*number_of.values()]), np.int64),
         base=flat(base, np.int64),
         home=flat(home, np.int64),
-        owners=_NOTHING if owners is None else flat(owners, np.int64),
-        takes=flat(roster.team_of, np.int64),
+        owners=_owners(flags.ground, making),
+        takes=flat(np.where(ground == making.team(None), -1, ground), np.int64),
         names=flat(roster.keys, np.uint64),
         purposes=flat(np.stack(purposes, axis=1), np.uint64),
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
         captures=memory_of(kept["captures"]),
-        starts=memory_of(state.start),
-        members=flat(roster.team_of, np.int64),
+        starts=memory_of(making.home),
+        members=flat(ground, np.int64),
         taken=floats(len(flags.bases)),
         goal=flags.goal or 0,
         points=flags.score,
@@ -124,10 +130,10 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
         making.number(played),
         flags=core,
         steps=making.steps,
-        tracks=making.tracks(sides, at_end=not flags.passing),
+        tracks=tracks,
         legs=making.legs,
         pieces=making.pieces,
-        ground=making.plays(None),
+        ground=making.plays(None, air=False),
         sides=sides,
     )
 
@@ -167,36 +173,43 @@ def none_left(team: Hashable, reason: str, winner: object, making: Making) -> ru
 
 
 def reach(
-    goals: Mapping[Hashable, Collection[int]], winner: object, score: float, passing: bool, making: Making
+    goals: Mapping[Hashable, Collection[int] | str], winner: object, score: float, passing: bool, making: Making
 ) -> rules.Rule:
-    """Make `gamms.rules.reach`, of goals that are nodes; the winner is `ONE_THAT_SHOWS` or a team."""
+    """Make `gamms.rules.reach`; the winner is `ONE_THAT_SHOWS` or a team."""
     roster = making.state.roster
     is_goal = np.zeros((making.state.streets.num_nodes, len(roster.teams)), np.int64)
+    starters = np.zeros((len(roster.teams), len(roster.names)), np.int64)
     order = []
-    for team, nodes in goals.items():
+    for team, goal in goals.items():
         number = making.team(team)
         if number >= 0:
             order.append(number)
-            is_goal[making.rows(nodes), number] = 1
-    number = making.number(PlayedRule(bool(score), isinstance(score, float), winner=winner))
+            if isinstance(goal, str):
+                starters[number] = _starters(goal, making)
+            else:
+                is_goal[making.rows(goal), number] = 1
     return rules.Reach(
         making.games,
         making.events,
-        number,
+        making.number(PlayedRule(bool(score), isinstance(score, float), winner=winner)),
         visitors=making.visitors(at_end=not passing),
         goals=flat(is_goal, np.int64),
+        starters=flat(starters, np.int64) if starters.any() else _NOTHING,
         order=flat(np.array(order, np.int64), np.int64),
         winner=rules.WINNERS["its team" if winner is ONE_THAT_SHOWS else "nobody"],
         points=score,
     )
 
 
-def arrive(team: Hashable, goal: Collection[int], points: float, passing: bool, making: Making) -> rules.Rule:
-    """Make `gamms.rules.arrive`, of a goal of nodes; of a team without agents, a rule that does nothing."""
+def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: Making) -> rules.Rule:
+    """Make `gamms.rules.arrive`; of a team without agents, a rule that does nothing."""
     if team not in making.state.roster.teams:
         return _nothing(making)
-    owners = np.full(making.state.streets.num_nodes, -1)
-    owners[making.rows(goal)] = making.team(team)
+    owners, starters = np.full(making.state.streets.num_nodes, -1), _NOTHING
+    if isinstance(goal, str):
+        starters = flat(_starters(goal, making), np.int64)
+    else:
+        owners[making.rows(goal)] = making.team(team)
     return rules.Arrive(
         making.games,
         making.events,
@@ -204,14 +217,34 @@ def arrive(team: Hashable, goal: Collection[int], points: float, passing: bool, 
         visitors=making.visitors(at_end=not passing),
         team=making.team(team),
         owners=flat(owners, np.int64),
+        starters=starters,
         points=points,
     )
+
+
+def _starters(team: str, making: Making) -> BoolArray:
+    """Return which agents on the ground are of the team of a text, (agents,)."""
+    roster = making.state.roster
+    return roster.plays_for([one for one in roster.teams if str(one) == team]) & ~roster.flies
+
+
+def _owners(ground: Any, making: Making) -> Any:
+    """Return the numbers of the teams that own nodes, (nodes,); empty without a territory."""
+    state = making.state
+    if ground is None:
+        return _NOTHING
+    owners = ground.of(state.facts)
+
+    def make() -> tuple[object, IntArray]:
+        return owners, ground.rows(state.facts, state.streets, state.roster.teams)
+
+    return flat(kept_in(state.shared, ("territory", id(owners)), make)[1], np.int64)
 
 
 def last_team(making: Making) -> rules.Rule:
     """Make `gamms.rules.last_team`."""
     number = making.number(PlayedRule(reason="last team"))
-    return rules.LastTeam(making.games, making.events, number, nobody=-1)
+    return rules.LastTeam(making.games, making.events, number)
 
 
 def published(fact: str, nodes: Mapping[int, Hashable], making: Making) -> rules.Rule:

@@ -1,11 +1,11 @@
 """What `gamms.core.contacts` is asked: the columns of agents that it takes, and the contacts that it finds.
 
-`turn_of` asks it about the game of a context, `met_in_turn` about a turn of many games.
+`turn_of` asks it about the game of a context; turns of many games are in `array_turns.py`.
 """
 
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from itertools import accumulate, chain, compress
 from typing import Annotated, Any, NamedTuple, cast
 
@@ -15,27 +15,22 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
-from gamms.game.batch.columns import some_rows
-from gamms.game.batch.movement import Legs as LegsOfTurn
-from gamms.game.batch.roads import REMOVED
-from gamms.game.batch.turn import ArrayTurn, movement_in, purposes_in
 from gamms.game.moves import TurnMoves
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
-from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
+from gamms.ir.graph import IntArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.near_nodes import NearNodes, Reached, reached
+from gamms.rules.near_nodes import NearNodes, Reached
 from gamms.rules.visits import EdgesGoneAlong, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
 
 _MOST_DISTANCES = 8  # for which a game keeps what is near nodes
 _MOST_TERRITORIES = 8  # of which a game keeps who owns nodes
-_MOST_NEAR_IN_GAME, _MOST_NEAR_IN_BATCH = 1 << 20, 1 << 25  # pairs of nodes, for each distance
+_MOST_NEAR_IN_GAME = 1 << 20  # pairs of nodes, for each distance
 _NOWHERE = 0.0, 0.0, 0.0
 _NO_LEG = (0,) * 4 + (0.0,) * 5
-_BACKWARDS, _TURNS, _REMOVED = 1, 2, 4  # flags of legs, see `core.Legs`
+BACKWARDS, TURNS, UNKNOWN_PLACE = 1, 2, 4  # flags of legs, see `core.Legs`
 
 
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
@@ -49,28 +44,6 @@ class Nearness(NamedTuple):
     crossing: bool
     air: bool
     passing: bool
-
-
-class Met(NamedTuple):
-    """Contacts in the order of the games, in each in that which `contacts` promises.
-
-    Arrays (contacts,): the numbers of the game and of both agents, the numbers of the nodes where both were, times,
-    distances, the draws that decide between equals, and 1 where they met on an edge.
-    """
-
-    games: IntArray
-    a: IntArray
-    b: IntArray
-    a_nodes: IntArray
-    b_nodes: IntArray
-    times: FloatArray
-    distances: FloatArray
-    draws: BitArray
-    on_edges: IntArray
-
-    def those(self, rows: IntArray | BoolArray) -> "Met":
-        """Return some of them."""
-        return some_rows(self, rows)
 
 
 Near = core.Reach | core.Places | core.Lines | None
@@ -134,7 +107,7 @@ def column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, whi
     return memoryview(array(kind, values))
 
 
-def _most_pieces(agents: int, most: int, most_legs: int) -> int:
+def most_pieces(agents: int, most: int, most_legs: int) -> int:
     """Return how many pieces there are at most: visits and legs, each with two entries."""
     return 2 * agents * (most + 2 * most_legs + 1)
 
@@ -382,12 +355,12 @@ class InTurn:
             return found if found.find(_ON_NODES, 0.0) else None
         found = self.game.contacts(self.scratch(near.parts if isinstance(near, core.Lines) else 0))
         self._ask(found, sides, nearness, near)
-        return found if found.find(_search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
+        return found if found.find(search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
 
     def scratch(self, parts: int = 0) -> core.Pieces:
         """Return scratch with room for what these agents do, and so many parts of lines."""
         agents = len(self.roster.names)
-        pieces = max(parts, _most_pieces(agents, self.most, self.most_legs))
+        pieces = max(parts, most_pieces(agents, self.most, self.most_legs))
         return self.game.scratch(pieces, self.numbers.count + self.most_legs * agents)
 
     def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
@@ -446,7 +419,7 @@ def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
     return {agent.name: agent.position for agent in ctx.game.agents if agent.type is AgentType.AERIAL}
 
 
-def _search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
+def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
     """Return how the core finds contacts."""
     if near is None:
         return _ON_NODES
@@ -583,7 +556,7 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Cal
             source, target, edge, begin, end, since, until, back = leg
             length = edges.length_of(leg)
             street = edge if back is None else min(edge, back)
-            flags = _BACKWARDS * (street != edge) + _TURNS * (back is not None) + _REMOVED * (length is None)
+            flags = BACKWARDS * (street != edge) + TURNS * (back is not None) + UNKNOWN_PLACE * (length is None)
             ends = number(source), number(target), streets.setdefault(street, len(streets)), flags
             rows.append((*ends, begin, end, since, until, length or 0.0))
         rows += [_NO_LEG] * (most - len(track.legs))
@@ -620,177 +593,3 @@ def _lines(
     begins = column("d", chain.from_iterable([begin for _, _, begin, _ in lines]))
     ends = column("d", chain.from_iterable([end for _, _, _, end in lines]))
     return core.Lines(offsets, since, until, begins, ends)
-
-
-# -- in many games -----------------------------------------------------------------------------------------------------
-
-
-def met_in_turn(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> Met:
-    """Return the contacts of a turn of many games; nodes are numbered by their rows.
-
-    Args:
-        turn: of the games.
-        ours: (agents,) the numbers of one side in the roster.
-        theirs: (agents,) the numbers of the other side.
-        nearness: what counts as a contact.
-    """
-    side = np.zeros(turn.node.shape[1], np.int64)
-    side[ours] += 1
-    side[theirs] += 2
-    sides = side * turn.alive
-    by_move = turn.is_there_by_move
-    nodes, times, lengths = _steps_of(turn, by_move)
-    agents, most = nodes.shape[1:]
-    legs = None if turn.paths is None or turn.paths.legs is None else _legs_of(turn, turn.paths.legs, by_move)
-    near: Near = None
-    if nearness.unit == "euclid":
-        in_air = turn.in_air() if nearness.air else None
-        near = _places_of(turn, nodes, in_air) if legs is None else _lines_of(turn, legs, in_air, nearness)
-    elif nearness.unit is not None:
-        asked = nodes if legs is None else np.concatenate((nodes, legs.sources, legs.targets), axis=-1)
-        near = _near_nodes(turn, nearness).around(asked, turn.streets.num_nodes)
-    most_legs = 0 if legs is None else legs.sources.shape[-1]
-    pieces = max(_most_pieces(agents, most, most_legs), near.parts if isinstance(near, core.Lines) else 0)
-    keys = max(turn.streets.num_nodes, 0 if legs is None else len(movement_in(turn).columns.edge_ids))
-    room, by_metres = turn.shared("contacts", Room), legs is not None
-    found = room.contacts(room.scratch(pieces, keys))
-    ask(
-        found,
-        nearness,
-        near,
-        core.Tracks(agents, most, *_flat((nodes, times, lengths, sides)), at_end=not nearness.passing),
-        NO_LEGS if legs is None else core.Legs(most_legs, *_flat(legs[1:])),
-        *_flat((turn.roster.keys, purposes_in(turn, "contacts"), turn.turn)),
-        by_metres=by_metres,
-    )
-    count = found.find(_search_for(near, nearness, by_metres=by_metres), nearness.limit)
-    rows = np.asarray(found.order)[:count]
-    columns: Any = found.games, found.a, found.b, found.a_nodes, found.b_nodes
-    return Met(
-        *(np.asarray(one)[rows] for one in (*columns, found.times, found.distances, found.draws, found.on_edges))
-    )
-
-
-def one_to_one_of_games(games: IntArray, a: IntArray, b: IntArray, agents: int) -> IntArray:
-    """Return the rows of the contacts of games, in their order, that `one_to_one` takes.
-
-    `agents` is how many a game has.
-    """
-    made = np.empty(len(games), np.int64)
-    core.match(*_flat((games, a, b, np.full(agents, -1), made)))
-    return np.flatnonzero(made)
-
-
-def _steps_of(turn: ArrayTurn, by_move: BoolArray) -> tuple[IntArray, FloatArray, IntArray]:
-    """Return the nodes that agents pass, when, and how many, (games, agents, most) and (games, agents)."""
-    if turn.paths is not None:
-        nodes = np.where(by_move[..., None], turn.paths.nodes, turn.node[..., None])
-        times = np.where(by_move[..., None], turn.paths.times, 1.0)
-        return nodes, times, np.where(by_move, turn.paths.lengths, 1)
-    has_moved = by_move & (turn.starts != turn.node)
-    nodes = np.stack((np.where(has_moved, turn.starts, turn.node), turn.node), axis=-1)
-    times = np.ones(nodes.shape)
-    times[by_move, 0] = 0.0
-    return nodes, times, 1 + has_moved
-
-
-class _Legs(NamedTuple):
-    """The legs of a turn of many games, (games, agents, most).
-
-    Attributes:
-        edges: rows of edges.
-        counts: (games, agents) how many an agent has; the others see `core.Legs`.
-    """
-
-    edges: IntArray
-    counts: IntArray
-    sources: IntArray
-    targets: IntArray
-    streets: IntArray
-    flags: IntArray
-    begins: FloatArray
-    ends: FloatArray
-    since: FloatArray
-    until: FloatArray
-    lengths: FloatArray
-
-    @property
-    def are_there(self) -> BoolArray:
-        """Which there are, (games, agents, most)."""
-        return np.arange(self.edges.shape[-1]) < self.counts[..., None]
-
-
-def _legs_of(turn: ArrayTurn, legs: LegsOfTurn, by_move: BoolArray) -> _Legs:
-    columns, at = movement_in(turn).columns, np.nonzero(legs.edge >= 0)
-    edge, back, ids = legs.edge[at], legs.back[at], columns.edge_ids
-    counts = np.where(by_move, (legs.edge >= 0).sum(axis=-1), 0)
-    streets = np.where((back >= 0) & (ids[back] < ids[edge]), back, edge)
-    removed = movement_in(turn).all_roads.states(edge, turn.games[at[0]]) == REMOVED
-    flags = _BACKWARDS * (streets != edge) + _TURNS * (back >= 0) + _REMOVED * removed
-    # NOTE: few agents go along as many edges as those that go along most (benchmarks: travel).
-    ints, lengths = np.zeros((4, *legs.edge.shape), np.int64), np.zeros(legs.edge.shape)
-    for column, values in zip(ints, (columns.sources[edge], columns.targets[edge], streets, flags), strict=True):
-        column[at] = values
-    lengths[at] = columns.lengths[edge]
-    return _Legs(*[legs.edge, counts, *ints, legs.begin, legs.end, legs.since, legs.until, lengths])
-
-
-def _near_nodes(turn: ArrayTurn, nearness: Nearness) -> NearNodes:
-    unit, limit = nearness[:2]
-
-    def make() -> NearNodes:
-        streets = turn.streets
-        columns = streets.columns
-        weights = columns.lengths if unit == "metres" else np.ones(len(columns.lengths))
-        arcs = kernels.make_arcs(columns.sources, columns.targets, weights, streets.num_nodes)
-        return NearNodes(partial(reached, arcs, limit), _MOST_NEAR_IN_BATCH)
-
-    return turn.shared(("near", unit, limit), make)
-
-
-def _places_of(turn: ArrayTurn, nodes: IntArray, in_air: tuple[IntArray, FloatArray] | None) -> core.Places:
-    """Return where agents are on the nodes that they pass, in games that count edges."""
-    x, y = turn.streets.axes
-    xyz: FloatArray = turn.shared("places of nodes", lambda: np.stack((x, y, np.zeros(len(x))), axis=-1))
-    if in_air is not None:
-        agents, places = in_air
-        nodes = nodes.copy()
-        nodes[:, agents] = len(xyz) + np.arange(places[..., 0].size).reshape(*places.shape[:2], 1)
-        xyz = np.concatenate((xyz, places.reshape(-1, 3)))
-    return core.Places(*_flat((nodes, xyz)))
-
-
-def _lines_of(
-    turn: ArrayTurn, legs: _Legs, in_air: tuple[IntArray, FloatArray] | None, nearness: Nearness
-) -> core.Lines:
-    """Return the straight parts of the ways of agents, by the lines on the map, in games by metres."""
-    agents = turn.node.shape[1]
-    visits = turn.visits(turn.alive, passing=nearness.passing)
-    here = np.zeros((len(visits.at), 3))
-    for axis, places in enumerate(turn.streets.axes):
-        here[:, axis] = places[visits.nodes]
-    if in_air is not None:
-        some = np.flatnonzero(np.isin(visits.agents, in_air[0]))
-        here[some] = in_air[1][visits.at[some], np.searchsorted(in_air[0], visits.agents[some])]
-    counts = legs.are_there & (legs.flags & _REMOVED == 0) & turn.alive[..., None]
-    if not nearness.passing:  # those that are on an edge at the end
-        is_last = np.arange(legs.edges.shape[-1]) == legs.counts[..., None] - 1
-        counts &= is_last & (legs.ends > 0.0) & (legs.ends < 1.0)
-    at = np.nonzero(counts)
-    begin, end, since, until = (column[at] for column in (legs.begins, legs.ends, legs.since, legs.until))
-    if not nearness.passing:
-        begin, since, until = end, np.ones(len(end)), np.ones(len(end))
-    which, share, x, y = movement_in(turn).lines.corners(legs.edges[at], begin, end)
-    is_last, is_first = np.diff(which, append=-1) != 0, np.diff(which, prepend=-1) != 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pace = np.where(end != begin, (until - since) / (end - begin), 0.0)
-    time = since[which] + (share - begin[which]) * pace[which]
-    time[is_first], time[is_last] = since, until
-    first, last = np.flatnonzero(~is_last), np.flatnonzero(~is_first)
-    corners = np.stack((x, y, np.zeros(len(x))), axis=-1)
-    rows = at[0] * agents + at[1]
-    keys = np.concatenate((visits.at * agents + visits.agents, rows[which[first]]))
-    order = np.argsort(keys, kind="stable")
-    offsets = np.searchsorted(keys[order], np.arange(turn.node.size + 1))
-    parts = (visits.begin, time[first]), (visits.end, time[last]), (here, corners[first]), (here, corners[last])
-    return core.Lines(*_flat((offsets, *(np.concatenate(both)[order] for both in parts))))

@@ -1,24 +1,19 @@
 """Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Annotated, NamedTuple, cast
-
-import numpy as np
 
 from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
-from gamms.game.batch.columns import joined_rows
 from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.ir.graph import IntArray
-from gamms.ir.obstacles import BoolArray
+from gamms.rules.array_turns import array_form_of
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import InTurn, Met, Nearness, Side, met_in_turn, one_to_one_of_games, turn_of
+from gamms.rules.meetings import InTurn, Nearness, Side, turn_of
 from gamms.rules.territory import NO_TERRITORY, Ground, Territory, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
@@ -102,14 +97,9 @@ class _Tagging(NamedTuple):
         return self.taggers, self.tagged
 
     @property
-    def has_form(self) -> bool:
-        """Whether it is played in arrays."""
-        return isinstance(self.then, str) and not any(map(callable, self.sides))
-
-    @property
     def has_core_form(self) -> bool:
         """Whether the core plays it in batches."""
-        return self.has_form and self.nearness.unit is None and fits_core(self.score)
+        return isinstance(self.then, str) and not any(map(callable, self.sides)) and fits_core(self.score)
 
     def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
         """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
@@ -119,28 +109,12 @@ class _Tagging(NamedTuple):
             owners = NO_TERRITORY if territory is None else roster.owners(territory, turn.numbers)
             roster.tags.add(found, number, self.mutual, owners, roster.team)
 
-    def tags_in_arrays(self, turn: ArrayTurn) -> tuple[Met, BoolArray]:
-        """Return the contacts of a turn that make tags, and whether agents of the first and second side tag: (n, 2)."""
-        takes_part = self.nearness.air | ~turn.roster.flies
-        ours, theirs = (np.flatnonzero(turn.roster.plays_for([side]) & takes_part) for side in self.sides)
-        met = met_in_turn(turn, ours, theirs, self.nearness)
-        tags = np.ones((len(met.games), 2), np.bool_)
-        tags[:, 1] = self.mutual
-        if self.ground is not None:
-            owners, team_of = self.ground.in_arrays(turn), turn.roster.team_of
-            tags[:, 0] &= owners[met.b_nodes] == team_of[met.a]
-            tags[:, 1] &= owners[met.a_nodes] == team_of[met.b]
-        made = np.flatnonzero(tags.any(axis=1))
-        return met.those(made), tags[made]
-
 
 def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
     def tag(ctx: Context) -> None:
         _tag(ctx, taggings)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        _tag_in_arrays(turn, taggings)
-
+    core_form = in_core("tag", taggings) if all(tagging.has_core_form for tagging in taggings) else None
     return declared(
         tag,
         RuleSpec(
@@ -148,8 +122,8 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
             teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
             act_as_one=_rule_of,
             parts=taggings,
-            array_form=in_arrays if all(tagging.has_form for tagging in taggings) else None,
-            core_form=in_core("tag", taggings) if all(tagging.has_core_form for tagging in taggings) else None,
+            array_form=array_form_of(core_form),
+            core_form=core_form,
         ),
     )
 
@@ -174,47 +148,6 @@ def _tag(ctx: Context, taggings: Sequence[_Tagging]) -> None:
             game.scores[one.team] += tagging.score
     for tagging, one, another in done:
         (_THEN[tagging.then] if isinstance(tagging.then, str) else tagging.then)(ctx, one, another)
-
-
-def _tag_in_arrays(turn: ArrayTurn, taggings: Sequence[_Tagging]) -> None:
-    """Let agents tag in a turn of many games."""
-    parts = [one.tags_in_arrays(turn) for one in taggings]
-    met = joined_rows([part for part, _ in parts])
-    if not len(met.games):
-        return
-    tags = np.concatenate([some for _, some in parts])
-    number = np.repeat(np.arange(len(parts)), [len(some) for _, some in parts])
-    order = np.lexsort((number, met.on_edges, met.draws, met.distances, met.times, met.games))
-    met = met.those(order)
-    made = one_to_one_of_games(met.games, met.a, met.b, len(turn.roster.names))
-    done, number = tags[order[made]].ravel(), np.repeat(number[order[made]], 2)
-    met = met.those(made)
-    columns = (met.games, met.games), (met.a, met.b), (met.b, met.a), (met.b_nodes, met.a_nodes)
-    at, tagger, other, node = (np.column_stack(both).ravel()[done] for both in columns)
-    number = number[done]
-    turn.emit("tag", at, agents={"agent": tagger, "other": other}, nodes={"node": node})
-    for tagging, rows in _in_order(taggings, at, number):
-        if tagging.score:
-            turn.add_scores(at[rows], tagger[rows], tagging.score)
-    for tagging, rows in _in_order(taggings, at, number):
-        (turn.respawn if tagging.then == "respawn" else turn.eliminate)(at[rows], other[rows])
-
-
-def _in_order(taggings: Sequence[_Tagging], at: IntArray, number: IntArray) -> Iterator[tuple[_Tagging, IntArray]]:
-    """Yield the rows of tags that can be carried out at once, those of one game in their order.
-
-    Args:
-        taggings: by which agents are tagged.
-        at: (tags,) the game of each, ascending.
-        number: (tags,) the number of the tagging of each.
-    """
-    if len({(one.score, one.then) for one in taggings}) == 1:
-        yield taggings[0], np.arange(len(at))
-        return
-    place = np.arange(len(at)) - np.searchsorted(at, at)  # in its game
-    for rank in range(place.max(initial=-1) + 1):
-        for i, tagging in enumerate(taggings):
-            yield tagging, np.flatnonzero((place == rank) & (number == i))
 
 
 def _as_then(then: object) -> str | Then:
@@ -268,23 +201,7 @@ def respawn(
         known, column = ctx.game.data.get("respawns", {}).get(key, {}), state.roster.column
         return {("respawn", key): {"out": column(known.get("out", {}), -1), "times": column(known.get("times", {}), 0)}}
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        shape = turn.alive.shape[1:]
-        kept = turn.keep(
-            ("respawn", key), lambda n: {"out": np.full((n, *shape), -1), "times": np.zeros((n, *shape), np.int64)}
-        )
-        is_out = turn.is_out & turn.roster.plays_for(those)
-        out = np.where(is_out, kept["out"][turn.games], -1)
-        out = np.where(is_out & (out < 0), turn.turn[:, None], out)
-        is_back = is_out & (out + wait <= turn.turn[:, None])
-        if most is not None:
-            is_back &= kept["times"][turn.games] != most
-        at, agents = np.nonzero(is_back)
-        out[at, agents] = -1
-        kept["times"][turn.games[at], agents] += 1
-        kept["out"][turn.games] = out
-        turn.respawn(at, agents)
-
+    core_form = in_core("respawn", key, those, wait, most)
     return declared(
         respawn,
         RuleSpec(
@@ -293,8 +210,8 @@ def respawn(
             key=key,
             brings_back=True,
             disclose=all_know("respawns", key),
-            array_form=in_arrays,
-            core_form=in_core("respawn", key, those, wait, most),
+            array_form=array_form_of(core_form),
+            core_form=core_form,
             begin_arrays=begin_arrays,
         ),
     )

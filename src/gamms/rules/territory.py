@@ -10,10 +10,10 @@ import numpy as np
 from gamms.arguments import as_choice, as_int, as_known, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.turn import ArrayTurn
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
+from gamms.rules.array_turns import array_form_of
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
 from gamms.rules.meetings import InTurn
@@ -111,18 +111,15 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         if fact not in ctx.game.facts:  # it was not added, but is called by another rule
             prepare(ctx)
 
-    def in_arrays(turn: ArrayTurn) -> None:
-        if fact not in turn.facts:
-            turn.publish(fact, territory)
-
+    core_form = in_core("published", fact, territory)
     return declared(
         published,
         RuleSpec(
             prepare=prepare,
             drawer=TerritoryDrawer(fact, colors),
             disclose=all_know(TERRITORIES, fact),
-            array_form=in_arrays,
-            core_form=in_core("published", fact, territory),
+            array_form=array_form_of(core_form),
+            core_form=core_form,
         ),
     )
 
@@ -152,17 +149,8 @@ class Ground(NamedTuple):
         """Return the numbers of the teams of a turn that own nodes, (nodes,); -1 for a node of no team that plays."""
         return turn.roster.owners(self.now(ctx), turn.numbers)
 
-    def in_arrays(self, turn: ArrayTurn) -> IntArray:
-        """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
-        owners = self.of(turn.facts)
-
-        def make() -> tuple[Territory, IntArray]:
-            return owners, self.rows(turn.facts, turn.streets, turn.roster.teams)
-
-        return turn.shared(("territory", id(owners)), make)[1]
-
     def rows(self, facts: Mapping[str, Any], streets: Streets, teams: Sequence[Hashable]) -> IntArray:
-        """Return what `in_arrays` does, given what was published, the map and the teams that play."""
+        """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
         owners = self.of(facts)
         numbers = np.full(streets.num_nodes, -1)
         for row, node in enumerate(streets.columns.node_ids.tolist()):

@@ -4,7 +4,7 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ from gamms.game.conflicts import Table, flat
 from gamms.game.settings import as_called
 from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
@@ -34,6 +34,7 @@ ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
+Near = contacts.Reach | contacts.Places | contacts.Lines | None
 
 
 class PlayedRule(NamedTuple):
@@ -63,6 +64,7 @@ class Making:
         games, events, steps, pieces: see `gamms.core.rules`.
         legs: of the agents of one game; none in games that count edges.
         by_metres: whether the games are by metres.
+        home: (all games, agents) where agents come back; -1: they have not come yet.
         rules: of the numbers that events have, what they are of.
         agents_in: columns of numbers of agents that are kept, -1 for none; they may have been loaded.
     """
@@ -74,12 +76,13 @@ class Making:
         self.state = state
         self.games = games
         self.events = events
+        self.home: IntArray = state.start
         self.by_metres = travel is not None and travel.most_legs > 0
         self.legs = NO_LEGS
         if travel is None:
             self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
             self._tracks: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
-            self.steps = rules.Steps(*self._tracks)
+            self.steps: rules.Steps = rules.Steps(*self._tracks)
         else:
             self._most_nodes, most_legs = travel.most, travel.most_legs
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
@@ -104,11 +107,32 @@ class Making:
         """Return the agents on the ground, with the nodes that they visit."""
         sides = ints(len(self.state.roster.names))
         tracks = self.tracks(sides, at_end=at_end)
-        return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None), sides)
+        return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
 
-    def plays(self, teams: Collection[Hashable] | None) -> Any:
-        """Return which agents are of these teams, 1 or 0; None: of any."""
-        return flat(self.state.roster.plays_for(teams), np.int64)
+    def near(self, nearness: Any) -> Near:
+        """Return what says how far agents are from each other; None: they meet on nodes.
+
+        Args:
+            nearness: what counts as a contact. Any: `Nearness` is of `gamms.rules.meetings`, which imports this.
+
+        Raises:
+            GammsError: a distance counts, which only turns of arrays look for.
+        """
+        if nearness.unit is None:
+            return None
+        raise GammsError(f"Contacts within {nearness.limit:g} {nearness.unit} are looked for in arrays.")
+
+    def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
+        """Return which agents are of these teams, 1 or 0; None: of any. `air` says whether those that fly are, too."""
+        roster = self.state.roster
+        return flat(roster.plays_for(teams) & (air | ~roster.flies), np.int64)
+
+    def refuse_unknown_agents(self) -> None:
+        """Refuse numbers that rules have kept, or that were loaded, and that are those of no agents."""
+        agents = len(self.state.roster.names)
+        for column in self.agents_in:
+            if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
+                raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
 
     def rows(self, nodes: Collection[int]) -> IntArray:
         """Return the rows of nodes, given their ids."""
@@ -118,6 +142,60 @@ class Making:
         """Return the number of a team; -1: no agent plays for it."""
         teams = self.state.roster.teams
         return teams.index(team) if team in teams else -1
+
+    def read(self, score: FloatArray) -> CoreEvents | None:
+        """Take the scores, (all games, teams), and the ends of games that rules have noted; return the other events."""
+        events, state = self.events, self.state
+        count = events.count
+        if not count:
+            return None
+        columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
+        games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
+        flags = tuple(one.flags for one in self.rules)
+        noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
+        events.count = 0
+        self._note_scores(noted, score)
+        is_end = noted.kinds == _END
+        for row in np.flatnonzero(is_end).tolist():
+            played, game, winner = self.rules[noted.rules[row]], int(noted.games[row]), int(noted.agents[row])
+            who = played.winner
+            if who is ONE_THAT_SHOWS:
+                who = None if winner < 0 else state.roster.teams[winner]
+            reason = played.reason or self._reason_of_goals(noted, row)
+            how = {"reason": reason, "winner": who, "truncated": played.truncated}
+            state.over[game] = joined_end(state.over[game], how)
+        return noted.those(~is_end)
+
+    def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
+        """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
+        teams, first = self.state.roster.teams, end
+        while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
+            first -= 1
+        members = self.state.roster.team_of[noted.agents[first:end]].tolist()
+        return reason_of_goals(dict.fromkeys(teams[number] for number in members))
+
+    def _note_scores(self, noted: CoreEvents, score: FloatArray) -> None:
+        """Take scores, and in which order they were first set."""
+        teams = self.state.roster.teams
+        is_scored = np.array([one.is_scored for one in self.rules], np.bool_)
+        has_floats = np.array([one.has_floats for one in self.rules], np.bool_)
+        rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
+        rows = rows[is_scored[noted.rules[rows]]]
+        rows = rows[_SCORING[noted.kinds[rows]]]
+        if not len(rows):
+            return
+        which = noted.games[rows] * len(teams) + self.state.roster.team_of[noted.agents[rows]]
+        first = np.full(score.size, -1)
+        first[which[::-1]] = rows[::-1]
+        are_floats = np.zeros(score.size, np.bool_)
+        are_floats[which[has_floats[noted.rules[rows]]]] = True
+        self.state.scores.take(teams, score, first.reshape(score.shape), are_floats.reshape(score.shape))
+
+
+def put_scores(state: GameArrays, score: FloatArray) -> None:
+    """Write the scores of all games as the core takes them, (games, teams)."""
+    for number, team in enumerate(state.roster.teams):
+        score[:, number] = state.scores.get(team, 0.0)
 
 
 def reason_of_goals(teams: Iterable[Hashable]) -> str:
@@ -232,11 +310,11 @@ class CoreGames:
         self._deciding[:] = np.where(is_given, moves.GIVEN, self._decides_by)
         if given is not None:
             self._given[:] = given[0]
-        self._refuse_unknown_agents()
+        self._made[0][1].refuse_unknown_agents()
+        self._refuse_unknown_nodes()
         self._until[:] = until
         self._over[:] = ~state.is_going
-        for number, team in enumerate(state.roster.teams):
-            self._score[:, number] = state.scores.get(team, 0.0)
+        put_scores(state, self._score)
         bounds = [games * part // threads for part in range(threads + 1)]
         parts = zip(self._made, bounds, bounds[1:], strict=False)
         if threads == 1:
@@ -248,15 +326,14 @@ class CoreGames:
         state.is_going[:] = self._over == 0
         state.movement.take_out(*np.nonzero(~state.alive))
         for _, making in self._made:
-            self._read(making)
+            noted = making.read(self._score)
+            if noted is not None:
+                self._take(noted)
         state.now.clear()
 
-    def _refuse_unknown_agents(self) -> None:
-        """Refuse numbers that rules have kept, or that were loaded, and that are those of no agents."""
-        agents, nodes, travel = len(self._decides_by), self._state.streets.num_nodes, self._shared[2]
-        for column in self._made[0][1].agents_in:
-            if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
-                raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
+    def _refuse_unknown_nodes(self) -> None:
+        """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""
+        nodes, travel = self._state.streets.num_nodes, self._shared[2]
         targets = np.zeros(0, np.int64) if travel is None else travel.roamers.targets
         if targets.min(initial=-1) < -1 or targets.max(initial=-1) >= nodes:
             raise BadValue(f"Agents remember rows of nodes from -1 to {nodes - 1}, not {shown(targets)}.")
@@ -330,31 +407,12 @@ class CoreGames:
         where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._takes_part)
         return table.contests, table.requests(*where, ranks)
 
-    def _read(self, making: Making) -> None:
-        """Take the events that rules of one thread have noted into the state of the batch."""
-        events, state = making.events, self._state
-        count = events.count
-        if not count:
-            return
-        columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
-        games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
-        flags = tuple(one.flags for one in making.rules)
-        noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
-        events.count = 0
-        self._note_scores(noted, making.rules)
-        is_end = noted.kinds == _END
-        for row in np.flatnonzero(is_end).tolist():
-            played, game, winner = making.rules[noted.rules[row]], int(noted.games[row]), int(noted.agents[row])
-            who = played.winner
-            if who is ONE_THAT_SHOWS:
-                who = None if winner < 0 else state.roster.teams[winner]
-            reason = played.reason or self._reason_of_goals(noted, row)
-            how = {"reason": reason, "winner": who, "truncated": played.truncated}
-            state.over[game] = joined_end(state.over[game], how)
+    def _take(self, noted: CoreEvents) -> None:
+        """Take events into the logs of games."""
         is_illegal = noted.kinds == _ILLEGAL
         for row in np.flatnonzero(is_illegal).tolist():
             self._note_illegal(noted, row)
-        state.events.take(noted.those(~is_end & ~is_illegal))
+        self._state.events.take(noted.those(~is_illegal))
 
     def _note_illegal(self, noted: CoreEvents, row: int) -> None:
         """Note that an agent on an edge wanted to go to a node to which no way leads from there."""
@@ -366,29 +424,3 @@ class CoreGames:
         may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
         error = no_way(*state.streets.ids_of(np.array(ends)).tolist(), is_paced=True, may_turn=bool(may_turn))
         state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))
-
-    def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
-        """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
-        teams, first = self._state.roster.teams, end
-        while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
-            first -= 1
-        members = self._state.roster.team_of[noted.agents[first:end]].tolist()
-        return reason_of_goals(dict.fromkeys(teams[number] for number in members))
-
-    def _note_scores(self, noted: CoreEvents, played: Sequence[PlayedRule]) -> None:
-        """Take scores, and in which order they were first set."""
-        teams = self._state.roster.teams
-        is_scored = np.array([one.is_scored for one in played], np.bool_)
-        has_floats = np.array([one.has_floats for one in played], np.bool_)
-        rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
-        rows = rows[is_scored[noted.rules[rows]]]
-        rows = rows[_SCORING[noted.kinds[rows]]]
-        if not len(rows):
-            return
-        which = noted.games[rows] * len(teams) + self._state.roster.team_of[noted.agents[rows]]
-        first = np.full(self._score.size, -1)
-        first[which[::-1]] = rows[::-1]
-        are_floats = np.zeros(self._score.size, np.bool_)
-        are_floats[which[has_floats[noted.rules[rows]]]] = True
-        shape = self._score.shape
-        self._state.scores.take(teams, self._score, first.reshape(shape), are_floats.reshape(shape))

@@ -91,6 +91,26 @@ class CoreEvents(NamedTuple):
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
 
+    def emitted(self, names: Sequence[str], streets: Streets) -> Iterator[Emitted]:
+        """Yield the events of one kind together, those of one game in their order.
+
+        Args:
+            names: of the agents.
+            streets: has the ids of nodes.
+        """
+        is_first = np.diff(self.games, prepend=-1) != 0
+        run = np.cumsum(is_first | (np.diff(self.kinds, prepend=-1) != 0))
+        run -= np.maximum.accumulate(np.where(is_first, run, 0))  # of events of one kind, in its game
+        keys = run * len(rules.KINDS) + self.kinds
+        for key in np.unique(keys).tolist():
+            some, kind = self.those(keys == key), rules.KINDS[key % len(rules.KINDS)]
+            fields: dict[str, list[Any]] = {"agent": [names[agent] for agent in some.agents.tolist()]}
+            if kind in NAMED:
+                others = zip(some.rules.tolist(), some.others.tolist(), strict=True)
+                fields[NAMED[kind]] = [names[one] if kind == "tag" else self.flags[rule][one] for rule, one in others]
+            fields["node"] = streets.ids_of(some.nodes).tolist()
+            yield Emitted(kind, some.games, some.turns, fields)
+
 
 class EventLog(GameLog[Emitted | CoreEvents]):
     """The events of all games, as they were emitted.
@@ -183,23 +203,12 @@ class EventLog(GameLog[Emitted | CoreEvents]):
 
     def _entries(self, noted: Emitted | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
-            yield from self._entries_of_core(noted)
+            for emitted in noted.emitted(self._names, self._streets):
+                yield from self._entries(emitted)
             return
         kind, games, turns, fields = noted
         for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
             yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
-
-    def _entries_of_core(self, noted: CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
-        names = self._names
-        nodes = self._streets.ids_of(noted.nodes).tolist()
-        columns = [column.tolist() for column in noted[:6]]
-        for game, turn, rule, number, agent, other, node in zip(*columns, nodes, strict=True):
-            kind = rules.KINDS[number]
-            entry = {"turn": turn, "kind": kind, "agent": names[agent]}
-            if kind in NAMED:
-                entry[NAMED[kind]] = names[other] if kind == "tag" else noted.flags[rule][other]
-            entry["node"] = node
-            yield game, entry
 
 
 def _refuse_other_arrays(made: object, games: int) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
+from gamms.core import rules
 from gamms.errors import BadValue
 from gamms.game.batch.columns import kept_in, lock, once, places_of, put_locked, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
@@ -16,7 +17,7 @@ from gamms.game.batch.movement import Movement, Paths
 from gamms.game.batch.reports import Look, World, nodes_in_view
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
+from gamms.game.batch.state import STOPPED, Arrays, CoreEvents, Emitted, GameArrays, NotTakenUp, routes_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -352,9 +353,13 @@ class ArrayTurn:
         living = self.alive[at, agents]
         at, agents = once(at[living], agents[living])
         if len(at):
-            put_locked(self.alive, (at, agents), values=False)
-            self._state.movement.take_out(self.games[at], agents)
+            self._take_out(at, agents)
             self._note_place("eliminated", at, agents)
+
+    def _take_out(self, at: IntArray, agents: IntArray) -> None:
+        """Take agents out of the game, without an event."""
+        put_locked(self.alive, (at, agents), values=False)
+        self._state.movement.take_out(self.games[at], agents)
 
     def respawn(self, at: IntArray, agents: IntArray) -> None:
         """Put agents, dead or alive, where they began, each with an event.
@@ -364,18 +369,22 @@ class ArrayTurn:
         """
         at, agents = self._pairs(at, agents)
         if len(at):
-            is_first = self.roster.is_first[agents]  # those that have come since began where they are
-            games, before = self.games[at], self.node[at, agents]
-            begun = np.where(is_first, self._state.start[games, agents], before)
-            put_locked(self.node, (at, agents), begun)
-            put_locked(self.alive, (at, agents), values=True)
-            self._state.placed[games, agents] = True
-            self._state.movement.clear(games, agents)
-            if self._state.flyers is not None:
-                self._state.flyers.respawn(games, agents)
-            if self._state.headings is not None:
-                self._state.headings.put(games, agents, np.where(self.roster.flies[agents], before, begun))
+            self._put_back(at, agents)
             self._note_place("respawned", at, agents)
+
+    def _put_back(self, at: IntArray, agents: IntArray) -> None:
+        """Put agents where they began, without an event."""
+        is_first = self.roster.is_first[agents]  # those that have come since began where they are
+        games, before = self.games[at], self.node[at, agents]
+        begun = np.where(is_first, self._state.start[games, agents], before)
+        put_locked(self.node, (at, agents), begun)
+        put_locked(self.alive, (at, agents), values=True)
+        self._state.placed[games, agents] = True
+        self._state.movement.clear(games, agents)
+        if self._state.flyers is not None:
+            self._state.flyers.respawn(games, agents)
+        if self._state.headings is not None:
+            self._state.headings.put(games, agents, np.where(self.roster.flies[agents], before, begun))
 
     def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
         """Refuse these deeds, each for a reason; for the array form of a rule's check."""
@@ -457,6 +466,23 @@ class ArrayTurn:
 
 
 # -- what rules of GAMMS ask beside that; what these functions name themselves is looked at with the forms ----------
+
+
+def state_in(turn: ArrayTurn) -> GameArrays:
+    """Return what the batch of a turn remembers."""
+    return turn._state
+
+
+def note_in(turn: ArrayTurn, events: CoreEvents) -> None:
+    """Note what the core has let happen in a turn, and where that has put agents."""
+    places = places_of(turn.games, len(turn._state))
+    events = events._replace(turns=turn.turn[places[events.games]] + turn._is_moving)
+    for kind, put in (("respawned", turn._put_back), ("eliminated", turn._take_out)):
+        those = events.those(events.kinds == rules.KINDS.index(kind))
+        if len(those.games):
+            put(places[those.games], those.agents)
+    for emitted in events.emitted(turn.roster.names, turn._state.streets):
+        turn._state.note_put_back(turn._state.events.add(*emitted))
 
 
 def draw_keys_in(turn: ArrayTurn, purpose: str) -> BitArray:
