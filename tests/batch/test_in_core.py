@@ -10,6 +10,7 @@ import pytest
 from batch_scenes import WALK, plain, scene, strategy_form
 
 import gamms
+from gamms import strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import games as batch_games
 from gamms.game.batch.forms import spec_of
@@ -44,7 +45,7 @@ def is_in_core(games):
     return games._engine.is_in_core
 
 
-def random_scenario(number):
+def random_scenario(number, units=("edges", "edges", "metres", "metres_per_second"), *, has_speeds=True):
     """Return a random scenario that the core can play."""
     rng = Random(number)
     given = {"generator": {"function": "maps:streets", "with": {"number": number % 12}}}
@@ -57,8 +58,8 @@ def random_scenario(number):
             {"name": f"{rng.choice('abcxyz')}{i}{team}", "node": rng.choice(nodes)} for i in range(rng.randint(1, 4))
         ]
         teams[team] = {"agents": agents, "strategy": rng.choice([WALK, WALK, WALK, WALK, STAY])}
-    unit = rng.choice(["edges", "edges", "metres", "metres_per_second"])
-    if unit != "edges" or rng.random() < 0.5:
+    unit = rng.choice(units)
+    if has_speeds and (unit != "edges" or rng.random() < 0.5):
         for team in teams:
             teams[team] |= random_travel(rng, nodes, SPEEDS["edges" if unit == "edges" else "metres"])
     changes = {"teams": teams, "rules": random_rules(rng, names, nodes), "max_turns": rng.choice([9, 30])}
@@ -174,11 +175,51 @@ def play_by_steps(games, rng, teams):
         games.step(given)
 
 
-def check(number, made_in_arrays):
+def random_strategy(rng, nodes, depth=2):
+    """Return what makes a random strategy that the core plays along edges by steps."""
+    kind = rng.choice(["goto", "follow_path", "patrol", "random_waypoints", "chase", "flee"])
+    otherwise = rng.choice([strategies.stay, strategies.random_walk])
+    goes_on = depth and rng.random() < 0.5
+    after = random_strategy(rng, nodes, depth - 1) if goes_on else lambda ctx: otherwise
+    is_first = rng.random() < 0.3
+    some, pause, repeat = rng.choices(nodes, k=rng.randint(1, 4)), rng.choice([0, 2]), rng.random() < 0.5
+    waypoints = rng.choice([None, some])
+
+    def make(ctx):
+        then = after(ctx)
+        made = {
+            "goto": lambda rest: strategies.goto(ctx, some[0], rest),
+            "follow_path": lambda rest: strategies.follow_path(ctx, some, repeat, rest),
+            "patrol": lambda rest: strategies.patrol(ctx, some, rest),
+            "random_waypoints": lambda rest: strategies.random_waypoints(ctx, waypoints, pause, rest),
+            "chase": lambda rest: strategies.chase(ctx, rest),
+            "flee": lambda rest: strategies.flee(ctx, rest),
+        }[kind]
+        return strategies.first(made(None), then) if is_first else made(then)
+
+    return make
+
+
+def scenario_of_steps(number):
+    """Return a random scenario whose agents decide by steps, and their strategies."""
+    rng = Random(number)
+    scenario = random_scenario(number, ("edges",), has_speeds=False)
+    teams = scenario.to_dict()["teams"]
+    nodes = scenario.columns().node_ids.tolist()
+    sensors = {
+        "near": {"type": "AGENT_RANGE", "sensor_range": rng.choice([0.0, 5.0, 30.0]) or 1e-9},
+        "far": {"type": "AGENT", "exclude": [rng.choice([*teams])]},
+    }
+    carried = {f"teams.{team}.sensors": rng.choice([[], ["near"], ["near", "far"]]) for team in teams}
+    return scenario.replace(sensors=sensors, **carried), {team: random_strategy(rng, nodes) for team in teams}
+
+
+def check(number, made_in_arrays, *, by_steps=False):
     """Compare the games of a random scenario, however they are played."""
-    scenario, seeds = random_scenario(number), range(number, number + GAMES)
+    scenario, made = scenario_of_steps(number) if by_steps else (random_scenario(number), None)
+    seeds, how = range(number, number + GAMES), {"strategies": made}
     teams = list(scenario.to_dict()["teams"])
-    with scenario.batch(seeds=seeds) as games, made_in_arrays(scenario, seeds=seeds) as others:
+    with scenario.batch(seeds=seeds, **how) as games, made_in_arrays(scenario, seeds=seeds, **how) as others:
         assert is_in_core(games)
         assert not is_in_core(others)
         for one in (games, others):
@@ -195,7 +236,7 @@ def check(number, made_in_arrays):
             one.run(threads=threads)
         assert text_of(games) == text_of(others)
         assert columns_of(games, others) == columns_of(others, games)
-        assert plain(games.result(0)) == plain(scenario.play(seed=games.seeds[0]))
+        assert plain(games.result(0)) == plain(scenario.play(seed=games.seeds[0], **how))
 
 
 @pytest.mark.parametrize("part", range(4))
@@ -203,6 +244,13 @@ def test_games_in_the_core_are_those_in_arrays(part, in_arrays):
     number_of_games = 240 if Path(gamms.core.turn.__file__).suffix != ".py" else 40
     for number in range(part, number_of_games, 4):
         check(number, in_arrays)
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_in_arrays(part, in_arrays):
+    number_of_games = 240 if Path(gamms.core.turn.__file__).suffix != ".py" else 24
+    for number in range(part, number_of_games, 4):
+        check(number, in_arrays, by_steps=True)
 
 
 def names_in_docs(row):
@@ -214,10 +262,18 @@ def names_in_docs(row):
 
 
 def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
-    strategies = {name: getattr(gamms.strategies, name) for name in gamms.strategies.__all__}
-    strategies["random_waypoints"] = gamms.strategies.random_waypoints(scene([]).build(seed=1))
-    in_core = {name for name, one in strategies.items() if spec_of(one).core_form is not None}
-    assert names_in_docs("strategies") == in_core
+    with scene().build() as ctx:
+        made = {
+            **{name: getattr(strategies, name) for name in ("stay", "random_walk", "human", "mix", "unblock")},
+            **{name: getattr(strategies, name)(ctx) for name in ("assign", "chase", "flee", "follow_belief")},
+            **{name: getattr(strategies, name)(ctx) for name in ("intercept", "random_waypoints", "sweep")},
+            **{name: getattr(strategies, name)(ctx, [3]) for name in ("follow_path", "patrol", "safest_exit")},
+            "first": strategies.first(strategies.chase(ctx, None), strategies.stay),
+            "goto": strategies.goto(ctx, 3),
+            "guard": strategies.guard(ctx, 3, 10.0),
+        }
+    assert {*made} == {*strategies.__all__}
+    assert names_in_docs("strategies") == {name for name, one in made.items() if spec_of(one).core_steps}
     assert names_in_docs("rules") == set(FORMS)
 
 
@@ -247,7 +303,6 @@ EVERY_RULE = [
 ]
 OTHERWISE = {
     "arrivals": {"settings": {"speed_unit": "metres", "decide": "arrival"}},
-    "waypoints": {"teams": {"red": {"count": 2, "strategy": ROAM}, "blue": {"count": 2, "strategy": WALK}}},
     "anywhere": {"settings": {"legal": "any"}},
     "order": {"settings": {"order": [["red"], ["blue"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},
@@ -256,7 +311,7 @@ OTHERWISE = {
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
     "strategy": {
         "teams": {
-            "red": {"count": 2, "strategy": {"function": "gamms.strategies:goto", "with": {"target": 3}}},
+            "red": {"count": 2, "strategy": {"function": "gamms.strategies:guard", "with": {"node": 3, "radius": 9}}},
             "blue": {"count": 2},
         }
     },
@@ -440,3 +495,34 @@ def test_a_strategy_with_an_array_form_of_its_own_is_asked_for_that():
         assert not is_in_core(games)
         games.run()
         assert plain(games.result(1)) == plain(GRID.play(seed=1, strategies={"red": last}))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0, "detection": 0.5}}},
+        {"sensors": {"near": {"type": "AGENT_ARC", "sensor_range": 20.0, "fov": 1.0, "orientation": [1.0, 0.0]}}},
+        {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0, "at": [3.0, 4.0]}}},
+        {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 0.0}}},
+    ],
+    ids=["detection", "arc", "fixed place", "no range"],
+)
+def test_agents_that_look_by_other_sensors_are_asked_in_arrays(change):
+    team = {"count": 2, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+    near = {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0}}}
+    scenario = scene(teams={"red": team, "blue": {"count": 2, "strategy": WALK}}, **near)
+    with scenario.batch(2) as games, scenario.replace(**change).batch(2) as others:
+        assert is_in_core(games)
+        assert not is_in_core(others)
+
+
+def test_what_agents_remember_is_checked_when_it_was_loaded():
+    patrol = {"function": "gamms.strategies:patrol", "with": {"nodes": [3, 4]}}
+    scenario = scene(teams={"red": {"count": 2, "strategy": patrol}})
+    with scenario.batch(2) as games:
+        games.step()
+        columns = games.columns()
+        next(values for name, values in columns.items() if "memory" in str(name))[1, 0] = 3
+        games.load(columns, 1)
+        with pytest.raises(BadValue, match="remember numbers from -1 to 2"):
+            games.step()

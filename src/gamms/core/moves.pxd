@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws
+from gamms.core cimport draws, strategies
 from gamms.core.conflicts cimport Contests, Requests, resolve
 from gamms.core.rules cimport Games
 
@@ -8,7 +8,7 @@ ctypedef unsigned char u8
 ctypedef int i32
 ctypedef long long i64
 
-cdef u8 STAYS, WALKS, IS_GIVEN
+cdef u8 STAYS, WALKS, IS_GIVEN, STEPS
 
 
 @cython.final
@@ -22,9 +22,10 @@ cdef class Movers:
     cdef const u8[::1] decides_by
     cdef draws.Choices walks
     cdef const i64[::1] given
+    cdef strategies.Strategies by_steps
     cdef Contests contests
     cdef Requests requests
-    cdef bint some_walk, has_conflicts
+    cdef bint some_walk, some_steps, has_conflicts
     cdef i64[::1] ends, counts, moves, blocks
     cdef u8[::1] takes_part, blocked
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from gamms.core import draws
+from gamms.core import draws, strategies
 from gamms.core.conflicts import Contests, Requests, resolve
 from gamms.core.rules import Games
 
 STAYS = 0  # how an agent decides: it stays where it is,
 WALKS = 1  # goes to one of its legal nodes, each as likely,
-IS_GIVEN = 2  # or has an action from outside: the number of a legal node
+IS_GIVEN = 2  # has an action from outside: the number of a legal node,
+STEPS = 4  # or decides by the steps of its strategy, see `strategies`
 # names for callers in Python, which do not see constants with a C type
 STAY = STAYS
 RANDOM_WALK = WALKS
 GIVEN = IS_GIVEN
+BY_STEPS = STEPS
 
 
 class Streets:
@@ -33,10 +35,11 @@ class Movers:
 
     Attributes:
         streets: where they may go.
-        decides_by: (agents,) `STAYS`, `WALKS` or `IS_GIVEN`.
+        decides_by: (agents,) `STAYS`, `WALKS`, `IS_GIVEN` or `STEPS`.
         walks: draws the nodes of those that walk: into `ends`, numbers below `counts`.
         some_walk: whether there are such.
         given: (rows,) the actions of those that are given one; (0,) where none is.
+        by_steps: decides for those of `STEPS`, if there are such (`some_steps`).
         contests, requests: find who gives way, if `has_conflicts`; the requests have `start` of the games, `ends` and
             `takes_part`.
         ends: (rows,) where agents go in the turn that is played.
@@ -62,12 +65,15 @@ class Movers:
         moves: memoryview[int],
         blocks: memoryview[int],
         blocked: memoryview[int],
+        by_steps: strategies.Strategies | None = None,
     ) -> None:
         self.streets = streets
         self.decides_by = decides_by
         self.walks = walks
         self.some_walk = some_walk
         self.given = given
+        self.by_steps = by_steps
+        self.some_steps = by_steps is not None
         self.contests = contests
         self.requests = requests
         self.has_conflicts = contests is not None
@@ -80,7 +86,10 @@ class Movers:
 
 
 def decide(games: Games, m: Movers, game: int) -> int:
-    """Let the living agents of a game choose the legal nodes that they go to; the others stay."""
+    """Let the living agents of a game choose the legal nodes that they go to; the others stay.
+
+    Return 1 where a way is not known yet that one of them asks for: nothing has happened then.
+    """
     at = game * games.agents
     for row in range(at, at + games.agents):
         node = games.node[row]
@@ -98,8 +107,10 @@ def decide(games: Games, m: Movers, game: int) -> int:
             action = m.ends[row]
         elif m.takes_part[row] and m.decides_by[i] == IS_GIVEN:
             action = m.given[row]
+        elif m.takes_part[row] and m.decides_by[i] == STEPS:
+            action = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type] # there are some
         m.ends[row] = m.streets.targets[m.streets.offsets[games.start[row]] + action]
-    return 0
+    return strategies.remember(m.by_steps, game) if m.some_steps else 0  # type: ignore[arg-type]
 
 
 def give_way(games: Games, m: Movers, game: int) -> int:

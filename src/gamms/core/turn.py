@@ -58,7 +58,7 @@ class Player:
 
 
 def play_turn(p: Player, game: int) -> int:
-    """Play one turn of a game."""
+    """Play one turn of a game; return 1, and do nothing, where it has to wait for a way that is not known yet."""
     if p.by_metres:
         by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
         by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type]
@@ -68,7 +68,8 @@ def play_turn(p: Player, game: int) -> int:
         by_edges.give_way(p.games, p.walkers, game)  # type: ignore[arg-type]
         moves.move(p.games, p.movers, game)
     else:
-        moves.decide(p.games, p.movers, game)
+        if moves.decide(p.games, p.movers, game):
+            return 1
         moves.give_way(p.games, p.movers, game)
         moves.move(p.games, p.movers, game)
     if p.has_rules:
@@ -77,10 +78,11 @@ def play_turn(p: Player, game: int) -> int:
 
 
 def play(p: Player, begin: int, end: int) -> int:
-    """Play the games with the numbers from `begin` to `end - 1`, each until it is over or its turns are played."""
+    """Play the games from `begin` to `end - 1`, each until it is over, its turns are played, or it has to wait."""
     for game in range(begin, end):
         while not p.games.over[game] and p.games.turn[game] < p.until[game]:
-            play_turn(p, game)
+            if play_turn(p, game):
+                break
     return 0
 
 

@@ -14,6 +14,7 @@ from gamms.context import Context
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import begins_of
+from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import FloatArray, IntArray
@@ -35,6 +36,7 @@ from gamms.strategies.knowledge import (
     no_actions,
     node_of,
     offer_form,
+    offer_steps,
     runs_of,
     step_towards,
 )
@@ -72,6 +74,7 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
     offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True)
+    offer_steps(strategy, CoreStep("chase"), fallback)
     return strategy
 
 
@@ -104,6 +107,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
             fallback(state)
 
     offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True)
+    offer_steps(strategy, CoreStep("flee"), fallback)
     return strategy
 
 

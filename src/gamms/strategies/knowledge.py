@@ -5,6 +5,7 @@ OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 """
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from inspect import iscoroutinefunction
 from itertools import takewhile
@@ -18,7 +19,7 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.begun import Begins, begins_of
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import StrategySpec, declare, spec_of
+from gamms.game.batch.forms import CoreStep, StrategySpec, declare, spec_of
 from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
@@ -370,6 +371,15 @@ def offer_form(
     )
 
 
+def offer_steps(strategy: Callable[..., None], *steps: "CoreStep | Callable[[Any], None]") -> None:
+    """Let a strategy with an array form be played in the core, by these steps and those of strategies that it calls."""
+    spec = spec_of(strategy)
+    forms = [(one,) if isinstance(one, CoreStep) else spec_of(one).core_steps for one in steps]
+    if spec.array_form is not None and None not in forms:
+        found = tuple(step for form in forms for step in form or ())
+        declare(strategy, replace(spec, core_steps=found))
+
+
 def no_actions(view: ArrayView) -> IntArray:
     """Return for all agents of a view that they set no action."""
     return filled(view, NO_ACTION)
@@ -381,6 +391,7 @@ def filled(view: ArrayView, number: int) -> IntArray:
 
 
 offer_form(_pass, no_actions, may_skip=True)
+offer_steps(_pass)
 
 
 def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:

@@ -11,6 +11,7 @@ from gamms.arguments import as_context, as_int
 from gamms.context import Context
 from gamms.errors import NoPath
 from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in
 from gamms.ir.graph import IntArray
@@ -23,6 +24,7 @@ from gamms.strategies.knowledge import (
     moves_to,
     node_of,
     offer_form,
+    offer_steps,
     required,
 )
 from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
@@ -75,6 +77,8 @@ def route(
     kept = Kept(partial(_route_begun, key, len(stops)))
     parts = [fallback]
     offer_form(strategy, _route_in_arrays, *values, parts=parts, kept=kept, refuses=_why_not)
+    following = tuple(_following(stops, repeat=repeat).tolist()[:-1])
+    offer_steps(strategy, CoreStep("follow", stops, int(is_nearest_first), following, key, (("at", -1),)), fallback)
     return strategy
 
 

@@ -12,7 +12,7 @@ from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.core import moves
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import declare, spec_of
+from gamms.game.batch.forms import CoreStep, declare, spec_of
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.travelers import Waypoints
 from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
@@ -34,6 +34,7 @@ from gamms.strategies.knowledge import (
     no_actions,
     node_of,
     offer_form,
+    offer_steps,
     required,
 )
 from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
@@ -133,6 +134,8 @@ for _strategy, _form, _core_form in (
 ):
     offer_form(_strategy, _form, flies=True)
     declare(_strategy, replace(spec_of(_strategy), core_form=_core_form))
+offer_steps(stay, CoreStep("stay"))
+offer_steps(random_walk, CoreStep("walk"))
 
 
 @shown_as_called
@@ -159,6 +162,7 @@ def goto(
 
     if fixed is not None:
         offer_form(strategy, _go_in_arrays, fixed, parts=[fallback])
+        offer_steps(strategy, CoreStep("go", (fixed,)), fallback)
     return strategy
 
 
@@ -242,6 +246,8 @@ def random_waypoints(
 
     kept = Kept(_waypoints_begun)
     offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], kept=kept)
+    step = CoreStep("wander", chosen, turns, key="random_waypoints", remembers=tuple(_NO_WAYPOINT.items()))
+    offer_steps(strategy, step, fallback)
     if fallback is stay:
         declare(strategy, replace(spec_of(strategy), core_form=Waypoints(chosen, turns)))
     return strategy
@@ -308,6 +314,7 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
     specs = [spec_of(option) for option in options]
     may_skip = all(spec.may_skip for spec in specs)
     offer_form(strategy, _first_in_arrays, parts=options, may_skip=may_skip, flies=all(spec.flies for spec in specs))
+    offer_steps(strategy, *options)
     return strategy
 
 

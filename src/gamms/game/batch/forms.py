@@ -3,11 +3,30 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _SPEC = "strategy_spec"  # the attribute of a strategy, or of the plan of a team, that has its `StrategySpec`
+
+
+class CoreStep(NamedTuple):
+    """What the core tries for an agent along edges, as a part of its strategy.
+
+    Attributes:
+        kind: one of `gamms.core.strategies.KINDS`.
+        nodes: ids of those to go to; None: all.
+        number, following: see `gamms.core.strategies.Steps`.
+        key: under which the agent remembers something in `state["memory"]`, and the array form in `view.keep`.
+        remembers: the names of the arrays there, each with the number at first.
+    """
+
+    kind: str
+    nodes: tuple[int, ...] | None = ()
+    number: int = 0
+    following: tuple[int, ...] = ()
+    key: str = ""
+    remembers: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,6 +37,8 @@ class StrategySpec:
         array_form: returns the actions of all agents of an `ArrayView`; None: batches play one game after the other.
         core_form: the number by which `gamms.core.moves` knows the strategy, or its `travelers.Waypoints`; None: the
             core does not play it.
+        core_steps: what the core tries, one after the other, for agents along one edge in a turn whose `core_form` is
+            no number; None: it does not play it.
         flies: whether it decides for agents that fly, too; the array form returns how far they fly then.
         looks: whether it asks what sensors show or have in view. Agents may carry any sensor if it does not.
         may_skip: whether it may set no action, for which the array form returns `NO_ACTION`.
@@ -30,6 +51,7 @@ class StrategySpec:
 
     array_form: Callable[..., Any] | None = None
     core_form: Any = None
+    core_steps: tuple[CoreStep, ...] | None = None
     flies: bool = False
     looks: bool = True
     may_skip: bool = False

@@ -20,6 +20,7 @@ from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
 from gamms.game.batch.state import CoreEvents, GameArrays
+from gamms.game.batch.strategy_steps import StrategySteps, why_not_by_steps
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints, why_not_by
 from gamms.game.conflicts import Table, flat
@@ -235,20 +236,38 @@ def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[s
         yield "an order of play, deeds or channels"
     if here.checks or state.headings is not None or any(map(reports_late, roster.agents)):
         yield "what is called, or looks at the games, in a turn"
-    for agent in roster.agents:
-        decider = decider_of(agent, settings["plans"])
-        form = moves.STAY if decider is None else spec_of(decider).core_form
-        if form is None:
-            yield "a strategy"
-        if isinstance(form, Waypoints):
-            yield from _why_not_on_the_way(agent.speed, state.movement, settings["on_illegal"])
+    yield from _why_not_decided(game, state)
     for one in as_called(game.rules):
         if one.phase != "after" or one.spec.core_form is None:
             yield f"the rule {one.name!r}"
 
 
-def _why_not_on_the_way(speed: float | None, by: Movement, on_illegal: str) -> Iterator[str]:
-    if speed is None or type(by) is Movement:
+def _why_not_decided(game: PlayedGame, state: GameArrays) -> Iterator[str]:
+    settings = game.settings()
+    for agent in state.roster.agents:
+        form = _form_in(decider_of(agent, settings["plans"]), state.movement)
+        if form is None:
+            yield "a strategy"
+        if isinstance(form, Waypoints):
+            yield from _why_not_on_the_way(agent.speed, settings["on_illegal"])
+    if type(state.movement) is Movement:
+        yield from why_not_by_steps(game, state)
+
+
+def _form_in(decider: object, by: Movement) -> int | Waypoints | None:
+    """Return by what the core plays a strategy of agents that go so, or None; without a strategy, they stay."""
+    if decider is None:
+        return moves.STAY
+    spec = spec_of(decider)
+    if type(by) is not Movement or isinstance(spec.core_form, int):
+        form: int | Waypoints | None = spec.core_form
+        return form
+    has_steps = spec.array_form is not None and bool(spec.core_steps) and not spec.may_skip
+    return moves.BY_STEPS if has_steps else None
+
+
+def _why_not_on_the_way(speed: float | None, on_illegal: str) -> Iterator[str]:
+    if speed is None:
         yield "agents on their way to nodes, but along one edge in a turn"
     if on_illegal == "raise":
         yield "agents on their way to nodes whose illegal actions are raised"
@@ -267,9 +286,13 @@ class CoreGames:
         self._rules = [form for one in as_called(game.rules) if (form := one.spec.core_form) is not None]
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        self._forms = [moves.STAY if one is None else spec_of(one).core_form for one in deciders]
+        found = [_form_in(one, state.movement) for one in deciders]
+        self._forms = [moves.STAY if one is None else one for one in found]
         numbers = [by_metres.RANDOM_WAYPOINTS if isinstance(one, Waypoints) else one for one in self._forms]
         self._decides_by = np.array(numbers, np.uint8)
+        pairs = zip(self._forms, deciders, strict=True)
+        self._steps = [(spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs]
+        self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))
@@ -286,6 +309,8 @@ class CoreGames:
     def forget(self) -> None:
         """Make all that turns are played with anew, because games begin again."""
         self._made.clear()
+        if self._by_steps is not None:
+            self._by_steps.forget_threads()
 
     def can_play(self) -> bool:
         """Whether all is there that rules and conflicts need; if not, arrays say so when they play."""
@@ -316,13 +341,13 @@ class CoreGames:
         self._over[:] = ~state.is_going
         put_scores(state, self._score)
         bounds = [games * part // threads for part in range(threads + 1)]
-        parts = zip(self._made, bounds, bounds[1:], strict=False)
-        if threads == 1:
-            turn.play_aside(self._made[0][0], 0, games)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                for one in [pool.submit(turn.play_aside, player, *ends) for (player, _), *ends in parts]:
-                    one.result()
+        if self._by_steps is not None:
+            self._by_steps.take_memories()
+        self._play_parts(bounds)
+        if self._by_steps is not None:
+            while self._by_steps.make_tables():
+                self._play_parts(bounds)
+            self._by_steps.give_memories()
         state.is_going[:] = self._over == 0
         state.movement.take_out(*np.nonzero(~state.alive))
         for _, making in self._made:
@@ -330,6 +355,16 @@ class CoreGames:
             if noted is not None:
                 self._take(noted)
         state.now.clear()
+
+    def _play_parts(self, bounds: Sequence[int]) -> None:
+        """Play the games between two bounds by one thread each."""
+        parts = zip(self._made, bounds, bounds[1:], strict=False)
+        if len(bounds) == 2:
+            turn.play_aside(self._made[0][0], *bounds)
+            return
+        with ThreadPoolExecutor(len(bounds) - 1) as pool:
+            for one in [pool.submit(turn.play_aside, player, *ends) for (player, _), *ends in parts]:
+                one.result()
 
     def _refuse_unknown_nodes(self) -> None:
         """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""
@@ -374,7 +409,13 @@ class CoreGames:
         some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
         given = memory_of(self._given)
         contests, requests = self._conflicting(columns)
-        movers = moves.Movers(self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **shared)
+        if self._by_steps is None and any(self._steps):
+            self._by_steps = StrategySteps(state, self._steps)
+        by_steps = None if self._by_steps is None else self._by_steps.strategies(games)
+        of_movers = {**shared, "by_steps": by_steps}
+        movers = moves.Movers(
+            self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
+        )
         events = rules.Events(_FIRST_ROOM)
         travel = None if columns is None else columns.thread(movers, events)
         making = Making(state, games, events, travel)

@@ -1,0 +1,80 @@
+cimport cython
+
+from gamms.core cimport draws
+from gamms.core.rules cimport Games
+
+ctypedef unsigned char u8
+ctypedef int i32
+ctypedef long long i64
+ctypedef unsigned long long u64
+
+cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES
+cdef i64 NOTHING
+cdef double INFINITE
+
+
+@cython.final
+cdef class Ways:
+    cdef i64 nodes
+    cdef const i64[::1] tables
+    cdef const double[::1] far
+    cdef const i32[::1] actions
+    cdef u8[::1] wanted
+    cdef readonly bint is_missing
+
+    cpdef take(self, const i64[::1] tables, const double[::1] far, const i32[::1] actions)
+
+
+@cython.final
+cdef class Looks:
+    cdef const i64[::1] begins
+    cdef const double[::1] squares, x, y
+    cdef const u8[::1] shows
+
+
+@cython.final
+cdef class Steps:
+    cdef const i64[::1] begins, first, sizes, numbers, slots, nodes, following
+    cdef const u8[::1] kinds
+
+
+@cython.final
+cdef class Strategies:
+    cdef Games games
+    cdef Steps steps
+    cdef Ways ways
+    cdef Looks looks
+    cdef const i32[::1] offsets, targets
+    cdef const i64[::1] ids
+    cdef const u64[::1] keys
+    cdef i64[::1] memory, noted
+    cdef u8[::1] has_noted
+    cdef i64 drawn
+
+
+@cython.locals(node=i64, step=i64, kind=u8, action=i64)
+cdef i64 act(Strategies p, i64 game, i64 agent) except? -2 nogil
+@cython.locals(rows=i64, agents=i64, columns=i64, column=i64, agent=i64, place=i64)
+cdef int remember(Strategies p, i64 game) except -1 nogil
+@cython.locals(table=i64)
+cdef i64 _table(Ways ways, i64 target) except? -2 nogil
+@cython.locals(begin=i64)
+cdef double _distance(Ways ways, i64 node, i64 target) except? -1.0 nogil
+@cython.locals(begin=i64)
+cdef i64 _towards(Ways ways, i64 node, i64 target) except? -2 nogil
+@cython.locals(key=u64)
+cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
+@cython.locals(place=i64)
+cdef i64 _known(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
+@cython.locals(place=i64)
+cdef int _note(Strategies p, i64 agent, i64 column, i64 number) except -1 nogil
+@cython.locals(first=i64, at=i64, least=double, far=double, number=i64)
+cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
+@cython.locals(slot=i64, target=i64, left=i64)
+cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
+@cython.locals(at=i64, dx=double, dy=double, square=double, sensor=i64)
+cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
+@cython.locals(found=i64, least=double, at=i64, other=i64, far=double)
+cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
+@cython.locals(found=i64, greatest=double, at=i64, action=i64, legal=i64, safety=double, is_seen=bint, other=i64, is_lower=bint)
+cdef i64 _farthest(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil

@@ -1,0 +1,198 @@
+"""What agents along edges decide by in the core: the steps of strategies, sensors, memories, and tables of ways."""
+
+from collections.abc import Iterator, Sequence
+from itertools import accumulate, chain
+from typing import Any
+
+import numpy as np
+
+from gamms.core import rules, strategies
+from gamms.errors import BadValue
+from gamms.game.batch.columns import PlayedGame, decider_of
+from gamms.game.batch.forms import CoreStep, spec_of
+from gamms.game.batch.sight import look_of
+from gamms.game.batch.state import Arrays, GameArrays
+from gamms.ir.graph import IntArray
+from gamms.ir.sensed import AgentLook
+from gamms.text import shown
+from gamms.typing import IAgent
+from gamms.typing.sensor_engine import ON_GROUND
+
+_MOST_BYTES = 512 * 2**20  # of the tables of ways to all nodes; else arrays play, which make them again
+_BYTES = 12  # of a node in a table
+_MOST_LOOKING = 1024  # agents that are compared with each other; among more, arrays find those that are near by cells
+_AT_ONCE = 1 << 22  # nodes of tables that are made at once
+_LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
+_LOOKING = ("chase", "flee")
+
+
+def why_not_by_steps(game: PlayedGame, state: GameArrays) -> Iterator[str]:
+    """Yield what of strategies with steps the core cannot play, in words."""
+    agents, plans = state.roster.agents, game.settings()["plans"]
+    specs = [spec_of(decider_of(agent, plans)) for agent in agents]
+    looking = [agent for agent, spec in zip(agents, specs, strict=True) if _looks(spec.core_steps or ())]
+    if any(spec.core_steps for spec in specs) and state.streets.num_nodes**2 * _BYTES > _MOST_BYTES:
+        yield "ways on a large map"
+    if looking and len(agents) > _MOST_LOOKING:
+        yield "many agents that look at each other"
+    if not all(_is_plain(look) for agent in looking for look in _looks_on_ground(agent)):
+        yield "sensors that do more than to show who is near"
+
+
+def _looks(steps: Sequence[CoreStep]) -> bool:
+    return any(step.kind in _LOOKING for step in steps)
+
+
+def _looks_on_ground(agent: IAgent) -> list[AgentLook | None]:
+    return [look_of(sensor, agent) for sensor in getattr(agent, "sensors", {}).values() if sensor.type in ON_GROUND]
+
+
+def _is_plain(look: AgentLook | None) -> bool:
+    """Whether a sensor shows the agents of some teams that are within a radius of its agent."""
+    if look is None or not (_LEAST < look.radius < _MOST or look.radius == np.inf):
+        return False
+    return look.what == AgentLook(look.radius, teams=look.teams, others=look.others)
+
+
+class StrategySteps:
+    """What all threads share that play the strategies of a batch by steps.
+
+    Args:
+        state: of all games.
+        steps: of each agent, in the order of the roster; none of one that has none.
+    """
+
+    def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
+        self._state, nodes = state, state.streets.num_nodes
+        self._remembered: dict[str, CoreStep] = {}
+        self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
+        self._steps = self._made_steps(steps)
+        self._looks = self._made_looks([_looks(one) for one in steps])
+        self._memory = np.zeros((len(self._columns), state.node.size), np.int64)
+        self._tables, self._count = np.full(nodes, -1), 0
+        self._far, self._actions = np.zeros((0, nodes)), np.zeros((0, nodes), np.int32)
+        self._ways: list[
+            tuple[strategies.Ways, np.ndarray[Any, Any]]
+        ] = []  # of each thread, with the targets that it wants
+
+    def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.Steps:
+        rows, listed = self._state.streets.rows, [step for one in steps for step in one]
+        nodes: list[IntArray] = [np.zeros(0, np.int64)]
+        following: list[Sequence[int]] = [()]
+        first: dict[Any, int] = {}
+        slots = []
+        for step in listed:
+            if step.key and step.key not in self._remembered:
+                self._remembered[step.key] = step
+                self._columns += [(step.key, name) for name, _ in step.remembers]
+            slots.append([key for key, _ in self._columns].index(step.key) if step.key else 0)
+            if (step.nodes, step.following) not in first:
+                first[step.nodes, step.following] = sum(map(len, nodes))
+                nodes.append(np.arange(self._state.streets.num_nodes) if step.nodes is None else rows(step.nodes))
+                following.append(step.following or np.zeros(len(nodes[-1]), np.int64).tolist())
+        sizes = [self._state.streets.num_nodes if step.nodes is None else len(step.nodes) for step in listed]
+        return strategies.Steps(
+            _column([0, *accumulate(map(len, steps))], np.int64),
+            _column([strategies.KINDS.index(step.kind) for step in listed], np.uint8),
+            _column([first[step.nodes, step.following] for step in listed], np.int64),
+            _column(sizes, np.int64),
+            _column([step.number for step in listed], np.int64),
+            _column(slots, np.int64),
+            _column(np.concatenate(nodes), np.int64),
+            _column([*chain.from_iterable(following)], np.int64),
+        )
+
+    def _made_looks(self, looking: Sequence[bool]) -> strategies.Looks:
+        roster = self._state.roster
+        looks = [_looks_on_ground(one) if looks else [] for one, looks in zip(roster.agents, looking, strict=True)]
+        listed = [look for of_agent in looks for look in of_agent if look is not None]
+        x, y = self._state.streets.axes
+        return strategies.Looks(
+            _column([0, *accumulate(map(len, looks))], np.int64),
+            _column([look.radius * look.radius for look in listed], np.float64),
+            _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
+            _column(x, np.float64),
+            _column(y, np.float64),
+        )
+
+    def strategies(self, games: rules.Games) -> strategies.Strategies:
+        """Return the strategies as one more thread plays them."""
+        state, wanted = self._state, np.zeros(self._state.streets.num_nodes, np.uint8)
+        ways = strategies.Ways(len(wanted), wanted.data)
+        self._ways.append((ways, wanted))
+        self._share()
+        noted = len(self._columns) * len(state.roster.names)
+        return strategies.Strategies(
+            games,
+            self._steps,
+            ways,
+            self._looks,
+            _column(state.streets.offsets, np.int32),
+            _column(state.streets.targets, np.int32),
+            _column(state.streets.columns.node_ids, np.int64),
+            _column(state.draw_keys().reshape(-1), np.uint64),
+            memory=self._memory.reshape(-1).data,
+            noted=np.zeros(noted, np.int64).data,
+            has_noted=np.zeros(noted, np.uint8).data,
+        )
+
+    def forget_threads(self) -> None:
+        """Forget the threads, which begin anew, and not the tables of ways."""
+        self._ways.clear()
+
+    def take_memories(self) -> None:
+        """Take what agents remember from the state of the batch."""
+        nodes = self._state.streets.num_nodes
+        for column, (key, name) in enumerate(self._columns):
+            step, known = self._remembered[key], self._kept(key)[name]
+            most = nodes - 1 if step.nodes is None or step.kind != "follow" else len(step.nodes)
+            if name != "left" and not -1 <= known.min() <= known.max() <= most:
+                raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
+            self._memory[column] = known.reshape(-1)
+
+    def give_memories(self) -> None:
+        """Write what agents remember into the state of the batch."""
+        for column, (key, name) in enumerate(self._columns):
+            known = self._kept(key)[name]
+            known[:] = self._memory[column].reshape(known.shape)
+
+    def _kept(self, key: str) -> Arrays:
+        agents, remembers = len(self._state.roster.names), self._remembered[key].remembers
+        make = lambda games: {name: np.full((games, agents), first) for name, first in remembers}  # noqa: E731
+        return self._state.keep(("memory", key), make)
+
+    def make_tables(self) -> bool:
+        """Make the tables of ways that threads want; return whether there were any."""
+        wanted = np.flatnonzero(np.any([wanted for _, wanted in self._ways], axis=0))
+        if not len(wanted):
+            return False
+        nodes, routes = self._state.streets.num_nodes, self._state.movement.routes("length")
+        if self._count + len(wanted) > len(self._far):
+            room = min(nodes, 2 * (self._count + len(wanted)))
+            self._far, self._actions = (_longer(one, room) for one in (self._far, self._actions))
+        rows, at_once = np.arange(nodes), max(1, _AT_ONCE // nodes)
+        for begin in range(0, len(wanted), at_once):
+            some = wanted[begin : begin + at_once]
+            tables = slice(self._count, self._count + len(some))
+            self._actions[tables] = routes.actions(rows, some[:, None])
+            self._far[tables] = routes.distances(rows, some[:, None])
+            self._tables[some] = np.arange(tables.start, tables.stop)
+            self._count = tables.stop
+        self._share()
+        return True
+
+    def _share(self) -> None:
+        for ways, wanted in self._ways:
+            wanted[:] = 0
+            far: Any = self._far.reshape(-1).data
+            ways.take(self._tables.data, far, self._actions.reshape(-1).data)
+
+
+def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
+    return np.array(values, dtype).data
+
+
+def _longer(tables: np.ndarray[Any, Any], room: int) -> np.ndarray[Any, Any]:
+    found = np.empty((room, tables.shape[1]), tables.dtype)
+    found[: len(tables)] = tables
+    return found
