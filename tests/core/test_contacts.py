@@ -141,12 +141,6 @@ def test_games_do_not_touch_each_other():
     assert [one[0] for one in contacts([apart, near, apart, near])] == [1, 3]
 
 
-def test_contacts_are_matched_in_their_order():
-    made = ints([9] * 5)
-    core.match(ints([0, 0, 0, 1, 1]), ints([0, 0, 2, 0, 2]), ints([1, 3, 3, 1, 1]), ints([-1] * 4), made)
-    assert made.tolist() == [1, 0, 1, 1, 0]
-
-
 # -- the definition ---------------------------------------------------------------------------------------------------
 
 

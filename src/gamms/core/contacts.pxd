@@ -191,7 +191,3 @@ cdef int put_visits(Tracks tracks, Legs legs, Pieces pieces, i64 game) except -1
 @cython.locals(first=i64, leg=i64)
 cdef bint is_there(Tracks tracks, Legs legs, i64 row) except -1 nogil
 cdef int compared(double one, double other) noexcept nogil
-@cython.locals(contact=i64)
-cpdef int match(
-    const i64[::1] games, const i64[::1] a, const i64[::1] b, i64[::1] taken, i64[::1] made
-) except -1 nogil

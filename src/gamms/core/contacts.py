@@ -1100,24 +1100,3 @@ def is_there(tracks: Tracks, legs: Legs, row: int) -> bool:
 def compared(one: float, other: float) -> int:
     """Return -1 where a number is less than another, 1 where it is greater, else 0."""
     return (one > other) - (one < other)
-
-
-def match(
-    games: memoryview[int], a: memoryview[int], b: memoryview[int], taken: memoryview[int], made: memoryview[int]
-) -> int:
-    """Write which contacts, in their order, are those whose agents are in no earlier one that is.
-
-    Args:
-        games: (contacts,) of each, ascending.
-        a: (contacts,) the numbers of the agents of the first side.
-        b: (contacts,) those of the second.
-        taken: (agents,) scratch, filled with -1.
-        made: (contacts,) where the result goes: 1 or 0.
-    """
-    for contact in range(len(games)):
-        made[contact] = 0
-        if taken[a[contact]] != games[contact] and taken[b[contact]] != games[contact]:
-            made[contact] = 1
-            taken[a[contact]] = games[contact]
-            taken[b[contact]] = games[contact]
-    return 0

@@ -6,12 +6,13 @@
 
 Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`, which has the
 columns of a turn), `gamms.core.rules` for who tags whom and what becomes of flags, then `tagging.py`, `flags.py` and
-`endings.py`; what a rule says about itself is a `RuleSpec` of `game/settings.py`. `places.py`, `resources.py` and
-`payoffs.py` count what comes of it, and `territory.py` makes the data that they share. Conflicts: `conflicts.py` says
-which agents win, `game/conflicts.py` what conflicts are. May import: `context` and below. To add a rule write a
-function `rule(ctx)`, to add a resolver call `by_rank`, or write a function `(contest, ctx) -> winners`: nothing needs
-to be registered. If parameters of a function that makes rules name teams, annotate them by `gamms.typing.game.Team`,
-TEAMS or OWNERS, so that scenario files with misspelt teams are refused.
+`endings.py`; `array_turns.py` lets the core play them in turns of arrays. What a rule says about itself is a `RuleSpec`
+of `game/settings.py`. `places.py`, `resources.py` and `payoffs.py` count what comes of it, and `territory.py` makes the
+data that they share. Conflicts: `conflicts.py` says which agents win, `game/conflicts.py` what conflicts are.
+May import: `context` and below. To add a rule write a function `rule(ctx)`, to add a resolver call `by_rank`, or write
+a function `(contest, ctx) -> winners`: nothing needs to be registered. If parameters of a function that makes rules
+name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so that scenario files with misspelt teams are
+refused.
 """
 
 from gamms.game.conflicts import Conflicts, Contest, at_random

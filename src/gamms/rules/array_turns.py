@@ -18,7 +18,7 @@ from gamms.game.batch.turn import ArrayRule, ArrayTurn, movement_in, note_in, st
 from gamms.game.conflicts import flat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.meetings import BACKWARDS, NO_LEGS, TURNS, UNKNOWN_PLACE, Nearness, Room, most_pieces
+from gamms.rules.meetings import BACKWARDS, NO_LEGS, TURNS, UNKNOWN_PLACE, Room, most_pieces
 from gamms.rules.near_nodes import NearNodes, reached
 
 _FIRST_ROOM = 64  # events
@@ -109,7 +109,7 @@ class MakingOfTurn(Making):
         self._follow()
         return super().tracks(sides, at_end=at_end)
 
-    def near(self, nearness: Nearness) -> Near:
+    def near(self, nearness: tuple[str | None, float, bool, bool, bool]) -> Near:
         """Return what says how far agents are from each other; None: they meet on nodes."""
         turn, (unit, limit, _, air, passing) = self._turn, nearness
         if unit is None:

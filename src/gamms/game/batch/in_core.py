@@ -4,7 +4,7 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Iterator
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -110,18 +110,19 @@ class Making:
         tracks = self.tracks(sides, at_end=at_end)
         return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
 
-    def near(self, nearness: Any) -> Near:
+    def near(self, nearness: tuple[str | None, float, bool, bool, bool]) -> Near:
         """Return what says how far agents are from each other; None: they meet on nodes.
 
         Args:
-            nearness: what counts as a contact. Any: `Nearness` is of `gamms.rules.meetings`, which imports this.
+            nearness: what counts as a contact, a `Nearness` of `gamms.rules.meetings`, which imports this.
 
         Raises:
             GammsError: a distance counts, which only turns of arrays look for.
         """
-        if nearness.unit is None:
+        unit, limit, *_ = nearness
+        if unit is None:
             return None
-        raise GammsError(f"Contacts within {nearness.limit:g} {nearness.unit} are looked for in arrays.")
+        raise GammsError(f"Contacts within {limit:g} {unit} are looked for in arrays.")
 
     def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
         """Return which agents are of these teams, 1 or 0; None: of any. `air` says whether those that fly are, too."""
