@@ -23,19 +23,19 @@ cdef class Roaming:
 @cython.final
 cdef class Travelers:
     cdef Movers movers
-    cdef Ways ways
+    cdef Ways ways, near
     cdef Roads roads
     cdef Reach reach
     cdef KnownReach known
     cdef Trips trips
     cdef Events events
-    cdef i64 nodes
+    cdef i64 slots, nodes
     cdef const double[::1] speeds
     cdef i64[::1] motion, starts, ends
     cdef Roaming roaming
 
 
-@cython.locals(i=i64, row=i64, target=i64)
+@cython.locals(i=i64, row=i64, target=i64, can_go=bint)
 cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
 cdef int begin(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
@@ -46,9 +46,9 @@ cdef Py_ssize_t drawn_below(Games games, draws.Choices walks, i64 game, i64 i, i
 @cython.locals(row=i64, node=i64, target=i64, begin=i64, number=i64)
 cdef Py_ssize_t waypoint(Games games, Roaming roaming, Ways ways, draws.Choices walks, i64 game, i64 i) except -2 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, is_last=bint, count=i64)
-cdef bint set_off(Travelers t, i64 row, i64 i, i64 target) except -1 nogil
+cdef bint set_off(Travelers t, Ways ways, i64 row, i64 i, i64 target) except -1 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)
-cdef Py_ssize_t motion_towards(Travelers t, i64 row, i64 i, i64 target) except -1 nogil
+cdef Py_ssize_t motion_towards(Travelers t, Ways ways, i64 row, i64 i, i64 target) except -1 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)
 cpdef int give_way(Games games, Travelers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
@@ -60,7 +60,6 @@ cdef class Course(Steps):
     cdef Roads roads
     cdef const i64[::1] edge_streets, edge_flags
     cdef i64[::1] sources, targets, streets, flags
-    cdef double[::1] metres
 
     @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64)
     cdef int fill(self, Games games, i64 game) except -1 nogil

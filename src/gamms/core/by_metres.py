@@ -43,7 +43,10 @@ class Travelers:
 
     Attributes:
         movers: what they have in common with agents that go along one edge in a turn.
-        roads, reach, ways, known: where they may go.
+        roads, reach, known: where they may go.
+        ways: of agents that roam, by their rows.
+        near: of the others, whose ways are short: by numbers that follow from where these begin and end.
+        slots: how many such numbers there are, a power of 2.
         trips: (agents,) their ways through the turn of one game.
         events: get what they cannot do.
         nodes: how many there are.
@@ -57,11 +60,13 @@ class Travelers:
         self,
         movers: Movers,
         ways: Ways,
+        near: Ways,
         known: KnownReach,
         trips: Trips,
         events: Events,
         roaming: Roaming,
         *,
+        slots: int,
         nodes: int,
         speeds: memoryview[float],
         motion: memoryview[int],
@@ -76,6 +81,8 @@ class Travelers:
         self.trips = trips
         self.events = events
         self.roaming = roaming
+        self.near = near
+        self.slots = slots
         self.nodes = nodes
         self.speeds = speeds
         self.motion = motion
@@ -94,7 +101,12 @@ def decide(games: Games, t: Travelers, game: int) -> int:
         if games.alive[row]:
             t.movers.blocked[row] = 0
             target = target_of(games, t, game, i)
-            if target >= 0 and not set_off(t, row, i, target):
+            can_go = True
+            if target >= 0 and t.movers.decides_by[i] == ROAMS:
+                can_go = set_off(t, t.ways, row, i, target)
+            elif target >= 0:
+                can_go = set_off(t, t.near, (games.node[row] * 31 + target) & (t.slots - 1), i, target)
+            if not can_go:
                 t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, t.trips.edge[i], target)
         if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
             travel.stand(t.trips, i)
@@ -160,13 +172,13 @@ def waypoint(games: Games, roaming: Roaming, ways: Ways, walks: draws.Choices, g
     return target
 
 
-def set_off(t: Travelers, row: int, i: int, target: int) -> bool:
+def set_off(t: Travelers, ways: Ways, row: int, i: int, target: int) -> bool:
     """Let an agent go towards a node until the turn is over, one on an edge the shorter way; return whether it can."""
     node = t.trips.node[i]
     edge = t.trips.edge[i]
     motion = travel.FORWARD
     if edge >= 0:
-        motion = motion_towards(t, row, i, target)
+        motion = motion_towards(t, ways, row, i, target)
         if motion == 0:
             return False
         node = t.roads.sources[edge] if motion == travel.BACK else t.roads.targets[edge]
@@ -174,21 +186,21 @@ def set_off(t: Travelers, row: int, i: int, target: int) -> bool:
         if is_last and not travel.go(t.roads, t.trips, i, motion, 0):
             return True
     while node != target:
-        count = travel.put_route(t.ways, t.trips, row, node, target)
+        count = travel.put_route(ways, t.trips, row, node, target)
         if count == 0 or not travel.go(t.roads, t.trips, i, motion, count):
             return True
         node = t.trips.node[i]
     return True
 
 
-def motion_towards(t: Travelers, row: int, i: int, target: int) -> int:
+def motion_towards(t: Travelers, ways: Ways, row: int, i: int, target: int) -> int:
     """Return the motion of an agent on an edge towards a node; 0: it cannot go there."""
     node = t.trips.node[i]
     edge = t.trips.edge[i]
     motion = travel.end_towards(t.roads, node, edge, target)
     if motion == 0 and t.speeds[i] == t.speeds[i]:  # not NaN
-        ahead = travel.distance(t.ways, row, t.roads.targets[edge], target)
-        behind = travel.distance(t.ways, row, node, target)
+        ahead = travel.distance(ways, row, t.roads.targets[edge], target)
+        behind = travel.distance(ways, row, node, target)
         motion = travel.shorter_way(t.roads, edge, t.trips.share[i], ahead, behind)
     return motion
 
@@ -234,7 +246,8 @@ class Course(Steps):
         trips: of the agents; their columns are those of the tracks and legs.
         roads: the map.
         edge_streets, edge_flags: (edges,) what legs along each edge have, see `contacts.Legs`.
-        sources, targets, streets, flags, metres: columns of the legs: (agents * most,).
+        sources, targets, streets, flags: columns of the legs: (agents * most,); the first two of those that end on
+            nodes.
     """
 
     def __init__(
@@ -250,7 +263,6 @@ class Course(Steps):
         targets: memoryview[int],
         streets: memoryview[int],
         flags: memoryview[int],
-        metres: memoryview[float],
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
@@ -262,7 +274,6 @@ class Course(Steps):
         self.targets = targets
         self.streets = streets
         self.flags = flags
-        self.metres = metres
 
     def fill(self, games: Games, game: int) -> int:
         """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
@@ -276,9 +287,9 @@ class Course(Steps):
                 self.trips.times[agent * (self.trips.most + 1)] = 1.0
             for leg in range(first, first + self.trips.legs[agent]):
                 edge = self.trips.edges[leg]
-                self.sources[leg] = self.roads.sources[edge]
-                self.targets[leg] = self.roads.targets[edge]
                 self.streets[leg] = self.edge_streets[edge]
                 self.flags[leg] = self.edge_flags[edge]
-                self.metres[leg] = self.roads.lengths[edge]
+                if self.trips.ends[leg] == 0.0 or self.trips.ends[leg] == 1.0:
+                    self.sources[leg] = self.roads.sources[edge]
+                    self.targets[leg] = self.roads.targets[edge]
         return 0

@@ -303,9 +303,8 @@ class CoreGames:
         self._until = np.zeros(shape[0], np.int64)
         self._score = np.zeros((shape[0], len(state.roster.teams)))
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
-        self._shared: tuple[
-            rules.Games, dict[str, Any], EdgeColumns | MetreColumns | None
-        ]  # the columns that they share
+        self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
+        self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
 
     def forget(self) -> None:
         """Make all that turns are played with anew, because games begin again."""
@@ -369,7 +368,7 @@ class CoreGames:
 
     def _refuse_unknown_nodes(self) -> None:
         """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""
-        nodes, travel = self._state.streets.num_nodes, self._shared[2]
+        nodes, travel = self._state.streets.num_nodes, self._columns
         targets = np.zeros(0, np.int64) if travel is None else travel.roamers.targets
         if targets.min(initial=-1) < -1 or targets.max(initial=-1) >= nodes:
             raise BadValue(f"Agents remember rows of nodes from -1 to {nodes - 1}, not {shown(targets)}.")
@@ -377,10 +376,10 @@ class CoreGames:
     def _player(self) -> tuple[turn.Player, Making]:
         """Make what one more thread plays with."""
         state, roster, shape = self._state, self._state.roster, self._state.node.shape
+        columns = self._columns = self._columns or self._new_columns()
         if self._made:  # they share columns
-            games, shared, columns = self._shared
+            games, shared = self._shared
         else:
-            columns = self._columns()
             games = rules.Games(
                 shape[1],
                 len(roster.teams),
@@ -405,11 +404,11 @@ class CoreGames:
                 "blocks": memory_of(state.counts["blocked"]),
                 "blocked": memory_of(state.blocked),
             }
-            self._shared = games, shared, columns
+            self._shared = games, shared
         walks = draws.Choices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
         some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
         given = memory_of(self._given)
-        contests, requests = self._conflicting(columns)
+        contests, requests = self._conflicting()
         if self._by_steps is None and any(self._steps):
             self._by_steps = StrategySteps(state, self._steps)
         by_steps = None if self._by_steps is None else self._by_steps.strategies(games)
@@ -418,27 +417,25 @@ class CoreGames:
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
         events = rules.Events(_FIRST_ROOM)
-        travel = None if columns is None else columns.thread(movers, events)
+        travel = None if columns is None else columns.thread(len(self._made), movers, events)
         making = Making(state, games, events, travel)
         made = [make(making) for make in self._rules]
         first = rules.chained(made) if made else None
         walkers, travelers = (None, None) if travel is None else travel[:2]
         return turn.Player(games, movers, walkers, travelers, first, self._until.data), making
 
-    def _columns(self) -> EdgeColumns | MetreColumns | None:
+    def _new_columns(self) -> EdgeColumns | MetreColumns | None:
         """Return what threads share in games that do not go along one edge a turn."""
         by = self._state.movement
         if isinstance(by, ByMetres):
             return MetreColumns(self._state, by, self._forms)
         return EdgeColumns(self._state, by, self._forms) if isinstance(by, ByEdges) else None
 
-    def _conflicting(
-        self, columns: EdgeColumns | MetreColumns | None
-    ) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
+    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
         """Return what finds those who give way; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None
-        state = self._state
+        state, columns = self._state, self._columns
         table = Table(
             self._conflicts, state.roster, state.movement.columns, has_edges=isinstance(columns, MetreColumns)
         )

@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ from gamms.ir.graph import FloatArray, IntArray
 _MOST_LEGS = 1 << 17  # of the agents of a game, 500 bytes each
 _MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
 _MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
+_MOST_NEAR = 1 << 17  # nodes on short ways, likewise
 _LONGEST = 256  # nodes on the way of an agent that are remembered
 _BACKWARDS, _TURNS = 1, 2  # flags of legs, see `contacts.Legs`
 _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
@@ -150,15 +152,24 @@ class Memories:
     def __init__(self, by: Movement, costs: FloatArray, rows: int, most: int, least: int = 0) -> None:
         self._by = by
         self._costs = costs
-        self.most = max(8, least, min(most, _MOST_REMEMBERED // max(rows, 1)))
-        self._ints: Any = np.zeros((3, rows), np.int64)
-        self._ints[0] = -1
-        self._nodes: Any = np.zeros(rows * self.most, np.int64)
-        self._far: Any = np.zeros(rows * self.most)
+        self._begin(rows, max(8, least, min(most, _MOST_REMEMBERED // max(rows, 1))))
         columns = by.columns
         leaving = kernels.group_rows(columns.targets, by.streets.num_nodes)
         turned = replace(columns, sources=columns.targets, targets=columns.sources)
         self._back = map_of(turned, costs, None, 1.0, leaving)
+
+    def _begin(self, rows: int, most: int) -> None:
+        self.most = most
+        self._ints: Any = np.zeros((3, rows), np.int64)
+        self._ints[0] = -1
+        self._nodes: Any = np.zeros(rows * most, np.int64)
+        self._far: Any = np.zeros(rows * most)
+
+    def apart(self, rows: int, most: int) -> "Memories":
+        """Return the same of so many other ways, of which so many nodes are remembered."""
+        twin = copy(self)
+        twin._begin(rows, most)
+        return twin
 
     def ways(self, roads: travel.Roads, reach: Reach) -> travel.Ways:
         """Return what one thread finds ways with on a map."""
@@ -190,8 +201,8 @@ class EdgeColumns:
         self._hops = Memories(by, np.ones(len(lengths)), rows, 8)
         self._ways = Memories(by, lengths, rows, _LONGEST) if self.roamers.exist else self._hops
 
-    def thread(self, movers: moves.Movers, events: rules.Events) -> ThreadTravel:  # noqa: ARG002 - as by metres
-        """Return what one thread plays with."""
+    def thread(self, number: int, movers: moves.Movers, events: rules.Events) -> ThreadTravel:  # noqa: ARG002
+        """Return what one thread plays with; see `MetreColumns`."""
         by, most = self._by, most_nodes(self._by)
         reach = Reach(by.streets.num_nodes)
         nodes: Any = np.zeros(self._agents * most, np.int64).data
@@ -234,9 +245,11 @@ class MetreColumns:
         self.ends = starts, ends
         self.roamers = Roamers(state, by, deciders)
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
-        longest = _LONGEST if self.roamers.exist else 0
-        least = self._most if by.is_endless else 0
-        self._memories = Memories(by, by.terms.costs, state.node.size, longest, least)
+        self._longest = max(8, self._most if by.is_endless else 0)
+        self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
+        self._learned: list[tuple[travel.Ways, travel.Ways, travel.KnownReach]] = []  # of each thread
+        rows = state.node.size if self.roamers.exist else 0
+        self._memories = Memories(by, by.terms.costs, rows, _LONGEST, self._longest)
         edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
         backs = by.backs(edges, np.zeros_like(edges))
         self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
@@ -249,29 +262,36 @@ class MetreColumns:
         room: Any = np.empty(_MOST_LEGAL, np.int64)
         return travel.KnownReach(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def thread(self, movers: moves.Movers, events: rules.Events) -> ThreadTravel:
-        """Return what one thread plays with; events get what agents cannot do."""
-        by, most = self._by, self._most
-        roads, reach = by.maps.of(None), Reach(by.streets.num_nodes)
+    def _learner(self) -> tuple[travel.Ways, travel.Ways, travel.KnownReach]:
+        """Return what one thread learns of the map: ways of agents that roam and of others, and what is legal."""
+        roads, reach = self._by.maps.of(None), Reach(self._by.streets.num_nodes)
+        ways, near = self._memories.ways(roads, reach), self._memories.apart(self._slots, self._longest)
+        return ways, near.ways(roads, reach), self._known()
+
+    def thread(self, number: int, movers: moves.Movers, events: rules.Events) -> ThreadTravel:
+        """Return what one thread plays with, of a number from 0; events get what agents cannot do."""
+        by, most, roads = self._by, self._most, self._by.maps.of(None)
+        if number == len(self._learned):
+            self._learned.append(self._learner())
         trips = Trips(self._agents, most, max(self._memories.most, most))
         travelers = by_metres.Travelers(
             movers,
-            self._memories.ways(roads, reach),
-            self._known(),
+            *self._learned[number],
             trips.core,
             events,
             self.roamers.core,
+            slots=self._slots,
             nodes=by.streets.num_nodes,
             speeds=flat(by.paces, np.float64),
             motion=by.motion.reshape(-1).data,
             starts=self.ends[0].reshape(-1).data,
             ends=self.ends[1].reshape(-1).data,
         )
-        columns: Any = [*np.zeros((4, self._agents * most), np.int64), np.zeros(self._agents * most)]
-        legs = [column.data for column in columns]
+        legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
+        metres: Any = np.zeros(self._agents * most).data  # that distances along edges need, which the core has none of
         tables = flat(self._streets, np.int64), flat(self._flags, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
         course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
-        of_legs = contacts.Legs(most, *[trips.legs.data, *legs[:4], *parts, legs[4]])
+        of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         return ThreadTravel(None, travelers, course, tracks, of_legs, most + 1, most)
