@@ -88,6 +88,44 @@ def test_on_a_node_legal_are_those_next_to_it_then_those_in_reach(edges, node, s
     assert reached(map_on(edges, seconds), node, -1, 0.0, 0, nan, now, False) == list(dict.fromkeys(near(edges, node)))
 
 
+def ways_on(edges, most):
+    """The map, on which an agent remembers so many nodes of its way, and a graph that says what its way is."""
+    graph = Graph()
+    graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
+    graph.add_edges(range(len(edges)), *zip(*[(IDS[a], IDS[b], far) for a, b, far in edges], strict=True))
+    ints, reach = np.zeros((3, 1), np.int64), Reach(len(IDS))
+    ints[0] = -1
+    columns = *ints, np.zeros(most, np.int64), np.zeros(most)
+    direct = np.zeros(len(edges), np.uint8).data
+    maps = map_on(edges), map_on([(b, a, far) for a, b, far in edges])
+    return core.Ways(*maps, reach.core, direct, most, *(column.data for column in columns)), graph
+
+
+@given(edges=EDGES, asked=st.lists(st.tuples(NODES, NODES), min_size=1, max_size=4), most=st.integers(2, 7))
+def test_agents_remember_the_way_that_the_graph_gives(edges, asked, most):
+    ways, graph = ways_on(edges, most)
+    for source, goal in asked:
+        far = graph.distance(IDS[source], IDS[goal])
+        assert core.distance(ways, 0, source, goal) == far
+        way = [source]
+        while (node := core.following(ways, 0, way[-1], goal)) != way[-1]:
+            way.append(node)
+        path = graph.shortest_path(IDS[source], IDS[goal]) if far < inf else [IDS[source]]
+        assert [IDS[node] for node in way] == path
+
+
+@given(edges=EDGES, source=NODES, goal=NODES, most=st.integers(2, 7))
+def test_a_route_has_the_next_nodes_of_the_way(edges, source, goal, most):
+    ways, graph = ways_on(edges, most)
+    trips = Trips(1, 8)
+    count = core.put_route(ways, trips.core, 0, source, goal)
+    far = graph.distance(IDS[source], IDS[goal])
+    path = graph.shortest_path(IDS[source], IDS[goal]) if far < inf else [IDS[source]]
+    found = [IDS[node] for node in trips.route[:count].tolist()]
+    assert found == path[1 : 1 + count]
+    assert count > 0 or source == goal or far == inf
+
+
 @given(data=st.data(), edges=EDGES, share=SHARES, speed=SPEEDS, goes_on=st.booleans(), motion=st.sampled_from(Motion))
 def test_on_an_edge_legal_is_what_lies_beyond_its_ends(data, edges, share, speed, goes_on, motion):
     edge = data.draw(st.integers(0, len(edges) - 1))
