@@ -530,6 +530,32 @@ def test_a_batch_is_played_by_one_thread_at_a_time():
             assert games.turn.tolist() == [1, 1]
 
 
+def test_the_context_of_a_batch_is_pointed_at_its_game_again_after_each_turn():
+    def fall(ctx):
+        if (ctx.game.turn, ctx.seed) == (3, 6):
+            raise ZeroDivisionError("fell")
+        if ctx.game.turn == 4 and ctx.seed == 5:
+            ctx.game.end("fell asleep")
+
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.add(fall, phase="before")
+        with ctx.game.batch(3, seed=5) as games:
+            shown = games.context(0)
+            for turn in (1, 2, 3):
+                games.step()
+                assert (shown.seed, shown.game.turn) == (5, turn)
+            with pytest.raises(ZeroDivisionError):
+                games.step()
+            assert (shown.seed, shown.game.turn) == (5, 3)
+            assert games.turn.tolist() == [3, 3, 3]
+        ctx.game.remove(fall)
+        ctx.game.add(lambda ctx: ctx.game.turn == 4 and ctx.game.end("late"), name="late")
+        with ctx.game.batch(3, seed=5) as games:
+            shown = games.context(1)
+            games.run()
+            assert (shown.seed, shown.game.turn, shown.game.over["reason"]) == (6, 4, "late")
+
+
 class Counting:
     """A conflict resolver that remembers how often it was asked."""
 

@@ -307,6 +307,7 @@ class Batch(Fixed):
                 if show is not None:
                     show(f"game {game + 1} of {len(self)}")
         finally:
+            engine.return_to_shown()
             if self._log is not None:
                 self._log += [{}] * int((engine.turns() - before).max())
 
@@ -497,7 +498,7 @@ class Batch(Fixed):
         return first
 
     def context(self, game: int) -> Any:
-        """Return the context that has a game as it is now, to look at it, until another game is played.
+        """Point the context of the batch at a game, to look at it; after each turn it is pointed there again.
 
         Raises:
             BadValue: the games are played in arrays: `scenario.batch(…, one_by_one=True)` plays them in a context.
@@ -506,7 +507,7 @@ class Batch(Fixed):
         if isinstance(self._engine, ArrayEngine):
             way = "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) has one"
             raise BadValue(f"Games in arrays have no context: {way}.")
-        return self._engine.load(number).ctx
+        return self._engine.show(number).ctx
 
     @property
     def is_in_arrays(self) -> bool:

@@ -44,6 +44,7 @@ class OneByOneEngine:
         self._game, self._roster, self.seeds = game, roster, list(seeds)
         self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
         self.loaded: int | None = None
+        self._shown: int | None = None  # the game that the context was pointed at by `show`
         self.ran_from = dict[int, int]()
         self._unknown = dict[int, UnknownName]()  # games with agents at nodes that arrays do not have, or next to them
         self._acting = Acting(game, roster)
@@ -85,7 +86,10 @@ class OneByOneEngine:
         playing = np.flatnonzero(~self.is_over)
         self.check(given, playing)
         if len(playing) == 1:  # NOTE: a snapshot for each turn would slow it down
-            self.step_game(int(playing[0]), given)
+            try:
+                self.step_game(int(playing[0]), given)
+            finally:
+                self.return_to_shown()
             return
         self._put_aside()
         before = [*self._snapshots], [*self._results], [*self._over], self._turns.copy(), [*self._scores]
@@ -98,6 +102,8 @@ class OneByOneEngine:
             self._snapshots, self._results, self._over, self._turns, self._scores = before
             self._is_observed[playing] = False
             raise
+        finally:
+            self.return_to_shown()
 
     def check(self, given: Mapping[Hashable, Given], games: IntArray) -> None:
         """Refuse what cannot be done in one of some games as they are now, before any is played."""
@@ -181,13 +187,11 @@ class OneByOneEngine:
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
-        before = self.loaded
         self._observe_all(np.arange(len(self.seeds)))
         for roads, _ in self._observed.roads.by_map(np.arange(len(self.seeds))):
             if roads is not None:
                 roads.world = None  # which has what was legal before
-        if before is not None:  # whose context may be looked at
-            self._load(before)
+        self.return_to_shown()
         return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
 
     def _observe_all(self, games: IntArray) -> None:
@@ -309,6 +313,16 @@ class OneByOneEngine:
             known = self._results[number] = self._result()
         return known
 
+    def show(self, number: int) -> PlayedGame:
+        """Point the context at a game, and point it there again after each turn."""
+        self._shown = number
+        return self.load(number)
+
+    def return_to_shown(self) -> None:
+        """Point the context at the game that it was pointed at by `show`, if it was."""
+        if self._shown is not None and self._shown != self.loaded:
+            self.load(self._shown)
+
     def load(self, number: int) -> PlayedGame:
         """Let the context have a game as it is now, in which strategies and plans decide."""
         self._acting.end()
@@ -331,7 +345,7 @@ class OneByOneEngine:
     def _put_aside(self) -> None:
         """Keep the game that the context has as a snapshot."""
         self._acting.end()
-        if self.loaded is not None and self._over[self.loaded] is None:
+        if self.loaded is not None and (self._over[self.loaded] is None or self.loaded == self._shown):
             self._snapshots[self.loaded] = self._game.internals.put_aside()
         self.loaded = None
 
