@@ -167,8 +167,10 @@ class _Flags(NamedTuple):
         may_drop = fresh or known is None or known.told != carriers
         if may_drop and any(carriers.values()):
             self._drop(ctx, carriers, _stopped(fresh))
-        if known is None or known.flags is not self or known.seed != turn.seed:
+        if known is None or known.flags is not self:
             known = turn.roster.kept[key] = _FlagsOfAgents(self, turn)
+        if known.seed != turn.seed:
+            known.draw_by(turn.seed)
         if known.concern(turn, carriers):
             known.play(ctx, turn, data)
         data["seen"] = len(events)
@@ -210,9 +212,11 @@ class _FlagsOfAgents:
 
     def __init__(self, flags: _Flags, turn: InTurn) -> None:
         roster, count, teams = turn.roster, len(flags.bases), list(turn.roster.teams)
-        self.flags, self.seed = flags, turn.seed
+        self.flags = flags
+        self._purposes = column("Q", [0] * count)
+        self.draw_by(turn.seed)
         self._teams = [] if flags.ground is not None else [team for team in teams if team not in flags.bases]
-        number, purpose = turn.numbers.number, (turn.seed, "capture_flag", flags.key)
+        number = turn.numbers.number
         bases = {} if flags.ground is not None else flags.bases  # that are home
         takes = [-1 if team is None else roster.teams[team] for team in roster.team_of]
         if roster.fly is not None:
@@ -227,7 +231,7 @@ class _FlagsOfAgents:
             owners=NO_TERRITORY,
             takes=column("q", takes),
             names=roster.keys,
-            purposes=column("Q", [kernels.purpose_key(*purpose, str(team)) for team in flags.bases]),
+            purposes=self._purposes,
             carriers=self._carriers,
             stops=column("q", [0] * count),
             captures=self._captures,
@@ -237,6 +241,13 @@ class _FlagsOfAgents:
             goal=flags.goal or 0,
             points=0.0,
         )
+
+    def draw_by(self, seed: int) -> None:
+        """Derive the draws of the rule from another seed, which is that of another game: nothing is known of it."""
+        self.seed = seed
+        self.told = None
+        for flag, team in enumerate(self.flags.bases):
+            self._purposes[flag] = kernels.purpose_key(seed, "capture_flag", self.flags.key, str(team))
 
     def concern(self, turn: InTurn, carriers: Mapping[Hashable, str | None]) -> bool:
         """Take who carries flags; return whether something may happen to some in this turn."""

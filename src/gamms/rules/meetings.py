@@ -313,10 +313,15 @@ class InTurn:
         self.legs = NO_LEGS
         self.tracks: Sequence[Track] = ()
         self.edges: EdgesGoneAlong | None = None
-        self.purpose = column("Q", [kernels.purpose_key(seed, "contacts")])
-        self.seed = seed
+        self.purpose = column("Q", [0])
+        self.draw_by(seed)
         self._ready: dict[Hashable, core.Contacts] = {}  # which were asked for contacts on nodes
         self._visits: dict[bool, core.Tracks] = {}
+
+    def draw_by(self, seed: int) -> None:
+        """Derive the draws of contacts from another seed."""
+        self.seed = seed
+        self.purpose[0] = kernels.purpose_key(seed, "contacts")
 
     def follow(self, ctx: Context, tracks: Sequence[Track]) -> None:
         """Take how agents moved that may have gone along several edges, or parts of some."""
@@ -456,6 +461,7 @@ class InGame(Room):
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._steps: InTurn | None = None
         self._steps_of: tuple[Any, ...] = ()
+        self._seeds = -1  # how often the seed had changed when draws were derived from it
         self._turn: InTurn | None = None
         self._moves: TurnMoves | None = None  # of which this turn is, in this block, with these versions
         self._block: AgentBlock | None = None
@@ -494,12 +500,15 @@ class InGame(Room):
     def _of_steps(self, ctx: Context, moves: TurnMoves, block: AgentBlock, versions: tuple[int, ...]) -> InTurn:
         order = moves.order
         _, structure, turn, seeds = versions
-        key = order, structure, seeds
+        key = order, structure
         if self._steps is None or self._steps_of != key:
             self._steps_of = key
             out = [not alive for alive in order.selection.of(block.alive)]
             roster = Roster(order.names, order.all_teams(), order.keys, out=out if any(out) else None)
             self._steps = InTurn(self, roster, ctx.seed)
+        if self._seeds != seeds:
+            self._seeds = seeds
+            self._steps.draw_by(ctx.seed)
         roster = self._steps.roster
         rules.take_moves(roster.games, self.numbers, moves.in_core(), block, order.moving, turn)
         for row in block.placed:
