@@ -9,7 +9,7 @@ ctypedef long long i64
 ctypedef unsigned long long u64
 
 cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES
-cdef i64 NOTHING
+cdef i64 NOTHING, UNKNOWN
 cdef double INFINITE
 
 
@@ -19,8 +19,9 @@ cdef class Ways:
     cdef const i64[::1] tables
     cdef const double[::1] far
     cdef const i32[::1] actions
-    cdef u8[::1] wanted
-    cdef readonly bint is_missing
+    cdef i64[::1] wanted
+    cdef readonly i64 count
+    cdef bint is_missing
 
     cpdef take(self, const i64[::1] tables, const double[::1] far, const i32[::1] actions)
 
@@ -54,13 +55,13 @@ cdef class Strategies:
 
 @cython.locals(node=i64, step=i64, kind=u8, action=i64)
 cdef i64 act(Strategies p, i64 game, i64 agent) except? -2 nogil
-@cython.locals(rows=i64, agents=i64, columns=i64, column=i64, agent=i64, place=i64)
+@cython.locals(is_missing=bint, rows=i64, agents=i64, columns=i64, column=i64, agent=i64, place=i64)
 cdef int remember(Strategies p, i64 game) except -1 nogil
-@cython.locals(table=i64)
-cdef i64 _table(Ways ways, i64 target) except? -2 nogil
-@cython.locals(begin=i64)
+@cython.locals(table=i64, place=i64)
+cdef i64 _place(Ways ways, i64 node, i64 target) except? -2 nogil
+@cython.locals(place=i64)
 cdef double _distance(Ways ways, i64 node, i64 target) except? -1.0 nogil
-@cython.locals(begin=i64)
+@cython.locals(place=i64)
 cdef i64 _towards(Ways ways, i64 node, i64 target) except? -2 nogil
 @cython.locals(key=u64)
 cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil

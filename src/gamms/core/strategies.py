@@ -2,8 +2,8 @@
 
 A strategy is a list of steps, tried in turn until one gives an action: `chase(otherwise=patrol(nodes))` is two.
 `act` returns the action of an agent, the number of a legal node. It writes what the agent remembers beside the memory,
-and `remember` takes that over once all agents of the game have decided: where a table of ways is not there yet, nothing
-has happened, and the game waits until the caller has made it.
+and `remember` takes that over once all agents of the game have decided: where a way is not known yet, nothing has
+happened, and the game waits until the caller has found it.
 """
 
 from __future__ import annotations
@@ -20,32 +20,35 @@ CHASES = 5  # to the nearest enemy in sight,
 FLEES = 6  # or to the legal node that is farthest from enemies in sight
 KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee")  # of steps by their numbers
 NOTHING = -1  # no action: the next step is tried
+UNKNOWN = -3  # of an action: the caller has to find it
 INFINITE = float("inf")
 
 
 class Ways:
-    """How far it is to nodes, and how agents go there; tables of the targets that were asked for.
+    """How far it is to nodes, and how agents go there: what is known of it, and what was asked for and is not known.
 
     Attributes:
         nodes: how many there are.
         tables: (nodes,) the number of the table of a target; -1: there is none yet.
         far: (tables * nodes,) how far it is from a node to the target; infinite where no path leads there.
-        actions: (tables * nodes,) the number of the legal node by which an agent goes there; -1: no path.
-        wanted: (nodes,) 1: a table was asked for that is not there.
-        is_missing: whether one was.
+        actions: (tables * nodes,) the number of the legal node by which an agent goes there; -1: no path; UNKNOWN.
+        wanted: (room,) pairs that were asked for: the target times `nodes` plus the node.
+        count: how many pairs there are.
+        is_missing: whether an agent of the game that decides has asked for such a pair.
     """
 
     def __init__(self, nodes: int, wanted: memoryview[int]) -> None:
         self.nodes = nodes
         self.wanted = wanted
+        self.count = 0
         self.is_missing = False
 
     def take(self, tables: memoryview[int], far: memoryview[float], actions: memoryview[int]) -> None:
-        """Take tables that have been made."""
+        """Take tables in which all is known that was asked for."""
         self.tables = tables
         self.far = far
         self.actions = actions
-        self.is_missing = False
+        self.count = 0
 
 
 class Looks:
@@ -154,7 +157,7 @@ class Strategies:
 
 
 def act(p: Strategies, game: int, agent: int) -> int:
-    """Return the action of an agent of a game; 0 where a table of ways is missing, as `ways` says then."""
+    """Return the action of an agent of a game; any where a way is missing, as `ways` says then."""
     node = p.games.start[game * p.games.agents + agent]
     p.drawn = 0
     for step in range(p.steps.begins[agent], p.steps.begins[agent + 1]):
@@ -178,40 +181,45 @@ def act(p: Strategies, game: int, agent: int) -> int:
 
 
 def remember(p: Strategies, game: int) -> int:
-    """Keep what the agents of a game remember; return 1, and keep nothing, where a table of ways was missing."""
+    """Keep what the agents of a game remember; return 1, and keep nothing, where a way was missing."""
     rows = len(p.games.node)
     agents = p.games.agents
     columns = len(p.noted) // agents
+    is_missing = p.ways.is_missing
+    p.ways.is_missing = False
     for column in range(columns):
         for agent in range(agents):
             place = column * agents + agent
-            if p.has_noted[place] and not p.ways.is_missing:
+            if p.has_noted[place] and not is_missing:
                 p.memory[column * rows + game * agents + agent] = p.noted[place]
             p.has_noted[place] = 0
-    return p.ways.is_missing
+    return is_missing
 
 
-def _table(ways: Ways, target: int) -> int:
-    """Return where the table of a target begins; -1, and note that it is wanted, where there is none."""
+def _place(ways: Ways, node: int, target: int) -> int:
+    """Return where tables have the way from a node to a target; -1, and note that it is wanted, where it is unknown."""
     table = ways.tables[target]
-    if table < 0:
-        ways.wanted[target] = 1
-        ways.is_missing = True
-        return -1
-    return table * ways.nodes
+    place = table * ways.nodes + node
+    if table >= 0 and ways.actions[place] != UNKNOWN:
+        return place
+    ways.is_missing = True
+    if ways.count < len(ways.wanted):
+        ways.wanted[ways.count] = target * ways.nodes + node
+        ways.count += 1
+    return -1
 
 
 def _distance(ways: Ways, node: int, target: int) -> float:
-    begin = _table(ways, target)
-    return 0.0 if begin < 0 else ways.far[begin + node]
+    place = _place(ways, node, target)
+    return 0.0 if place < 0 else ways.far[place]
 
 
 def _towards(ways: Ways, node: int, target: int) -> int:
     """Return the action that leads to a target; NOTHING: there is none, or no path."""
     if target < 0:
         return NOTHING
-    begin = _table(ways, target)
-    return 0 if begin < 0 else ways.actions[begin + node]
+    place = _place(ways, node, target)
+    return 0 if place < 0 else ways.actions[place]
 
 
 def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:

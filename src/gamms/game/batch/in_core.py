@@ -155,6 +155,7 @@ class Making:
         games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
         flags = tuple(one.flags for one in self.rules)
         noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
+        noted = noted.those(np.argsort(games, kind="stable"))  # a game that waits for a way goes on behind others
         events.count = 0
         self._note_scores(noted, score)
         is_end = noted.kinds == _END
@@ -345,7 +346,7 @@ class CoreGames:
             self._by_steps.take_memories()
         self._play_parts(bounds)
         if self._by_steps is not None:
-            while self._by_steps.make_tables():
+            while self._by_steps.find_ways():
                 self._play_parts(bounds)
             self._by_steps.give_memories()
         state.is_going[:] = self._over == 0

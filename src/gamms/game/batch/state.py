@@ -86,8 +86,8 @@ class CoreEvents(NamedTuple):
     nodes: IntArray
     flags: tuple[tuple[Hashable, ...], ...]
 
-    def those(self, which: BoolArray) -> "CoreEvents":
-        """Return some of the events."""
+    def those(self, which: BoolArray | IntArray) -> "CoreEvents":
+        """Return some of the events: which, (events,), or their places."""
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
 

@@ -18,10 +18,11 @@ from gamms.text import shown
 from gamms.typing import IAgent
 from gamms.typing.sensor_engine import ON_GROUND
 
-_MOST_BYTES = 512 * 2**20  # of the tables of ways to all nodes; else arrays play, which make them again
+_MOST_BYTES = 128 * 2**20  # of the tables of ways between all nodes; on larger maps arrays play
 _BYTES = 12  # of a node in a table
 _MOST_LOOKING = 1024  # agents that are compared with each other; among more, arrays find those that are near by cells
-_AT_ONCE = 1 << 22  # nodes of tables that are made at once
+_MOST_ASKED = 1 << 14  # ways that a thread asks for at once
+_UNKNOWN = -3  # an action that `gamms.core.strategies` asks for
 _LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
 _LOOKING = ("chase", "flee")
 
@@ -117,8 +118,8 @@ class StrategySteps:
 
     def strategies(self, games: rules.Games) -> strategies.Strategies:
         """Return the strategies as one more thread plays them."""
-        state, wanted = self._state, np.zeros(self._state.streets.num_nodes, np.uint8)
-        ways = strategies.Ways(len(wanted), wanted.data)
+        state, wanted = self._state, np.zeros(_MOST_ASKED, np.int64)
+        ways = strategies.Ways(state.streets.num_nodes, wanted.data)
         self._ways.append((ways, wanted))
         self._share()
         noted = len(self._columns) * len(state.roster.names)
@@ -161,29 +162,36 @@ class StrategySteps:
         make = lambda games: {name: np.full((games, agents), first) for name, first in remembers}  # noqa: E731
         return self._state.keep(("memory", key), make)
 
-    def make_tables(self) -> bool:
-        """Make the tables of ways that threads want; return whether there were any."""
-        wanted = np.flatnonzero(np.any([wanted for _, wanted in self._ways], axis=0))
-        if not len(wanted):
-            return False
-        nodes, routes = self._state.streets.num_nodes, self._state.movement.routes("length")
-        if self._count + len(wanted) > len(self._far):
-            room = min(nodes, 2 * (self._count + len(wanted)))
-            self._far, self._actions = (_longer(one, room) for one in (self._far, self._actions))
-        rows, at_once = np.arange(nodes), max(1, _AT_ONCE // nodes)
-        for begin in range(0, len(wanted), at_once):
-            some = wanted[begin : begin + at_once]
-            tables = slice(self._count, self._count + len(some))
-            self._actions[tables] = routes.actions(rows, some[:, None])
-            self._far[tables] = routes.distances(rows, some[:, None])
-            self._tables[some] = np.arange(tables.start, tables.stop)
-            self._count = tables.stop
+    def find_ways(self) -> bool:
+        """Find the ways that threads have asked for, with all from nodes on them; return whether there were any."""
+        asked = [wanted[: ways.count] for ways, wanted in self._ways]
+        pairs, nodes = np.unique(np.concatenate(asked)), self._state.streets.num_nodes
+        found_some = len(pairs) > 0
+        routes, streets = self._state.movement.routes("length"), self._state.streets
+        while len(pairs):
+            targets, here = np.divmod(pairs, nodes)
+            self._make_room(np.unique(targets[self._tables[targets] < 0]))
+            actions = routes.actions(here, targets)
+            self._actions[self._tables[targets], here] = actions
+            self._far[self._tables[targets], here] = routes.distances(here, targets)
+            goes = actions > 0
+            targets, ahead = targets[goes], streets.ends_of(here[goes], actions[goes])
+            is_unknown = self._actions[self._tables[targets], ahead] == _UNKNOWN
+            pairs = np.unique(targets[is_unknown] * nodes + ahead[is_unknown])
         self._share()
-        return True
+        return found_some
+
+    def _make_room(self, targets: IntArray) -> None:
+        """Make tables of targets, in which nothing is known yet."""
+        last = self._count + len(targets)
+        if last > len(self._far):
+            room = min(len(self._tables), 2 * last)
+            self._far, self._actions = _longer(self._far, room, 0.0), _longer(self._actions, room, _UNKNOWN)
+        self._tables[targets] = np.arange(self._count, last)
+        self._count = last
 
     def _share(self) -> None:
-        for ways, wanted in self._ways:
-            wanted[:] = 0
+        for ways, _ in self._ways:
             far: Any = self._far.reshape(-1).data
             ways.take(self._tables.data, far, self._actions.reshape(-1).data)
 
@@ -192,7 +200,7 @@ def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are 
     return np.array(values, dtype).data
 
 
-def _longer(tables: np.ndarray[Any, Any], room: int) -> np.ndarray[Any, Any]:
-    found = np.empty((room, tables.shape[1]), tables.dtype)
+def _longer(tables: np.ndarray[Any, Any], room: int, fill: float) -> np.ndarray[Any, Any]:
+    found = np.full((room, tables.shape[1]), fill, tables.dtype)
     found[: len(tables)] = tables
     return found
