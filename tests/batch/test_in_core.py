@@ -253,6 +253,14 @@ def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_in_arrays(part,
         check(number, in_arrays, by_steps=True)
 
 
+def test_a_walk_needs_no_ways_and_so_is_in_the_core_on_maps_of_any_size():
+    with scene(side=60).batch(2, seed=1) as games:
+        assert is_in_core(games)
+    hunt = {"blue": {"count": 3, "strategy": "gamms.strategies:chase"}}
+    with scene(side=60).replace(teams=hunt).batch(2, seed=1) as games:
+        assert not is_in_core(games)
+
+
 def names_in_docs(row):
     """Return the names in the cell "in the core" of a row of the table in docs/batches.md."""
     page = (Path(__file__).parents[2] / "docs" / "batches.md").read_text(encoding="utf-8")

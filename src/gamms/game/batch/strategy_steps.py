@@ -30,14 +30,20 @@ _LOOKING = ("chase", "flee")
 def why_not_by_steps(game: PlayedGame, state: GameArrays) -> Iterator[str]:
     """Yield what of strategies with steps the core cannot play, in words."""
     agents, plans = state.roster.agents, game.settings()["plans"]
-    specs = [spec_of(decider_of(agent, plans)) for agent in agents]
-    looking = [agent for agent, spec in zip(agents, specs, strict=True) if _looks(spec.core_steps or ())]
-    if any(spec.core_steps for spec in specs) and state.streets.num_nodes**2 * _BYTES > _MOST_BYTES:
+    steps = [_steps_of(decider_of(agent, plans)) for agent in agents]
+    looking = [agent for agent, own in zip(agents, steps, strict=True) if _looks(own)]
+    if any(steps) and state.streets.num_nodes**2 * _BYTES > _MOST_BYTES:
         yield "ways on a large map"
     if looking and len(agents) > _MOST_LOOKING:
         yield "many agents that look at each other"
     if not all(_is_plain(look) for agent in looking for look in _looks_on_ground(agent)):
         yield "sensors that do more than to show who is near"
+
+
+def _steps_of(decider: object) -> Sequence[CoreStep]:
+    """Return the steps that a strategy is played by; one that the core knows by a number has none."""
+    spec = spec_of(decider)
+    return () if isinstance(spec.core_form, int) else spec.core_steps or ()
 
 
 def _looks(steps: Sequence[CoreStep]) -> bool:
