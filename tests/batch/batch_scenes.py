@@ -6,7 +6,7 @@ import numpy as np
 
 import gamms
 from gamms.game.batch.forms import StrategySpec, declare
-from gamms.game.settings import declared, spec_of
+from gamms.game.settings import declared, rule_spec_of
 from gamms.scenario import Scenario
 
 WALK = "gamms.strategies:random_walk"
@@ -41,7 +41,7 @@ def rule_form(rule, begins=None):
     """Declare the decorated function as the array form of a rule, likewise."""
 
     def decorated(form):
-        declared(rule, replace(spec_of(rule), array_form=form, begin_arrays=begins))
+        declared(rule, replace(rule_spec_of(rule), array_form=form, begin_arrays=begins))
         return form
 
     return decorated
@@ -51,7 +51,7 @@ def check_form(rule):
     """Declare the decorated function as the array form of the check of a rule."""
 
     def decorated(form):
-        declared(rule, replace(spec_of(rule), array_check=form))
+        declared(rule, replace(rule_spec_of(rule), array_check=form))
         return form
 
     return decorated

@@ -13,7 +13,7 @@ import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import games as batch_games
-from gamms.game.batch.forms import spec_of
+from gamms.game.batch.forms import strategy_spec_of
 from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
 
@@ -281,7 +281,7 @@ def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
             "guard": strategies.guard(ctx, 3, 10.0),
         }
     assert {*made} == {*strategies.__all__}
-    assert names_in_docs("strategies") == {name for name, one in made.items() if spec_of(one).core_steps}
+    assert names_in_docs("strategies") == {name for name, one in made.items() if strategy_spec_of(one).core_steps}
     assert names_in_docs("rules") == set(FORMS)
 
 

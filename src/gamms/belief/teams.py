@@ -18,7 +18,7 @@ from gamms.belief.motion import Motion, chain_of, evidence_of
 from gamms.core import belief as core
 from gamms.game.batch.begun import remembers
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, places_of
-from gamms.game.batch.forms import key_of, spec_of
+from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.sight import looks_from_the_air
 from gamms.game.batch.state import Arrays, NotTakenUp
 from gamms.game.batch.view import ArrayView, looks_in, movement_in, parts_of, put_back
@@ -37,7 +37,7 @@ def why_not_believed(motion: Motion, game: PlayedGame, agent: IAgent) -> str | N
     """Return why an agent cannot observe in arrays, in words; None: it can."""
     settings, plans = game.settings(), game.settings()["plans"]
     mates = [one for one in agents_of(game) if one.team == agent.team is not None]
-    specs = [spec_of(decider_of(one, plans)) for one in (agent, *mates)]
+    specs = [strategy_spec_of(decider_of(one, plans)) for one in (agent, *mates)]
     chain = chain_of(motion, ground_of(game.ctx.graph.columns()))
     others = {key_of(spec.array_form) for spec in specs if BOARD in spec.boards}
     reasons = {

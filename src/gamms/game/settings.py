@@ -1,6 +1,6 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order.
 
-A rule is a function; `RuleSpec` has what it says about itself, and `spec_of` returns it.
+A rule is a function; `RuleSpec` has what it says about itself, and `rule_spec_of` returns it.
 """
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
@@ -384,7 +384,7 @@ def declared(rule: R, spec: RuleSpec) -> R:
     return rule
 
 
-def spec_of(rule: object) -> RuleSpec:
+def rule_spec_of(rule: object) -> RuleSpec:
     """Return what a rule says about itself: what was declared, and the attributes that a user has given it."""
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
@@ -403,7 +403,7 @@ class NamedRule(NamedTuple):
     @property
     def spec(self) -> RuleSpec:
         """What the rule says about itself."""
-        return spec_of(self.rule)
+        return rule_spec_of(self.rule)
 
     def __repr__(self) -> str:
         """Show the name, the rule as a program writes it, and the phase."""
@@ -466,7 +466,7 @@ class RuleSet:
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)
-        spec = spec_of(rule)
+        spec = rule_spec_of(rule)
         if spec.key is not None and any(one.spec.key == spec.key for one in self.rules):
             raise Duplicate("a rule with a key", spec.key)
         named = NamedRule(_free_name(_name_of(rule), taken) if name is None else name, rule, phase)

@@ -15,7 +15,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
 from gamms.game.batch.view import movement_in
 from gamms.game.deeds import field_of
-from gamms.game.settings import spec_of
+from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import choices_of
@@ -512,7 +512,7 @@ default_observation.of_each = True  # type: ignore[attr-defined] # what it gives
 def _brings_back(rule: object) -> bool:
     """Return whether a rule declares that it brings agents back, or code of the caller names `respawn`."""
     own = (code for code in _codes_of(rule, set()) if not code.co_filename.startswith(_GAMMS))
-    return spec_of(rule).brings_back or any("respawn" in code.co_names for code in own)
+    return rule_spec_of(rule).brings_back or any("respawn" in code.co_names for code in own)
 
 
 def _gives_scores(rule: object) -> bool:

@@ -16,7 +16,7 @@ from gamms.arguments import as_int
 from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.game.hidden_state import image_of
-from gamms.game.settings import spec_of
+from gamms.game.settings import rule_spec_of
 from gamms.graph.storage import MapSnapshot
 from gamms.plain import Plain, as_json, is_same
 from gamms.scenario import spec as schema
@@ -216,7 +216,7 @@ class Builder:
         for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
                 rule = self._rule(given, f"rules.{number}")
-                prepare = spec_of(rule).prepare
+                prepare = rule_spec_of(rule).prepare
                 if prepare is not None:
                     prepare(self.ctx)
             now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
@@ -383,7 +383,7 @@ class Builder:
             rule, full = self._rule(given, path), in_full(schema.Rule, given)
             before = game.rules
             game.add(rule, phase=full.phase, name=full.name)
-            if spec_of(rule).prepare is not None:
+            if rule_spec_of(rule).prepare is not None:
                 self._calls += 1
                 if not _is_ours(rule):
                     self._by_seed.append(path)

@@ -19,7 +19,7 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.begun import Begins, begins_of
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import CoreStep, StrategySpec, declare, spec_of
+from gamms.game.batch.forms import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.game.batch.movement import NO_ACTION
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
@@ -346,7 +346,7 @@ def offer_form(
         refuses: says in words why the form is not for an agent of a game; None: it is for all.
         flies: whether the form is for agents that fly, too.
     """
-    specs = [spec_of(part) for part in parts]
+    specs = [strategy_spec_of(part) for part in parts]
     forms = [spec.array_form for spec in specs]
     boards = [one for spec in specs for one in spec.boards]
     refusing = [one for spec in specs for one in spec.refuses]
@@ -373,8 +373,8 @@ def offer_form(
 
 def offer_steps(strategy: Callable[..., None], *steps: "CoreStep | Callable[[Any], None]") -> None:
     """Let a strategy with an array form be played in the core, by these steps and those of strategies that it calls."""
-    spec = spec_of(strategy)
-    forms = [(one,) if isinstance(one, CoreStep) else spec_of(one).core_steps for one in steps]
+    spec = strategy_spec_of(strategy)
+    forms = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
     if spec.array_form is not None and None not in forms:
         found = tuple(step for form in forms for step in form or ())
         declare(strategy, replace(spec, core_steps=found))

@@ -12,7 +12,7 @@ from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.core import moves
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import CoreStep, declare, spec_of
+from gamms.game.batch.forms import CoreStep, declare, strategy_spec_of
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.travelers import Waypoints
 from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
@@ -133,7 +133,7 @@ for _strategy, _form, _core_form in (
     (random_walk, _walk_in_arrays, moves.RANDOM_WALK),
 ):
     offer_form(_strategy, _form, flies=True)
-    declare(_strategy, replace(spec_of(_strategy), core_form=_core_form))
+    declare(_strategy, replace(strategy_spec_of(_strategy), core_form=_core_form))
 offer_steps(stay, CoreStep("stay"))
 offer_steps(random_walk, CoreStep("walk"))
 
@@ -249,7 +249,7 @@ def random_waypoints(
     step = CoreStep("wander", chosen, turns, key="random_waypoints", remembers=tuple(_NO_WAYPOINT.items()))
     offer_steps(strategy, step, fallback)
     if fallback is stay:
-        declare(strategy, replace(spec_of(strategy), core_form=Waypoints(chosen, turns)))
+        declare(strategy, replace(strategy_spec_of(strategy), core_form=Waypoints(chosen, turns)))
     return strategy
 
 
@@ -311,7 +311,7 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
             if "action" in state:
                 return
 
-    specs = [spec_of(option) for option in options]
+    specs = [strategy_spec_of(option) for option in options]
     may_skip = all(spec.may_skip for spec in specs)
     offer_form(strategy, _first_in_arrays, parts=options, may_skip=may_skip, flies=all(spec.flies for spec in specs))
     offer_steps(strategy, *options)
@@ -348,7 +348,9 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
-    offer_form(strategy, _mix_in_arrays, chance, parts=options, flies=all(spec_of(one).flies for one in options))
+    offer_form(
+        strategy, _mix_in_arrays, chance, parts=options, flies=all(strategy_spec_of(one).flies for one in options)
+    )
     return strategy
 
 

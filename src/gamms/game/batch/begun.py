@@ -12,7 +12,7 @@ from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
 from gamms.game.batch.flights import Flights
-from gamms.game.batch.forms import key_of, spec_of
+from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.last_turn import LastTurn, last_flights
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
@@ -123,14 +123,14 @@ class Beginning:
         settings, known = game.settings(), game.ctx.agent.agents
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         has_come = [name in known for name in state.roster.names]
-        are_whole = [spec_of(one).takes_up_all for one in deciders]
+        are_whole = [strategy_spec_of(one).takes_up_all for one in deciders]
         state.takes_up[:] = [is_whole or not has for is_whole, has in zip(are_whole, has_come, strict=True)]
         if not (state.has_begun or any(remembers(game, agent) for agent in known.values())):
             return
-        by_key = {key_of(begins): one for one in deciders if (begins := spec_of(one).begins) is not None}
+        by_key = {key_of(begins): one for one in deciders if (begins := strategy_spec_of(one).begins) is not None}
         for one in by_key.values():
             try:
-                _take_up(game, state, f"the strategy {as_code(one)}", spec_of(one).begins)
+                _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
             except NotTakenUp as error:  # what it keeps is not in `first` then
                 state.takes_up[:], state.why_not_first = False, f": {error}"
 
@@ -265,7 +265,7 @@ def _why_not_placed(game: PlayedGame) -> Iterator[str]:
 
 def may_forget(game: PlayedGame, agent: IAgent) -> bool:
     """Whether the array form of what decides for an agent does not know what the agent or its team remembers."""
-    return spec_of(decider_of(agent, game.settings()["plans"])).begins is None and remembers(game, agent)
+    return strategy_spec_of(decider_of(agent, game.settings()["plans"])).begins is None and remembers(game, agent)
 
 
 def remembers(game: PlayedGame, agent: IAgent) -> bool:

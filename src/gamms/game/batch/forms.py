@@ -69,7 +69,7 @@ def declare(strategy: object, spec: StrategySpec) -> None:
     setattr(strategy, _SPEC, spec)
 
 
-def spec_of(strategy: object) -> StrategySpec:
+def strategy_spec_of(strategy: object) -> StrategySpec:
     """Return what a strategy, or the plan of a team, declares; one that declares nothing has no array form.
 
     A function that `functools.wraps` another one has the attributes of that, but does not do the same.

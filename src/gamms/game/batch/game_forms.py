@@ -9,7 +9,7 @@ import numpy as np
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns, put_locked
 from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.forms import key_of, spec_of
+from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.roads import NeedsOneMap, StreetsOfMaps
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, draw_keys_in, movement_in
@@ -215,11 +215,12 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         if decider is not None:
-            found.setdefault((key_of(spec_of(decider).array_form), bool(roster.flies[number])), []).append(number)
+            form = key_of(strategy_spec_of(decider).array_form)
+            found.setdefault((form, bool(roster.flies[number])), []).append(number)
     groups = []
     for numbers in found.values():
         decider = decider_of(roster.agents[numbers[0]], plans)
-        spec, flies = spec_of(decider), bool(roster.flies[numbers[0]])
+        spec, flies = strategy_spec_of(decider), bool(roster.flies[numbers[0]])
         assert spec.array_form is not None  # noqa: S101 - the others are asked one by one
         groups.append(Group(as_code(decider), np.array(numbers), spec.array_form, flies, spec.may_skip))
     return groups

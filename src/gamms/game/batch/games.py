@@ -13,7 +13,7 @@ from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_i
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, decider_of, reserved
-from gamms.game.batch.forms import spec_of
+from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, NotTakenUp
@@ -97,7 +97,7 @@ class Batch(Fixed):
             self._begin = self._starts(seeds)  # the ids of the nodes where agents begin, (games, agents)
             self._engine = ArrayEngine(source.game, seeds, self._begin.copy(), self._roster)
         plans = source.game.settings()["plans"]
-        may_leave = source.game.turn > 0 or any(spec_of(decider_of(one, plans)).refuses for one in agents)
+        may_leave = source.game.turn > 0 or any(strategy_spec_of(decider_of(one, plans)).refuses for one in agents)
         self._left: str | None = None  # why the games have left the arrays
         is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None

@@ -15,7 +15,7 @@ from gamms.core import by_metres, conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
-from gamms.game.batch.forms import spec_of
+from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_late
@@ -260,7 +260,7 @@ def _form_in(decider: object, by: Movement) -> int | Waypoints | None:
     """Return by what the core plays a strategy of agents that go so, or None; without a strategy, they stay."""
     if decider is None:
         return moves.STAY
-    spec = spec_of(decider)
+    spec = strategy_spec_of(decider)
     if type(by) is not Movement or isinstance(spec.core_form, int):
         form: int | Waypoints | None = spec.core_form
         return form
@@ -293,7 +293,9 @@ class CoreGames:
         numbers = [by_metres.RANDOM_WAYPOINTS if isinstance(one, Waypoints) else one for one in self._forms]
         self._decides_by = np.array(numbers, np.uint8)
         pairs = zip(self._forms, deciders, strict=True)
-        self._steps = [(spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs]
+        self._steps = [
+            (strategy_spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs
+        ]
         self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
         streets = state.streets

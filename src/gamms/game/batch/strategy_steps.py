@@ -9,7 +9,7 @@ import numpy as np
 from gamms.core import rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, decider_of
-from gamms.game.batch.forms import CoreStep, spec_of
+from gamms.game.batch.forms import CoreStep, strategy_spec_of
 from gamms.game.batch.sight import look_of
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.ir.graph import IntArray
@@ -42,7 +42,7 @@ def why_not_by_steps(game: PlayedGame, state: GameArrays) -> Iterator[str]:
 
 def _steps_of(decider: object) -> Sequence[CoreStep]:
     """Return the steps that a strategy is played by; one that the core knows by a number has none."""
-    spec = spec_of(decider)
+    spec = strategy_spec_of(decider)
     return () if isinstance(spec.core_form, int) else spec.core_steps or ()
 
 

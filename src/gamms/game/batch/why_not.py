@@ -6,7 +6,7 @@ from typing import Any
 
 from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
-from gamms.game.batch.forms import spec_of
+from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.conflicts import ranked
 from gamms.game.settings import as_called
@@ -82,7 +82,7 @@ def why_not_decided(game: PlayedGame) -> dict[Hashable, str]:
 
 def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any) -> Iterator[str]:
     """Yield what of the decider of an agent, and of the sensors that it asks, has no array form."""
-    spec, has_plan = spec_of(decider), agent.team in game.settings()["plans"]
+    spec, has_plan = strategy_spec_of(decider), agent.team in game.settings()["plans"]
     if spec.array_form is None or may_forget(game, agent):
         kind = f"plan of team {shown(agent.team)}" if has_plan else "strategy"
         yield f"the {kind} {as_code(decider)}{', which remembers something' * (spec.array_form is not None)}"
