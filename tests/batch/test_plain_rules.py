@@ -1,5 +1,6 @@
 """Plain rules and collectors in batches: the context is pointed at each game in turn, with the same results."""
 
+import functools
 from queue import SimpleQueue
 from threading import Thread
 
@@ -674,3 +675,23 @@ def test_rules_that_tag_are_one_rule_if_one_of_them_calls_a_function(sides):
         alone = ctx.game.run()
     assert played.events == alone.events
     assert any(event["kind"] == "tag" for event in alone.events)
+
+
+def test_a_function_that_wraps_a_rule_is_called_alone_beside_other_such_rules_and_in_batches():
+    def counted(rule):
+        @functools.wraps(rule)
+        def wrapper(ctx):
+            ctx.game.scores["calls"] += 1
+            rule(ctx)
+
+        return wrapper
+
+    ctx = scene([], max_turns=9).build(seed=3)
+    ctx.game.add(counted(tag("red", "blue")))
+    ctx.game.add(tag("blue", "red"))
+    with ctx.game.batch(3) as games:
+        games.run(warn=False)
+        assert games.scores["calls"].tolist() == [9, 9, 9]
+    ctx.game.run()
+    assert ctx.game.scores["calls"] == 9
+    assert "red" in ctx.game.scores

@@ -385,8 +385,14 @@ def declared(rule: R, spec: RuleSpec) -> R:
 
 
 def rule_spec_of(rule: object) -> RuleSpec:
-    """Return what a rule says about itself: what was declared, and the attributes that a user has given it."""
+    """Return what a rule says about itself: what was declared, and the attributes that a user has given it.
+
+    A function that `functools.wraps` a rule is prepared and drawn like that rule, but may do something else: it is
+    called itself, and is not joined with other rules.
+    """
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
+    if spec is getattr(getattr(rule, "__wrapped__", None), _SPEC, None):
+        spec = RuleSpec(**{name: getattr(spec, name) for name in (*_ATTRIBUTES, "brings_back", "last_turn")})
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
     if own.get("check", spec.check) is not spec.check:
         own["array_check"] = None
