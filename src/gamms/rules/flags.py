@@ -167,7 +167,7 @@ class _Flags(NamedTuple):
         may_drop = fresh or known is None or known.told != carriers
         if may_drop and any(carriers.values()):
             self._drop(ctx, carriers, _stopped(fresh))
-        if known is None or known.flags is not self:
+        if known is None or not known.take(self):
             known = turn.roster.kept[key] = _FlagsOfAgents(self, turn)
         if known.seed != turn.seed:
             known.draw_by(turn.seed)
@@ -241,6 +241,13 @@ class _FlagsOfAgents:
             goal=flags.goal or 0,
             points=0.0,
         )
+
+    def take(self, flags: _Flags) -> bool:
+        """Go on with the arguments of another rule, of another game, if they are the same; return whether they are."""
+        if flags is not self.flags and (flags != self.flags or [*flags.bases] != [*self.flags.bases]):
+            return False
+        self.flags = flags
+        return True
 
     def draw_by(self, seed: int) -> None:
         """Derive the draws of the rule from another seed, which is that of another game: nothing is known of it."""
