@@ -22,7 +22,7 @@ class Walkers:
     `Games.edge` has the nodes to which agents have covered part of an edge, and `Games.share` how much of it.
 
     Attributes:
-        movers: what they have in common with agents that go along one edge in a turn.
+        movers: the columns that all agents have, however they move.
         hops, ways: their ways by the number of edges, and by length.
         reach: scratch.
         roaming: what those do that go to nodes drawn at random.

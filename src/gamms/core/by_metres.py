@@ -42,13 +42,13 @@ class Travelers:
     """The agents of games by metres as they decide and go; rows are those of `rules.Games`.
 
     Attributes:
-        movers: what they have in common with agents that go along one edge in a turn.
+        movers: the columns that all agents have, however they move.
         roads, reach, known: where they may go.
         ways: of agents that roam, by their rows.
         near: of the others, whose ways are short: by numbers that follow from where these begin and end.
         slots: how many such numbers there are, a power of 2.
         trips: (agents,) their ways through the turn of one game.
-        events: get what they cannot do.
+        events: receive the illegal actions.
         nodes: how many there are.
         speeds: (agents,) metres in the time of speeds; NaN: none.
         motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.

@@ -25,7 +25,7 @@ INFINITE = float("inf")
 
 
 class Ways:
-    """How far it is to nodes, and how agents go there: what is known of it, and what was asked for and is not known.
+    """Known distances and first steps to targets, and the pairs that were asked for and are not known yet.
 
     Attributes:
         nodes: how many there are.
@@ -117,7 +117,8 @@ class Strategies:
     Attributes:
         games: the games.
         steps: of their strategies.
-        ways, looks: what they know.
+        ways: the known ways on the map.
+        looks: the sensors that agents carry.
         offsets, targets: the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`, its own first.
         ids: (nodes,) of nodes by their rows.
         keys: (rows,) the `draws.first_key` of each agent.

@@ -239,7 +239,9 @@ class Decisions:
                 decided.
             moves: both, as the core has them.
         """
-        self.slots, self.starts, self.moves = slots, starts, moves
+        self.slots = slots
+        self.starts = starts
+        self.moves = moves
         self.actions: dict[int, ResolvedAction] = {}
         self.ends: Any = starts if ends is None else ends
         if self.written or self.failures or self.awaited or self._copiers:

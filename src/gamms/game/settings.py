@@ -1,6 +1,6 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order.
 
-A rule is a function; `RuleSpec` has what it says about itself, and `rule_spec_of` returns it.
+A rule is a function. `RuleSpec` is its declaration, and `rule_spec_of` returns the declaration of any rule.
 """
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
@@ -332,10 +332,10 @@ class RuleSpec:
         disclose: called with `ctx.game.data`, which it must not change, and names of agents; returns what these know
             of it, for copies to look ahead in. Without it, copies have what `prepare` makes.
         rank: a `Rank`: a rule of a higher one is called later in its phase.
-        key: under which the rule keeps what it remembers in `ctx.game.data`; no two rules have the same.
+        key: the key of the state of the rule in `ctx.game.data`; no two rules have the same.
         act_as_one: makes one rule of the `parts` of all rules of a phase with the same function here, which is called
             in the place of the first.
-        parts: what it makes the rule of.
+        parts: the parts that `act_as_one` joins.
         brings_back: whether agents that are out come back, so that learners wait for that.
         last_turn: the turn after which the rule ends the game, for windows to show how far it is.
         array_form: does the same in many games: called with a `batch.turn.ArrayTurn`; None: batches play one
@@ -344,7 +344,7 @@ class RuleSpec:
             moves it refuses.
         core_form: called with a `batch.in_core.Making`, returns the rule as the core plays it in batches; None: the
             core does not.
-        why_not_in_arrays: called with the agents, says what of them the array form cannot deal with; None: nothing.
+        why_not_in_arrays: called with the agents, returns in words why the array form cannot play them; None: it can.
         prepare_arrays: called with the state of a batch when it begins, to publish facts in the form that they have in
             arrays.
         begin_arrays: called with the context and the state of the batch, returns what the array form keeps of the game
@@ -385,7 +385,7 @@ def declared(rule: R, spec: RuleSpec) -> R:
 
 
 def rule_spec_of(rule: object) -> RuleSpec:
-    """Return what a rule says about itself: what was declared, and the attributes that a user has given it.
+    """Return the declaration of a rule, with the attributes that a user has given it.
 
     A function that `functools.wraps` a rule is prepared and drawn like that rule, but may do something else: it is
     called itself, and is not joined with other rules.

@@ -95,12 +95,15 @@ class MakingOfTurn(Making):
 
     def __init__(self, turn: ArrayTurn) -> None:
         state = state_in(turn)
-        self.state, self._turn = state, turn
+        self.state = state
+        self._turn = turn
         self._columns = columns = turn.shared("columns of the core", partial(_Columns, state))
         columns.begin(state, turn)
-        self.games, self.home = columns.games, columns.home
+        self.games = columns.games
+        self.home = columns.home
         self.events = rules.Events(_FIRST_ROOM)
-        self.rules, self.agents_in = [], []
+        self.rules = []
+        self.agents_in = []
         self._has_followed = False
         self._filled: rules.Steps | None = None  # what fills columns of one game so far
 
@@ -110,7 +113,7 @@ class MakingOfTurn(Making):
         return super().tracks(sides, at_end=at_end)
 
     def near(self, nearness: tuple[str | None, float, bool, bool, bool]) -> Near:
-        """Return what says how far agents are from each other; None: they meet on nodes."""
+        """Return the distances between agents that count as contacts; None: they meet on nodes."""
         turn, (unit, limit, _, air, passing) = self._turn, nearness
         if unit is None:
             return None

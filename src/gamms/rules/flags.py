@@ -203,7 +203,7 @@ class _FlagsOfAgents:
     Attributes:
         flags, seed: as given.
         told: who carried flags when that was published last.
-        fact: what was published then.
+        fact: the fact that was published last.
     """
 
     _taken: dict[Hashable, str | None] | None = None  # who carries flags, as the core has it

@@ -1,4 +1,4 @@
-"""What agents of many games do: what strategies decide in arrays, and what is given from outside."""
+"""Actions of agents of many games: those that strategies decide in arrays, and those given from outside."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial

@@ -193,7 +193,8 @@ class Batch(Fixed):
             for given in log[self._entry_of(number) :]:
                 if engine.over(number) is None:
                     engine.step_game(number, given)
-        self._engine, self._left = engine, why
+        self._engine = engine
+        self._left = why
         self._put_public(slow=why)
 
     @contextmanager

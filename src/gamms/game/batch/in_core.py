@@ -111,7 +111,7 @@ class Making:
         return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
 
     def near(self, nearness: tuple[str | None, float, bool, bool, bool]) -> Near:
-        """Return what says how far agents are from each other; None: they meet on nodes.
+        """Return the distances between agents that count as contacts; None: they meet on nodes.
 
         Args:
             nearness: what counts as a contact, a `Nearness` of `gamms.rules.meetings`, which imports this.

@@ -28,7 +28,7 @@ _LOOKING = ("chase", "flee")
 
 
 def why_not_by_steps(game: PlayedGame, state: GameArrays) -> Iterator[str]:
-    """Yield what of strategies with steps the core cannot play, in words."""
+    """Yield, in words, the reasons why the core cannot play strategies with steps."""
     agents, plans = state.roster.agents, game.settings()["plans"]
     steps = [_steps_of(decider_of(agent, plans)) for agent in agents]
     looking = [agent for agent, own in zip(agents, steps, strict=True) if _looks(own)]

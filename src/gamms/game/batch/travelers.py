@@ -50,7 +50,7 @@ def most_legs(by: ByMetres) -> int:
 
 
 def why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
-    """Yield what of the moves of games the core cannot play, in words."""
+    """Yield, in words, the reasons why the core cannot play the moves of games."""
     if by.closed or type(by) not in (Movement, ByEdges, ByMetres):
         yield "closed roads, or ways along none"
     if isinstance(by, ByMetres):
@@ -256,7 +256,7 @@ class MetreColumns:
         self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
 
     def _known(self) -> travel.KnownReach:
-        """Return room to remember what is legal on nodes."""
+        """Return room for the legal nodes that a thread remembers."""
         speeds, kinds = np.unique(self._by.paces, return_inverse=True)
         tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
         room: Any = np.empty(_MOST_LEGAL, np.int64)

@@ -20,7 +20,7 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
 
 
 def _why_not_played(game: PlayedGame) -> Iterator[str]:
-    """Yield what of the state and the settings of a game has no array form."""
+    """Yield the parts of the state and the settings of a game that have no array form."""
     settings, agents = game.settings(), agents_of(game)
     why = _why_not_moved(game)
     if why is not None:
@@ -69,7 +69,7 @@ def _why_not_moved(game: PlayedGame) -> str | None:
 
 
 def why_not_decided(game: PlayedGame) -> dict[Hashable, str]:
-    """Return what of the strategies and sensors of teams has no array form, in words, by team."""
+    """Return, by team and in words, the strategies and sensors that have no array form."""
     found: dict[Hashable, str] = {}
     plans = game.settings()["plans"]
     for agent in agents_of(game):
@@ -81,7 +81,7 @@ def why_not_decided(game: PlayedGame) -> dict[Hashable, str]:
 
 
 def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any) -> Iterator[str]:
-    """Yield what of the decider of an agent, and of the sensors that it asks, has no array form."""
+    """Yield, in words, why the decider of an agent or a sensor that it asks has no array form."""
     spec, has_plan = strategy_spec_of(decider), agent.team in game.settings()["plans"]
     if spec.array_form is None or may_forget(game, agent):
         kind = f"plan of team {shown(agent.team)}" if has_plan else "strategy"
