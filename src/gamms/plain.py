@@ -105,6 +105,8 @@ def copied(value: object, memo: dict[int, Any] | None = None) -> Any:
         value: what is copied.
         memo: what takes the place of which objects; see `copy.deepcopy`.
     """
+    if type(value) in _ATOMS:
+        return value
     try:
         return _copy_of(value, set())
     except _NotPlain:
@@ -223,7 +225,7 @@ def _copy_of(value: Any, seen: set[int]) -> Any:
     if kind not in _CONTAINERS or id(value) in seen or (is_array and (value.dtype.hasobject or value.base is not None)):
         raise _NotPlain
     seen.add(id(value))
-    if kind is dict:
+    if kind is dict and not _ATOMS.issuperset(map(type, value.values())):
         return {key: one if type(one) in _ATOMS else _copy_of(one, seen) for key, one in value.items()}
     if kind is list or kind is tuple:
         return kind([one if type(one) in _ATOMS else _copy_of(one, seen) for one in value])

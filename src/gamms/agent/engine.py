@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.carried import found_sensors, listed
-from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
+from gamms.agent.snapshots import AgentsSnapshot, Roster, attributes_of, copied_attributes, details_of, teams_in
 from gamms.agent.teams import (
     AgentsByName,
     Members,
@@ -403,6 +403,7 @@ class AgentStorage(Guarded):
 
     def __init__(self, engine: AgentEngine) -> None:
         self._engine, self._phase = engine, engine._phase
+        self._roster: Roster | None = None  # of the last snapshot that was taken or restored
 
     @refused_while_deciding
     def turn_access(self, agent: BaseAgent) -> TurnAccess:
@@ -442,46 +443,46 @@ class AgentStorage(Guarded):
         Args:
             is_left: whether their game is left, because another takes its place: then attributes are not copied.
         """
-        engine, block, log = self._engine, self._engine.block, self._engine.block.structure
-        copy: Callable[[dict[str, Any]], dict[str, Any]] = dict if is_left else copied_attributes
+        engine, block = self._engine, self._engine.block
         block.locate()
-        stored = engine._stored()
-        agents = [
-            (agent, copy(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
-            for agent in stored.values()
-            if type(agent) is not Members
-        ]
-        attributes = [(one, dict(one.columns)) for one in teams_in(stored).values()]
-        deleted = [(agent, agent._block) for agent in engine._deleted if agent._block is not block]
-        return AgentsSnapshot(block.values(), (log, log.version), stored, attributes, agents, deleted)
+        roster = self._roster
+        if roster is None or block.has_teams or not roster.is_of(block):
+            roster = self._roster = Roster(block, engine._stored())
+        copy: Callable[[dict[str, Any]], dict[str, Any]] = dict if is_left else copied_attributes
+        return AgentsSnapshot(
+            roster,
+            block.values(),
+            [copy(agent.__dict__) for agent in roster.agents],
+            [agent._last[0] for agent in roster.agents],
+            [dict(one.columns) for one in roster.teams],
+            [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],
+        )
 
     @refused_while_deciding
     def restore(self, before: AgentsSnapshot) -> None:
         """Restore all agents: delete those that were created since, bring back those that were deleted."""
-        block = self._engine.block
-        has_structure = before.structure == (block.structure, block.structure.version)
-        if not has_structure:
+        roster = before.roster
+        is_same = roster.is_of(self._engine.block)
+        if not is_same:
             self._restore_agents(before)
-        self._engine.block.restore(before.columns, has_structure=has_structure)
-        for members, columns in before.attributes:
+        block = self._engine.block
+        block.restore(before.columns, None if is_same else roster.columns)
+        for members, columns in zip(roster.teams, before.of_teams, strict=True):
             members.columns = columns.copy()
-        made: list[Any] = [
-            (members.made[name], members.attributes(name), members.strategy, {}, {})
-            for name, members in before.stored.items()
-            if type(members) is Members and name in members.made
-        ]
-        for agent, attributes, strategy, sensors, last in (*before.agents, *made):
+            for name, one in members.made.items():
+                if roster.stored.get(name) is members:  # it was made since
+                    one._last[0] = {}
+                    _renew(one, members.attributes(name))
+                    _equip_as(one, members.strategy, {})
+        for agent, attributes, state in zip(roster.agents, before.attributes, before.states, strict=True):
+            agent._last[0] = state
             if attributes or agent.__dict__:
-                agent.__dict__.clear()
-                agent.__dict__.update(copied_attributes(attributes))
-            if agent.strategy is not strategy:
-                agent.decide_by(strategy)
-            agent._last[0] = last
-            if agent._sensor_list != sensors:
-                for name in list(agent._sensor_list):  # all, for their order
-                    agent.deregister_sensor(name)
-                for name, sensor in sensors.items():
-                    agent.register_sensor(name, sensor)
+                _renew(agent, attributes)
+        if not is_same:
+            for agent, strategy, sensors in zip(roster.agents, roster.strategies, roster.sensors, strict=True):
+                _equip_as(agent, strategy, sensors)
+            roster.version = block.structure, block.structure.version
+            self._roster = roster
 
     @refused_while_deciding
     def copy_from(self, other: "AgentStorage", memo: dict[int, Any]) -> None:
@@ -538,13 +539,13 @@ class AgentStorage(Guarded):
         for name, agent in list(engine._stored().items()):
             if not before.has(name, agent):
                 engine.delete_agent(name)
-        block, now = engine.block, engine._stored()
-        if list(before.stored) != list(now):
+        block, then = engine.block, before.roster.stored
+        if list(then) != list(engine._stored()):
             engine._new_block()
             engine._block.has_teams = block.has_teams
             engine._block.succeed(block)
             engine._agents = AgentsByName({}, engine._made) if block.has_teams else {}
-            for name, known in before.stored.items():
+            for name, known in then.items():
                 agent = known.made.get(name, known) if type(known) is Members else known
                 if type(agent) is Members:
                     engine._block.take_over(block, block.row_of(name))
@@ -553,6 +554,23 @@ class AgentStorage(Guarded):
                 engine._agents[name] = agent
         for agent, own in before.deleted:  # they are again as they were when they were deleted
             agent._block, agent._row = own, 0
+
+
+def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:
+    """Give an agent copies of the attributes that it had."""
+    agent.__dict__.clear()
+    agent.__dict__.update(copied_attributes(attributes))
+
+
+def _equip_as(agent: BaseAgent, strategy: Any, sensors: dict[str, ISensor]) -> None:
+    """Give an agent the strategy and the sensors that it had."""
+    if agent.strategy is not strategy:
+        agent.decide_by(strategy)
+    if agent._sensor_list != sensors:
+        for name in list(agent._sensor_list):  # all, for their order
+            agent.deregister_sensor(name)
+        for name, sensor in sensors.items():
+            agent.register_sensor(name, sensor)
 
 
 _CLASSES: dict[AgentType, type[Agent | AerialAgent]] = {AgentType.BASIC: Agent, AgentType.AERIAL: AerialAgent}

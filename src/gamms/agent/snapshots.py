@@ -8,34 +8,67 @@ from typing import Any
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import StructureLog
 from gamms.ir.schema import PLACES
 from gamms.plain import copied
 from gamms.typing.graph_engine import Node
+
+
+class Roster:
+    """Which agents there are and what they are; snapshots share it until that changes.
+
+    Args:
+        block: of the agents.
+        stored: name -> the agent, or the `Members` that it was one of, in the order of the rows.
+
+    Attributes:
+        stored: as given.
+        version: of the structure of the block, at which the agents are these.
+        columns: those of the block that say it.
+        teams: the members that were not made.
+        agents: those that were made.
+        strategies, sensors: of these.
+    """
+
+    def __init__(self, block: AgentBlock, stored: dict[str, Any]) -> None:
+        self.stored = stored
+        self.version = block.structure, block.structure.version
+        self.columns = block.structure_values()
+        self.teams = list(teams_in(stored).values()) if block.has_teams else []
+        self.agents: list[BaseAgent] = [one for one in stored.values() if type(one) is not Members]
+        self.strategies = [agent.strategy for agent in self.agents]
+        self.sensors = [agent._sensor_list.copy() for agent in self.agents]
+
+    def is_of(self, block: AgentBlock) -> bool:
+        """Whether agents are these now, but for members that were made since."""
+        return self.version == (block.structure, block.structure.version)
 
 
 @dataclass(eq=False)
 class AgentsSnapshot:
     """All agents at one moment: the columns, and of each agent what is not in them."""
 
+    roster: Roster
     columns: dict[str, Any]
-    structure: tuple[StructureLog, int]  # which agents there are, and which team, speed and sensors they have
-    stored: dict[str, Any]  # name -> the agent, or the `Members` that it was one of, in the order of the rows
-    attributes: list[tuple[Members, dict[str, Any]]]  # of members that were not made
-    agents: list[tuple[BaseAgent, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
-    # agent, attributes, strategy, sensors, last state
+    attributes: list[dict[str, Any]]
+    states: list[dict[str, Any]]  # that agents were given last
+    of_teams: list[dict[str, Any]]  # the attributes of members that were not made
     deleted: list[tuple[BaseAgent, AgentBlock]]  # with blocks of their own
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the agents, in the order of their rows."""
+        return self.roster.columns["names"]
 
     @cached_property
     def places(self) -> dict[str, Any]:
         """Name -> the node an agent was on, or (x, y, z) of a flyer."""
         nodes, positions = self.columns["games"].row("node"), self.columns["position"]
-        places = zip(self.stored, nodes, positions, strict=True)
+        places = zip(self.names, nodes, positions, strict=True)
         return {name: node if position is None else position for name, node, position in places}
 
     def has(self, name: str, agent: Any) -> bool:
         """Return whether an agent was there, or `Members` for one that is not made yet."""
-        known = self.stored.get(name)
+        known = self.roster.stored.get(name)
         return known is agent or (type(known) is Members and known.made.get(name) is agent)
 
     def place_of(self, agent: BaseAgent) -> Any:
@@ -57,7 +90,7 @@ class AgentsSnapshot:
 
         It has the speed that it had, and is on a node until it is placed; in the air, as high as it was.
         """
-        speeds = dict(zip(self.stored, self.columns["speed"], strict=True))
+        speeds = dict(zip(self.names, self.roster.columns["speed"], strict=True))
         for row, name in enumerate(block.names):
             if name not in known:
                 was = self.places.get(name)
@@ -70,8 +103,9 @@ class AgentsSnapshot:
     def write_attributes(self, agent: BaseAgent) -> None:
         """Give an agent of a copy the attributes that it had, and no state."""
         agent._last[0] = {}
-        if agent.name in self.stored:
-            own = next((own for one, own, *_ in self.agents if one.name == agent.name), {})
+        if agent.name in self.roster.stored:
+            each = zip(self.roster.agents, self.attributes, strict=True)
+            own: dict[str, Any] = next((own for one, own in each if one.name == agent.name), {})
             agent.__dict__.clear()
             agent.__dict__.update(copied_attributes(own))
 

@@ -112,7 +112,7 @@ class Block:
             of: the block that the source is in, of the same columns; None: this one.
         """
         block = self if of is None else of
-        for axis, size in block.sizes.items():
+        for axis, size in block.sizes.items() if block.sizes != self.sizes else ():
             if size < self.sizes[axis]:
                 self.close_up(range(size, self.sizes[axis]), axis)
             elif size > self.sizes[axis]:
@@ -123,10 +123,12 @@ class Block:
 
     def copied(self, game: int = 0) -> Block:
         """Return a block of one game, which is a copy of one of these."""
-        copy = Block(())
+        copy = Block.__new__(Block)
         copy.columns = self.columns
+        copy.games = 1
         copy.sizes = self.sizes.copy()
         copy._room = self.sizes.copy()
+        copy.numbers = {}
         for name, column in self.columns.items():
             numbers = self.row(name, game)
             kept = _view(bytearray(numbers), column.code) if column.is_copied else _initial(column, len(numbers))

@@ -171,6 +171,10 @@ class Turns:
         self.seeds += 1
         self.turn = -1
 
+    def begin_again(self) -> None:
+        """Let it be as if nothing had been drawn in this turn."""
+        self.turn = -1
+
 
 class StreamOfTurns:
     """Draws of one name, which begin anew in each turn.

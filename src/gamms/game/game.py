@@ -236,7 +236,7 @@ class Game(RuleVerbs):
 
     def _play(self) -> None:
         state, rules = self._state, self._ruleset
-        if "before" in rules.phases and state.parts_played is None:
+        if "before" in rules.now.phases and state.parts_played is None:
             self._apply_rules("before")
             if state.over is not None:
                 return
@@ -246,7 +246,7 @@ class Game(RuleVerbs):
         state.turn += 1
         state.parts_played = None
         try:
-            if "after" in rules.phases:
+            if "after" in rules.now.phases:
                 self._apply_rules("after")
             if self._collectors.by_name:
                 self._collectors.collect(state.turn, self.ctx, lambda: self.agents)

@@ -116,6 +116,7 @@ class Settings(ContextPart):
     information: Literal["private", "full"] = "private"
     max_turns: int | None = None
     _called = "ctx.game"
+    _settings_now: tuple[int, dict[str, Any]] = -1, {}  # and the count of changes at which they were these
     _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -137,6 +138,13 @@ class Settings(ContextPart):
     def settings(self) -> dict[str, Any]:
         """Return all settings; `configure` takes them."""
         return {name: getattr(self, name) for name in _CHECKS}
+
+    @refused_while_deciding
+    def settings_now(self) -> dict[str, Any]:
+        """Return all settings, not to be written to: the same dict until one is set."""
+        if self._settings_now[0] != self._phase.setting_changes:
+            self._settings_now = self._phase.setting_changes, self.settings()
+        return self._settings_now[1]
 
     def plain_settings(self) -> dict[str, Any]:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
@@ -439,29 +447,56 @@ def _joined(group: Sequence[NamedRule]) -> NamedRule:
     return NamedRule(" and ".join([one.name for one in group]), join(parts), group[0].phase)
 
 
+class RuleTable:
+    """Rules of a game as they are called; snapshots share it.
+
+    Args:
+        rules: the rules by their ranks, those of one rank in the order in which they were added.
+
+    Attributes:
+        rules: as given.
+        of_phase: phase -> groups of rules that are called as one, and that one.
+        checks: the rules that check moves and deeds, and by what function.
+        phases: the phases in which a rule is called; "check" is one of them.
+        act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
+        drawings: name of an artist -> how it draws a rule, and in which layer.
+    """
+
+    def __init__(self, rules: tuple[NamedRule, ...]) -> None:
+        self.rules = rules
+        self.of_phase = {phase: _groups([one for one in rules if one.phase == phase]) for phase in PHASES}
+        specs = [(one, one.spec) for one in rules]
+        self.checks = [(one, spec.check) for one, spec in specs if spec.check is not None]
+        self.phases = frozenset(["check"] * len(self.checks) + [one.phase for one in rules])
+        self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
+        self.drawings: dict[str, tuple[Any, int]] = {}
+        for one, spec in specs:
+            if spec.drawer is not None:
+                artist = str(getattr(spec.drawer, "artist", f"rule_{one.name}"))
+                self.drawings.setdefault(artist, (spec.drawer, getattr(spec.drawer, "layer", 12)))
+
+
 class RuleSet:
     """The rules of one context's game.
 
     Attributes:
-        rules: the rules by their ranks, those of one rank in the order in which they were added; another tuple after
-            each change.
-        phases: the phases in which a rule is called; "check" is one of them.
-        act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
+        now: the rules; another table after each change.
         unchecked: those that were added since it was checked which teams they name.
     """
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.unchecked: list[NamedRule] = []
-        self.replace(())
+        self.now = RuleTable(())
+
+    @property
+    def rules(self) -> tuple[NamedRule, ...]:
+        """The rules; another tuple after each change."""
+        return self.now.rules
 
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
         """Replace all rules, without what they draw."""
-        self.rules = rules
-        self._of_phase = {phase: _groups([one for one in rules if one.phase == phase]) for phase in PHASES}
-        self._checks = [(one, check) for one in rules if (check := one.spec.check) is not None]
-        self.phases = frozenset(["check"] * len(self._checks) + [one.phase for one in rules])
-        self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
+        self.now = RuleTable(rules)
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
@@ -478,38 +513,39 @@ class RuleSet:
         named = NamedRule(_free_name(_name_of(rule), taken) if name is None else name, rule, phase)
         if spec.prepare is not None:
             spec.prepare(self._ctx)
-        self.replace(tuple(sorted((*self.rules, named), key=lambda one: one.spec.rank)))
+        self.put(RuleTable(tuple(sorted((*self.rules, named), key=lambda one: one.spec.rank))))
         self.unchecked.append(named)
-        self._propose(named)
 
     def remove(self, wanted: str | Rule | NamedRule) -> None:
         """Remove a rule; see `Game.remove`."""
         for named in self.rules:
             if wanted in (named, named.name, named.rule):
-                self.restore(tuple(one for one in self.rules if one is not named))
+                self.put(RuleTable(tuple(one for one in self.rules if one is not named)))
                 return
         name = wanted if isinstance(wanted, str) else _name_of(wanted)
         raise UnknownName("rule", name, [named.name for named in self.rules])
 
-    def restore(self, rules: tuple[NamedRule, ...]) -> None:
+    def put(self, rules: RuleTable) -> None:
         """Replace all rules: the artists of those that go are removed, and those that come are drawn."""
-        before = self.rules
-        self.replace(rules)
-        gone = {artist for named in before if named not in rules and (artist := _artist_of(named)) is not None}
-        artists: Any = getattr(self._ctx.visual, "artists", None)  # an engine of the caller's may have none
-        withdraw = self._ctx.visual.remove_artist if artists is None else artists.withdraw
-        for artist in sorted(gone):
+        before, self.now = self.now.drawings, rules
+        if before == rules.drawings:
+            return
+        visual = self._ctx.visual
+        artists: Any = getattr(visual, "artists", None)  # an engine of the caller's may have none
+        withdraw = visual.remove_artist if artists is None else artists.withdraw
+        propose = visual.add_artist if artists is None else artists.propose
+        for artist in sorted(name for name, drawing in before.items() if rules.drawings.get(name) != drawing):
             withdraw(artist)
-        for named in rules:
-            if named not in before or _artist_of(named) in gone:
-                self._propose(named)
+        for artist, drawing in rules.drawings.items():
+            if before.get(artist) != drawing:
+                propose(artist, {"drawer": drawing[0], "layer": drawing[1]})
 
     def apply(self, phase: str, state: GameState) -> bool:
         """Call the rules of a phase, those that other rules add meanwhile too, and those that they remove no longer.
 
         A game that ends before a turn ends at once. Return whether a rule was called.
         """
-        seen, called = self.rules, self._of_phase[phase]
+        seen, called = self.rules, self.now.of_phase[phase]
         was_called = False
         while True:
             for group, named in called:
@@ -533,13 +569,13 @@ class RuleSet:
 
     def check(self, state: GameState) -> bool:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
-        for named, check in self._checks:
+        for named, check in self.now.checks:
             try:
                 check(self._ctx)
             except Exception as error:
                 _add_place(error, named, "check", state)
                 raise
-        return bool(self._checks)
+        return bool(self.now.checks)
 
     def warn(self) -> None:
         """Warn about new rules that name teams which no agent plays for."""
@@ -550,23 +586,9 @@ class RuleSet:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
         self.unchecked.clear()
 
-    def _propose(self, named: NamedRule) -> None:
-        artist = _artist_of(named)
-        if artist is not None:
-            drawer = named.spec.drawer
-            artists: Any = getattr(self._ctx.visual, "artists", None)
-            propose = self._ctx.visual.add_artist if artists is None else artists.propose
-            propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
-
 
 def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState) -> None:
     error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
-
-
-def _artist_of(named: NamedRule) -> str | None:
-    """Return the name of the artist that draws a rule; None if it is not drawn."""
-    drawer = named.spec.drawer
-    return None if drawer is None else str(getattr(drawer, "artist", f"rule_{named.name}"))
 
 
 def _name_of(rule: object) -> str:

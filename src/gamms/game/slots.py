@@ -337,6 +337,16 @@ class SlotMaker:
         if self._table is not None:
             self._table.rekey(self._ctx.seed)
 
+    @property
+    def have_drawn(self) -> bool:
+        """Whether an agent may have drawn in this turn."""
+        return self._table is not None and self._table.turn == self._state.turn
+
+    def forget_draws(self) -> None:
+        """Let agents draw in this turn as if they had not drawn yet."""
+        if self._table is not None:
+            self._table.begin_again()
+
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
     ) -> tuple[Sequence[AgentSlot], Succession | None]:
@@ -398,12 +408,6 @@ def number(slots: Collection[AgentSlot], block: AgentBlock) -> None:
     """Let slots say in which rows their agents are, which others have left."""
     for slot, row in zip(slots, block.rows.of_each([slot.name for slot in slots]), strict=True):
         slot.row = row
-
-
-def restart_draws(slots: Iterable[AgentSlot]) -> None:
-    """Let agents draw in this turn as if they had not drawn yet."""
-    for slot in slots:
-        slot.go_to((None, None))
 
 
 def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:

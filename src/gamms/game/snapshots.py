@@ -1,6 +1,6 @@
 """What engines and clients do with a whole game: snapshots, detached copies (forks), and `ctx.game.internals`."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -12,7 +12,7 @@ from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.moves import TurnMoves
 from gamms.game.result import Collectors
-from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
+from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, GameState, LogsTakenOut
@@ -128,14 +128,14 @@ class SnapshotTaker(NamedTuple):
             "agent_engine": ctx.agent,
             "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.storage.snapshot(),
-            "settings": self.settings.settings(),
-            "rules": self.rules.rules,
+            "settings": self.settings.settings_now(),
+            "rules": self.rules.now,
             "collectors": self.collectors.snapshot(),
             "logs": state.logs_taken_out() if is_left else state.marks(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }
-        values = state.taken_out() if is_left else copies_of(state)
+        values = state.taken_out() if is_left else state.copies()
         return Snapshot(state.turn, ctx.seed, state, values, parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
@@ -149,13 +149,13 @@ class SnapshotTaker(NamedTuple):
         ctx.sensor.storage.restore_keywords(parts["sensors"])
         ctx.agent.storage.restore(parts["agents"])
         ctx.sensor.storage.restore(parts["sensors"], forget=forget)
-        if self.settings.settings() != parts["settings"]:
+        settings = self.settings.settings_now()
+        if settings is not parts["settings"] and settings != parts["settings"]:
             self.settings.configure(parts["settings"])
-        if self.rules.rules is not parts["rules"]:
-            self.rules.restore(parts["rules"])
+        if self.rules.now is not parts["rules"]:
+            self.rules.put(parts["rules"])
         self.collectors.restore(parts["collectors"])
-        for name, value in snapshot._values.items():
-            state.put(name, COPY_OF[name](value, None))
+        state.restore(snapshot._values)
         if isinstance(parts["logs"], LogsTakenOut):
             state.put_logs(parts["logs"])
         else:
@@ -167,11 +167,6 @@ class SnapshotTaker(NamedTuple):
         ctx, parts = self.ctx, snapshot._parts
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
-
-
-def copies_of(state: GameState, names: Iterable[str] = COPY_OF) -> dict[str, Any]:
-    """Return copies of some fields of a state, by name; without names of all that are not logs."""
-    return {name: COPY_OF[name](getattr(state, name), None) for name in names}
 
 
 # -- forks ------------------------------------------------------------------------------------------------------
@@ -428,7 +423,7 @@ class GameInternals(Guarded):
     @refused_while_deciding
     def restore_rules(self, rules: Sequence[NamedRule]) -> None:
         """Replace all rules; nothing is prepared again."""
-        self._parts.rules.restore(tuple(rules))
+        self._parts.rules.put(RuleTable(tuple(rules)))
 
     @property
     def is_time_up(self) -> bool:

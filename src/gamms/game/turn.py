@@ -21,7 +21,7 @@ from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy, restart_draws
+from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
@@ -167,21 +167,25 @@ class TurnEngine:
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return what agents have drawn in this turn outside of it, for `restore`."""
         self.update_counts()
-        made = () if self._order is None else made_slots(self._order.slots)
-        return {slot.name: marks for slot in made if (marks := slot.marks()) != (None, None)}
+        if self._order is None or not self._slots.have_drawn:
+            return {}
+        each = {slot.name: slot.marks() for slot in made_slots(self._order.slots)}
+        return {name: marks for name, marks in each.items() if marks != (None, None)}
 
     def restore(self, drawn: dict[str, tuple[Any, Any]]) -> None:
         """Continue from a state that was restored."""
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
         order = self.order() if drawn else self._order
-        if order is not None:
-            order.restart_counts()
-            slots: Sequence[AgentSlot] = made_slots(order.slots)
-            if isinstance(order.slots, LazySlots):
-                slots = [*slots, *(order.slots[order.index_of[name]] for name in drawn if name in order.index_of)]
-            for slot in slots:
-                slot.show_blocked()
-                slot.go_to(drawn.get(slot.name, (None, None)))
+        if order is None:
+            return
+        order.restart_counts()
+        self._slots.forget_draws()
+        blocked = self._state.blocked
+        for slot in made_slots(order.slots):
+            slot.set_blocked(blocked.get(slot.name) if blocked else None)
+        for name, marks in drawn.items():
+            if name in order.index_of:
+                order.slots[order.index_of[name]].go_to(marks)
 
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the state that an agent gets now; its sensors are asked."""
@@ -240,7 +244,7 @@ class TurnEngine:
         except BaseException as error:  # what was drawn is drawn again when the turn is played
             note_lost(error, self._ctx)
             self.outboxes.outgoing = []
-            restart_draws(made_slots((self._order or order).slots))
+            self._slots.forget_draws()
             raise
         finally:
             self.is_moving = False
@@ -276,7 +280,7 @@ class TurnEngine:
             turn.let_stand(order.whole.paced, self._legality.travel)
         now = perf_counter()
         spent["decide"] += now - began
-        if order.has_deeds or rules.act_before_moves:
+        if order.has_deeds or rules.now.act_before_moves:
             turn = self._do_deeds(turn, part, rules)
             part, began, now = turn.order.parts[number], now, perf_counter()
             spent["rules"] += now - began

@@ -69,6 +69,7 @@ class MapStorage(Guarded, IMapStorage):
         self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
         self._restored_obstacles: dict[int, int] = {}  # likewise
         self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_now` and `_packed_map`
+        self._last_snapshot: tuple[tuple[Any, ...], MapSnapshot] | None = None  # and what it was made of
 
     def contents(self) -> "SavedMap":
         """Return all that a file holds."""
@@ -124,8 +125,11 @@ class MapStorage(Guarded, IMapStorage):
     @refused_while_deciding
     def snapshot(self) -> MapSnapshot:
         """Return graph and obstacles as they are now, for `restore` and `copy_from`."""
-        stream, store = self._place_stream, self._store
-        return MapSnapshot(
+        store, stream, packed = self._store, self._place_stream, self._packed_map()
+        of = (*self._now(), id(store.closed), store.attribution, store.scenery, id(self.visibility_rows), id(packed))
+        if stream is None and self._last_snapshot is not None and self._last_snapshot[0] == of:
+            return self._last_snapshot[1]
+        snapshot = MapSnapshot(
             store.columns(),
             self._obstacles.columns(),
             store.attribution,
@@ -134,10 +138,13 @@ class MapStorage(Guarded, IMapStorage):
             store.revision,
             self._obstacles.revision,
             self.visibility_rows,
-            self._packed_map(),
+            packed,
             None if stream is None else stream.bit_generator.state,
             [],
         )
+        if stream is None:
+            self._last_snapshot = of, snapshot
+        return snapshot
 
     @refused_while_deciding
     def restore(self, before: MapSnapshot) -> None:

@@ -32,6 +32,7 @@ _NUMBERS = [column.name for column in IN_GAMES if column.axis == "agent"]
 _SHOWN = [name for name in _NUMBERS if name not in AgentColumns.__slots__]
 _LISTS = [name for name in BY_ROW if name not in _NUMBERS]
 _PLACES = [column.name for column in PLACES if column.name in _LISTS]
+_STRUCTURE = [name for name in _LISTS if name not in _PLACES]
 
 
 class AgentBlock(AgentColumns):
@@ -352,9 +353,11 @@ class AgentBlock(AgentColumns):
                 self.journal.turned(row, quat)
 
     def write(self, row: int, values: dict[str, Any]) -> None:
-        """Overwrite columns of one agent and note nothing (used by replay and by batches)."""
+        """Overwrite columns of one agent and note nothing in the journal (used by replay and by batches)."""
         for name, value in values.items():
             getattr(self, name)[row] = value
+            if _COLUMNS[name].is_structure:
+                self.structure.note((row,))
         self.number_teams((self.teams[row],))
         self._follow_progress(row)
         self._changed.add(row)
@@ -439,30 +442,35 @@ class AgentBlock(AgentColumns):
         self._have_all_changed = False
         self._changed.clear()
 
+    def structure_values(self) -> dict[str, list[Any]]:
+        """Return copies of the lists that stay until `structure` changes."""
+        return {name: getattr(self, name).copy() for name in _STRUCTURE}
+
     def values(self) -> dict[str, Any]:
-        """Return copies of all columns, and of `placed` and `team_rows`, for `restore`."""
-        copied = {name: getattr(self, name).copy() for name in (*_LISTS, "placed", "team_rows")}
-        return {**copied, "games": self.games.copied()}
+        """Return copies of all else that `restore` takes: where agents are, and all numbers."""
+        values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
+        values["games"] = self.games.copied()
+        return values
 
-    def restore(self, values: dict[str, Any], *, has_structure: bool) -> None:
-        """Set the columns to what `values` gave.
+    def restore(self, values: dict[str, Any], structure: dict[str, list[Any]] | None) -> None:
+        """Set the columns to what `values` and `structure_values` gave, of as many agents as there are now.
 
-        Args:
-            values: of as many agents as there are now.
-            has_structure: whether agents, teams, speeds, lives and sensors are those of then; only places differ.
+        Without a structure, agents, teams, speeds, lives and sensors are those of then.
         """
-        for name in _PLACES if has_structure else _LISTS:
+        for name in _PLACES:
             getattr(self, name)[:] = values[name]
         self.games.copy_row(0, 0, values["games"])
         self.team_rows = values["team_rows"].copy()
-        self.placed = set(values["placed"])
+        self.placed = values["placed"].copy()
         self._have_all_changed = True
         self._unlocated.update(self.flyers)
-        if has_structure:
+        if structure is None:
             self._find_travellers()
-        else:
-            self._derive()
-            self.structure.note_all(self.structure.version)
+            return
+        for name, column in structure.items():
+            getattr(self, name)[:] = column
+        self._derive()
+        self.structure.note_all(self.structure.version)
 
     def _find_travellers(self) -> None:
         self.travellers = {row for row, one in compress(enumerate(self.progress), self.progress) if one and one.motion}

@@ -4,6 +4,7 @@ from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, Mu
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from numbers import Real
+from operator import attrgetter
 from types import NoneType
 from typing import Any, NamedTuple, Self, cast
 
@@ -114,6 +115,8 @@ class LogHistory:
 
     def go_to(self, log: list[Any], point: LogPoint) -> None:
         """Cut or extend a log so that it is as it was at a point of its own."""
+        if self._last is point and len(log) == point.length:
+            return
         here, there, missing = self.mark(log), point, []
         while here is not there:
             if there.length > here.length:
@@ -242,19 +245,27 @@ def _memories_of(value: Mapping[Any, Any], memo: Memo | None) -> dict[Any, Any]:
 
 def _refill(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
     known.clear()
-    known.update(value)
+    dict.update(known, value)  # scores are numbers already
 
 
-def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any], first: Any = ()) -> None:
-    """Refill the dicts in a dict; those that have no value are as at first."""
+def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
+    """Refill the dicts in a dict; those that have no value are empty."""
     for key, one in known.items():
-        one.clear()
-        one.update(value.get(key, first))
-    known.update({**value, **known})
+        if one or key in value:
+            _refill(one, value.get(key, {}))
+    _add_missing(known, value)
 
 
 def _refill_counts(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    _refill_each(known, value, dict.fromkeys(next(iter(known.values()), ()), 0))
+    """Refill the dicts in a dict, all of which have the same keys; those that have no value count from 0."""
+    for key, one in known.items():
+        one.update(value[key] if key in value else dict.fromkeys(one, 0))
+    _add_missing(known, value)
+
+
+def _add_missing(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
+    if known.keys() != value.keys():
+        known.update({key: dict(one) for key, one in value.items() if key not in known})
 
 
 def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
@@ -435,9 +446,28 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
+    def copies(self) -> dict[str, Any]:
+        """Return what snapshots hold of a game, but for its logs."""
+        values = dict(zip(_SHARED, _shared_of(self), strict=True))
+        for name, copy in _COPIED:
+            values[name] = copy(getattr(self, name), None)
+        return values
+
     def taken_out(self) -> dict[str, Any]:
         """Return what snapshots hold of a game that another takes the place of; what agents remember is not copied."""
-        return {name: taken(getattr(self, name), None) for name, taken in _TAKEN_OUT.items()}
+        values = dict(zip(_SHARED, _shared_of(self), strict=True))
+        for name, copy in _TAKEN_OUT:
+            values[name] = copy(getattr(self, name), None)
+        return values
+
+    def restore(self, values: dict[str, Any]) -> None:
+        """Set the fields to copies of what `copies` or `taken_out` gave."""
+        for name in _SHARED:
+            setattr(self, name, values[name])
+        for name, copy in _REPLACED:
+            setattr(self, name, copy(values[name], None))
+        for name, copy, refill in _REFILLED:
+            refill(getattr(self, name), copy(values[name], None))
 
     def logs_taken_out(self) -> "LogsTakenOut":
         """Return the logs of a game that another takes the place of, which begins with empty ones."""
@@ -495,8 +525,18 @@ FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields
 COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not None}
 """Field of a game -> what returns the copy of its value that snapshots hold."""
 
+_SHARED = [name for name, copy in COPY_OF.items() if copy is _same]
+_shared_of = attrgetter(*_SHARED)
+_COPIED = [(name, copy) for name, copy in COPY_OF.items() if copy is not _same]
 _SHALLOW: dict[Any, Any] = {copied: _shallow, _memories_of: _dicts_of}
-_TAKEN_OUT = {name: _SHALLOW.get(copy, copy) for name, copy in COPY_OF.items()}
+_TAKEN_OUT = [(name, _SHALLOW.get(copy, copy)) for name, copy in _COPIED]
+_REPLACED = [(name, copy) for name, copy in _COPIED if FIELDS[name].refill is None]
+# What only refills dicts copies them.
+_REFILLED = [
+    (name, _same if copy in (_dict_of, _dicts_of) else copy, refill)
+    for name, copy in _COPIED
+    if (refill := FIELDS[name].refill) is not None
+]
 
 
 class _WithSharedLogs(GameState):

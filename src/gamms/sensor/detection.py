@@ -234,6 +234,7 @@ class DetectingSensor(Sensor):
         """Which of the agents in view are reported: by team, and at random."""
         if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
             self._notice = DetectionModel(self.sensor_id, self._phase)
+            self._phase.sensor_changes += 1  # from now on it counts its looks
         return self._notice
 
     def _notice_in_arrays(self, radius: float, owner: str) -> AgentLook | str:
@@ -336,6 +337,11 @@ class DetectingSensor(Sensor):
         if self._notice is not None:
             self._notice.reset()
             forget_delayed(self.ctx, self.sensor_id)
+
+    @property
+    def _remembers_no_more(self) -> bool:
+        """Whether it remembers nothing but what it has shown."""
+        return self._notice is None
 
     def _snapshot(self) -> tuple[Any, ...]:
         """Return what was sensed and how often, for `_restore`."""

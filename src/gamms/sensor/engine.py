@@ -3,8 +3,9 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from copy import deepcopy
+from itertools import filterfalse
 from math import inf, tau
-from typing import Any, Literal, NamedTuple, Unpack, overload
+from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 
 from gamms.arguments import as_declared, as_member, as_name
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
@@ -12,6 +13,7 @@ from gamms.errors import BadValue, ContextTerminated, Duplicate, UnknownName, Un
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
+from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
 from gamms.sensor.nearby import Memory
@@ -36,18 +38,19 @@ _AerialAgent = Literal[SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT
 class SensorSettings(NamedTuple):
     """The sensors there are and how they are set, at one moment."""
 
-    changes: tuple[int, int]  # the counts of changes then
     sensors: tuple[Any, ...]
     owners: tuple[str | None, ...]
     keywords: tuple[dict[str, Any] | None, ...]  # None: its class is the caller's
-    memories: tuple[tuple[Callable[[], Any], Callable[[Any], None]], ...]  # gives what each has sensed, and restores it
+    simple: tuple[Sensor, ...]  # those that remember only what they have shown
+    memories: tuple[tuple[Callable[[], Any], Callable[[Any], None]], ...]  # gives what each other has sensed; restores
 
 
 class SensorsSnapshot(NamedTuple):
     """The sensors at one moment."""
 
     settings: SensorSettings
-    sensed: list[Any]  # what each had sensed whose class has a `snapshot`
+    shown: list[Any]  # by each simple one, and from where
+    sensed: list[Any]  # by the others whose class has a `snapshot`
 
 
 class SensorEngine(ContextPart, ISensorEngine):
@@ -212,7 +215,8 @@ class SensorStorage(Guarded):
     def __init__(self, engine: SensorEngine) -> None:
         self._engine, self._phase = engine, phase_of(engine.ctx)
         self.memory = Memory(engine.ctx)
-        self._known_settings: SensorSettings | None = None
+        self._settings_now: SensorSettings | None = None
+        self._changes = -1, -1  # the counts of changes when these were found
 
     def described(self) -> list[dict[str, Any]]:
         """Return `id` and `type` of every sensor, and for built-in kinds the `keywords` to create it again."""
@@ -248,7 +252,8 @@ class SensorStorage(Guarded):
     def snapshot(self) -> SensorsSnapshot:
         """Return the sensors there are, how they are set and what they have sensed, for `restore`."""
         settings = self._settings()
-        return SensorsSnapshot(settings, [sensed() for sensed, _ in settings.memories])
+        shown = [one for sensor in settings.simple for one in sensor._last]
+        return SensorsSnapshot(settings, shown, [sensed() for sensed, _ in settings.memories])
 
     @refused_while_deciding
     def restore_keywords(self, before: SensorsSnapshot) -> None:
@@ -264,7 +269,13 @@ class SensorStorage(Guarded):
         if self._settings() is not before.settings:
             self.restore_keywords(before)
             self._set_all(before.settings)
+            for sensor in before.settings.simple:
+                if not _is_simple(sensor):
+                    sensor.reset()
         if not forget:
+            shown = iter(before.shown)
+            for sensor, data, look in zip(before.settings.simple, shown, shown, strict=True):
+                sensor._last[:] = data, look
             for (_, restore), sensed in zip(before.settings.memories, before.sensed, strict=True):
                 restore(sensed)
             return
@@ -311,12 +322,14 @@ class SensorStorage(Guarded):
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""
         # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks: snapshots).
-        known, changes = self._known_settings, self._counts()
+        known, changes = self._settings_now, self._counts()
         sensors = tuple(self._engine._sensors.values())
-        if known is None or known.changes != changes or known.sensors != sensors:
-            owners = tuple([owner_of(sensor) for sensor in sensors])
-            keywords, memories = tuple(map(_keywords_of, sensors)), tuple(filter(None, map(_memory_of, sensors)))
-            known = self._known_settings = SensorSettings(changes, sensors, owners, keywords, memories)
+        if known is None or self._changes != changes or known.sensors != sensors:
+            simple = tuple([one for one in sensors if _is_simple(one)])
+            memories = tuple(filter(None, map(_memory_of, filterfalse(_is_simple, sensors))))
+            owners, keywords = tuple(map(owner_of, sensors)), tuple(map(_keywords_of, sensors))
+            known = self._settings_now = SensorSettings(sensors, owners, keywords, simple, memories)
+            self._changes = changes
         return known
 
     def _set_all(self, settings: SensorSettings) -> None:
@@ -327,7 +340,7 @@ class SensorStorage(Guarded):
             if owner_of(sensor) != owner:
                 sensor.set_owner(owner)
         self._phase.sensor_changes += 1
-        self._known_settings = settings._replace(changes=self._counts())
+        self._settings_now, self._changes = settings, self._counts()
 
     def _counts(self) -> tuple[int, int]:
         return self._phase.sensor_changes, self._phase.owner_changes
@@ -350,9 +363,13 @@ def _set(sensor: ISensor, keywords: dict[str, Any]) -> None:
         KINDS[sensor.type].apply(sensor, keywords)
 
 
+def _is_simple(sensor: object) -> TypeGuard[Sensor]:
+    return isinstance(sensor, Sensor) and sensor._remembers_no_more
+
+
 def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:
     """Return the functions that give and restore what a sensor has sensed; the caller's classes need not have them."""
-    if isinstance(sensor, Sensor):
+    if isinstance(sensor, DetectingSensor):
         return sensor._snapshot, sensor._restore
     give, restore = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
     return (give, restore) if callable(give) and callable(restore) else None

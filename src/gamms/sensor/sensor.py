@@ -149,12 +149,10 @@ class Sensor(ContextPart, ISensor):
             self._phase.refuse("call sensor.live_result")
         return self._last if self._is_ours else super().live_result()
 
-    def _snapshot(self) -> tuple[Any, ...]:
-        """Return what was sensed, for `_restore`."""
-        return tuple(self._last)
-
-    def _restore(self, before: tuple[Any, ...]) -> None:
-        self._last[:] = before
+    @property
+    def _remembers_no_more(self) -> bool:
+        """Whether it remembers nothing but what it has shown."""
+        return True
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:

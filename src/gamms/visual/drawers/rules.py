@@ -105,20 +105,31 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
             _pennant(ctx, home.x, home.y, color)
 
 
-class FlagsDrawer:
-    """Draws the flags that rules keep under a key of `ctx.game.data`.
+class KeyedDrawer:
+    """Draws what rules keep under a key; drawers of equal arguments are equal.
 
     Args:
-        key: of the flags.
+        key: under which it is kept.
         colors: team -> colour; None: those of the agents where nothing else is declared.
     """
+
+    def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
+        self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other draws the same."""
+        return type(other) is type(self) and other.keywords == self.keywords
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.artist))
+
+
+class FlagsDrawer(KeyedDrawer):
+    """Draws the flags that rules keep under a key of `ctx.game.data`; see `KeyedDrawer`."""
 
     layer = Layer.FLAGS
     legend = _FLAGS
     is_mark = True
-
-    def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
-        self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
         """Draw them."""
@@ -165,12 +176,10 @@ def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
     return is_in
 
 
-class TerritoryDrawer:
+class TerritoryDrawer(KeyedDrawer):
     """A faint band in the colour of its team along all its streets, and a disc on a node without any.
 
-    Args:
-        key: under which the territory is kept.
-        colors: team -> colour; None: those of the agents where nothing else is declared.
+    See `KeyedDrawer` for the arguments.
     """
 
     once_a_turn = True
@@ -178,7 +187,7 @@ class TerritoryDrawer:
     legend = Rows("", (Row(SIGN, "territory", sign="band"),))
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
-        self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
+        super().__init__(key, colors)
         self._name, self._given = key, colors
         self._seen: Any = None  # the map and the territory for which the discs were worked out
         self._places: dict[Any, _Ground] = {}
