@@ -255,12 +255,13 @@ def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, late
     positions = Positions(block)
     for verb, *given_to_it in verbs:
         getattr(block, verb)(*given_to_it)
-    before, values, nodes, placed = read(block), block.values(), positions.node_ids.tolist(), block.placed.copy()
+    before, nodes, placed = read(block), positions.node_ids.tolist(), block.placed.copy()
+    values, structure = block.values(), block.structure_values()
     copy.take_all(block)
     for verb, *given_to_it in later:
         getattr(block, verb)(*given_to_it)
     assert read(copy) == before
-    block.restore(values, has_structure=False)
+    block.restore(values, structure)
     assert (read(block), positions.node_ids.tolist(), block.placed) == (before, nodes, placed)
     assert block.inactive == {row for row, lives in enumerate(before["alive"]) if not lives}
 

@@ -534,7 +534,7 @@ class RuleSet:
         artists: Any = getattr(visual, "artists", None)  # an engine of the caller's may have none
         withdraw = visual.remove_artist if artists is None else artists.withdraw
         propose = visual.add_artist if artists is None else artists.propose
-        for artist in sorted(name for name, drawing in before.items() if rules.drawings.get(name) != drawing):
+        for artist in sorted(before.keys() - rules.drawings.keys()):
             withdraw(artist)
         for artist, drawing in rules.drawings.items():
             if before.get(artist) != drawing:

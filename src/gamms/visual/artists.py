@@ -383,8 +383,9 @@ class Artists(Guarded):
 
     @refused_while_deciding
     def propose(self, name: str, artist: dict[str, Any]) -> None:
-        """Draw an artist unless there is one of that name, as rules do, which never override the caller."""
-        if name not in self.declared:
+        """Draw an artist in place of the one that was proposed by that name; one of the caller's stays."""
+        known = self.declared.get(name)
+        if known is None or known is self._proposed.get(name):
             self._proposed[name] = self.add_artist(name, artist)
 
     @refused_while_deciding
