@@ -103,7 +103,7 @@ class Legality:
         elif isinstance(wanted, list):
             way = travel.along(place, here, mover.speed, wanted)
         else:
-            way = travel.towards(place, here, mover.speed, wanted)
+            way = travel.towards(mover.row, place, here, mover.speed, wanted)
         return action_of(way, place)
 
     def is_open(self, track: Track) -> bool:

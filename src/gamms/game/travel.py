@@ -5,12 +5,14 @@ there. `Travel` says where agents of the game of a context may go and where they
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 from math import inf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.core import travel as core
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
@@ -22,7 +24,7 @@ from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, OnEdge, placed
 
 SLACK = 1e-9  # of a turn, as the core has it
-_MOST_KEPT = 1 << 17  # nodes on paths, about 100 bytes each
+_REMEMBERED = 64  # nodes on the way of each agent, 16 bytes each
 _FIRST_ROOM = 64  # legs of a way
 ENDLESS = 1 << 32  # edges: more than any way has
 LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # of an edge: who is under way is on it, though these shares may be rounded
@@ -147,7 +149,7 @@ class Roads:
     def __init__(
         self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
     ) -> None:
-        self._graph, self._weight, self._columns = graph, weight, columns
+        self._graph, self._columns = graph, columns
         self._costs = graph.weights(weight)
         self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self.ids: list[int] = columns.node_ids.tolist()
@@ -155,9 +157,9 @@ class Roads:
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
         self.edge_ids = _EdgeIds(columns, self.map)
         self._lines: dict[int, Line] = {}  # by the id of an edge
-        self._begins: dict[tuple[int, int], list[int]] = {}  # by source and target: the path, or its first nodes
-        self._distances: dict[tuple[int, int], float] = {}  # by source and target
-        self._kept = 0  # how many nodes are in the last two
+        self._ways: core.Ways | None = None
+        self._agents = 0  # for how many of these that has room
+        self._parts = Trips(1, 1, route=_REMEMBERED)
         self._reach = Reach(len(self.ids))
         self._found = self._reach.nodes.data
 
@@ -219,55 +221,55 @@ class Roads:
 
     # -- paths ----------------------------------------------------------------------------------------------------
 
-    def path(self, source: int, target: int) -> Iterator[list[int]]:
+    def path(self, agent: int, source: int, target: int) -> Iterator[list[int]]:
         """Yield the rows of the nodes behind `source` on the shortest path to `target`, a part of it after the other.
+
+        The way that an agent, by its row, has found last is remembered.
 
         Raises:
             BadValue: no path leads there.
         """
-        most_edges = 8
-        while source != target:
-            begin = self._begins.get((source, target))
-            if begin is None:
-                begin = self._begin(source, target, most_edges)
-                self._keep(len(begin))
-                self._begins[source, target] = begin
-            yield begin
-            source, most_edges = self.ids[begin[-1]], 2 * most_edges
+        ways, node, goal = self._ways_of(agent), self.row(source), self.row(target)
+        while node != goal:
+            count = core.put_route(ways, self._parts.core, agent, node, goal)
+            if not count:
+                raise BadValue(str(NoPath(self.ids[node], target)))
+            part = self._parts.route[:count].tolist()
+            yield part
+            node = part[-1]
 
-    def _begin(self, source: int, target: int, most_edges: int) -> list[int]:
-        """Return the rows of the first nodes behind `source` on the shortest path to `target`."""
-        if self._is_next(source, target):
-            return [self.row(target)]
-        try:
-            path = self._graph.shortest_path(source, target, self._weight, most_edges=most_edges)
-        except NoPath as error:
-            raise BadValue(str(error)) from None
-        return [*map(self.row, path[1:])]
-
-    def _is_next(self, source: int, target: int) -> bool:
-        """Return whether an edge is the shortest path to a node, which is usual and found in less time than paths."""
-        return core.is_only_way(self.map, self._reach.core, self.row(source), self.row(target))
-
-    def distance(self, source: int, target: int) -> float:
+    def distance(self, agent: int, source: int, target: int) -> float:
         """Return the distance from one node to another by the weight of the game; infinite where there is no path."""
-        found = self._distances.get((source, target))
-        if found is None:
-            if self._is_next(source, target):
-                found = self._costs.item(core.cheapest(self.map, self.row(source), self.row(target)))
-            else:
-                found = self._graph.distance(source, target, self._weight)
-            self._keep(1)
-            self._distances[source, target] = found
-        return found
+        return core.distance(self._ways_of(agent), agent, self.row(source), self.row(target))
 
-    def _keep(self, nodes: int) -> None:
-        """Count nodes that will be kept; what was kept before is forgotten where there are too many."""
-        self._kept += nodes
-        if self._kept > _MOST_KEPT:
-            self._begins.clear()
-            self._distances.clear()
-            self._kept = nodes
+    def _ways_of(self, agent: int) -> core.Ways:
+        """Return the ways of agents, that of this one among them."""
+        if agent >= self._agents:
+            self._agents = 2 * agent + 2
+            columns, costs = self._columns, self._costs
+            leaving, entering = [
+                _of_finite_costs(costs, one)
+                for one in (
+                    (columns.offsets, columns.out_edges),
+                    kernels.group_rows(columns.targets, len(self.ids)),
+                )
+            ]
+            turned = replace(columns, sources=columns.targets, targets=columns.sources)
+            maps = map_of(columns, costs, None, 1.0, leaving), map_of(turned, costs, None, 1.0, entering)
+            of_each, nodes = np.zeros((3, self._agents), np.int64), np.zeros(self._agents * _REMEMBERED, np.int64)
+            of_each[0] = -1  # the goal
+            memory: list[Any] = [*of_each, nodes, np.zeros(len(nodes))]
+            direct: Any = np.zeros(len(costs), np.uint8).data
+            self._ways = core.Ways(*maps, self._reach.core, direct, _REMEMBERED, *[one.data for one in memory])
+        assert self._ways is not None  # noqa: S101 - made above
+        return self._ways
+
+
+def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+    """Return offsets and rows of edges without those of which no path is made."""
+    offsets, edges = edges_at
+    kept = np.isfinite(costs)[edges]
+    return np.concatenate(([0], np.cumsum(kept)))[offsets], edges[kept]
 
 
 class Way(NamedTuple):
@@ -386,8 +388,8 @@ class Travel:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
         return self._go(place, here, speed, motion, (rows,))
 
-    def towards(self, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
-        """Return the way towards a node, by the shortest path, as far as the turn goes.
+    def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
+        """Return the way of an agent, by its row, towards a node, by the shortest path, as far as the turn goes.
 
         Raises:
             BadValue: no path leads there.
@@ -398,18 +400,19 @@ class Travel:
                 return self.stay(None, here)
             if speed is None:
                 self._refuse_far(here, target)
-            return self._go(None, here, speed, route=roads.path(here, target))
+            return self._go(None, here, speed, route=roads.path(agent, here, target))
         edge = roads.of(place)
         motion = core.end_towards(roads.map, roads.row(here), edge, roads.row(target))
         if motion:
             return self._go(place, here, speed, motion)
         if speed is not None:
-            ahead, behind = roads.distance(place.target, target), roads.distance(here, target)
+            ahead, behind = roads.distance(agent, place.target, target), roads.distance(agent, here, target)
             motion = core.shorter_way(roads.map, edge, place.share, ahead, behind)
         if not motion:
             may_turn = core.back(roads.map, edge) >= 0
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
-        return self._go(place, here, speed, motion, roads.path(here if motion == Motion.BACK else place.target, target))
+        end = here if motion == Motion.BACK else place.target
+        return self._go(place, here, speed, motion, roads.path(agent, end, target))
 
     def _refuse_far(self, here: int, target: int) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
