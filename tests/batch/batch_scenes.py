@@ -1,12 +1,8 @@
 """Scenarios to play in batches, and results to compare."""
 
-from dataclasses import replace
-
 import numpy as np
 
 import gamms
-from gamms.game.batch.forms import StrategySpec, declare
-from gamms.game.settings import declared, rule_spec_of
 from gamms.scenario import Scenario
 
 WALK = "gamms.strategies:random_walk"
@@ -25,36 +21,6 @@ def plain(result):
     for name in ("timings", "provenance"):
         del values[name]
     return values
-
-
-def strategy_form(strategy, begins=None):
-    """Declare the decorated function as the array form of a strategy, as those of GAMMS declare theirs."""
-
-    def decorated(form):
-        declare(strategy, StrategySpec(array_form=form, begins=begins))
-        return form
-
-    return decorated
-
-
-def rule_form(rule, begins=None):
-    """Declare the decorated function as the array form of a rule, likewise."""
-
-    def decorated(form):
-        declared(rule, replace(rule_spec_of(rule), array_form=form, begin_arrays=begins))
-        return form
-
-    return decorated
-
-
-def check_form(rule):
-    """Declare the decorated function as the array form of the check of a rule."""
-
-    def decorated(form):
-        declared(rule, replace(rule_spec_of(rule), array_check=form))
-        return form
-
-    return decorated
 
 
 @gamms.array_strategy

@@ -27,7 +27,6 @@ def same_as_one_by_one():
 
     def check(scenario, seeds, strategies=None):
         with scenario.batch(seeds=seeds, strategies=strategies) as games:
-            assert games.slow is None
             games.run()
             for number, seed in enumerate(seeds):
                 assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=strategies))

@@ -4,7 +4,6 @@ import zlib
 from itertools import accumulate
 
 import numpy as np
-from batch_scenes import rule_form, strategy_form
 
 import gamms
 from gamms.strategies import (
@@ -45,21 +44,6 @@ def busy(state):
     if draw.random() < 0.3:
         do["rest"] = None
     state["action"] = {"node_id": node, "do": do} if do else node
-
-
-def busy_in_arrays(view):
-    actions = view.draw.below(view.counts)
-    view.do(
-        "scan", view.draw.random() < 0.5, node=np.take_along_axis(view.legal_rows()[0], actions[..., None], -1)[..., 0]
-    )
-    marks = view.only(view.draw.random() < 0.4)
-    is_early = np.array([name < "b" for name in view["name"]])
-    view.do("mark", marks.mask, size=marks.draw.random(), how="near", whom=np.where(is_early, 0, -1))
-    view.do("rest", view.draw.random() < 0.3)
-    return actions
-
-
-strategy_form(busy)(busy_in_arrays)
 
 
 def curious(state):
@@ -184,24 +168,6 @@ def strike(ctx):
         ctx.game.end("rest")
 
 
-def strike_in_arrays(turn):
-    done = turn.performed("mark")
-    others, is_out = done.values["whom"], done.values["size"] > 0.7
-    for number in range(max(np.bincount(done.at), default=0)):  # the marks of a game one after the other
-        rank = np.arange(len(done.at)) - np.searchsorted(done.at, done.at)
-        those = rank == number
-        turn.emit("marked", done.at[those], agents={"agent": done.agents[those]}, nodes={"at": done.nodes[those]})
-        out, back = those & (others >= 0) & is_out, those & (others >= 0) & ~is_out
-        turn.eliminate(done.at[out], others[out])
-        turn.respawn(done.at[back], others[back])
-    resting = np.bincount(turn.performed("rest").at, minlength=len(turn.games))
-    ended = np.flatnonzero((turn.turn == 4) & (resting > 2))
-    turn.end(ended, "rest", [None] * len(ended))
-
-
-rule_form(strike)(strike_in_arrays)
-
-
 def look(ctx):
     """Note all that a rule sees of agents and how they move."""
     game, seen = ctx.game, []
@@ -296,14 +262,6 @@ def collect_toll(ctx):
         if agent.current_node_id % 3 == 0:
             paid[agent.name] = paid.get(agent.name, 0) + 1
             ctx.game.emit("toll", agent=agent.name, times=paid[agent.name])
-
-
-@rule_form(collect_toll)
-def collect_toll_in_arrays(turn):
-    paid = turn.keep("toll", lambda games: {"times": np.zeros((games, len(turn.roster.names)), np.int64)})["times"]
-    at, agents = np.nonzero(turn.alive & (turn.streets.columns.node_ids[turn.node] % 3 == 0))
-    paid[turn.games[at], agents] += 1
-    turn.emit("toll", at, agents={"agent": agents}, values={"times": paid[turn.games[at], agents]})
 
 
 class FirstOnly:

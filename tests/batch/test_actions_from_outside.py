@@ -53,7 +53,6 @@ def test_deeds_and_messages_that_are_given_are_those_of_games_one_by_one(order, 
         scenario.batch(3, seed=4, record=True) as fast,
         scenario.batch(3, seed=4, record=True, one_by_one=True) as slow,
     ):
-        assert fast.slow is None
         while not fast.is_over.all():
             for games in (fast, slow):
                 games.step({"red": actions_of(games)})
@@ -74,7 +73,6 @@ def test_integers_of_all_sizes_are_actions_where_some_agents_are_not_asked(kind)
     with by_metres.batch(2) as games, by_metres.batch(2, one_by_one=True) as alone:
         for one in (games, alone):
             one.step({"red": np.ones((2, 3), kind), "blue": np.ones((2, 3), kind)})
-        assert games.is_in_arrays
         assert plain(games.result(1)) == plain(alone.result(1))
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, rule_form, scene
+from batch_scenes import plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +11,7 @@ from gamms.errors import BadType, BadValue
 
 LAWS = settings(max_examples=12, deadline=None, derandomize=True)
 SEEDS = [1, 2**40]
-TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1, "then": "respawn"}}
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}
 OUT = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "then": "eliminate"}}
 
 
@@ -59,7 +59,6 @@ def same_in_both(scenario, rule, phase="after", turns_before=0, **settings):
         for _ in range(turns_before):
             ctx.game.step()
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
             games.run()
             games.reset()
             games.run()
@@ -85,45 +84,12 @@ def test_an_array_rule_remembers_what_it_kept_before_a_batch():
     same_in_both(scene([TAG], side=4, max_turns=20), tolls(most=99), turns_before=8)
 
 
-@pytest.mark.parametrize("begins", [True, False])
-def test_the_array_form_of_a_rule_goes_on_with_what_the_rule_has_kept(begins):
-    def toll(ctx):
-        paid = ctx.game.data.setdefault("toll", {})
-        for agent in ctx.game.agents:
-            paid[agent.name] = paid.get(agent.name, 0) + agent.current_node_id
-            ctx.game.emit("toll", agent=agent.name, paid=paid[agent.name])
-
-    def kept(ctx, arrays):
-        return {"toll": {"paid": arrays.roster.column(ctx.game.data.get("toll", {}), 0)}}
-
-    @rule_form(toll, begins=kept if begins else None)
-    def toll_in_arrays(turn):
-        paid = turn.keep("toll", lambda games: {"paid": np.zeros((games, 6), np.int64)})["paid"]
-        at, agents = np.nonzero(turn.alive)
-        paid[turn.games[at], agents] += turn.streets.ids(turn.node[at, agents])
-        turn.emit("toll", at, agents={"agent": agents}, values={"paid": paid[turn.games[at], agents].tolist()})
-
-    with scene(side=4, max_turns=8).build(seed=1) as ctx:
-        ctx.game.add(toll)
-        for _ in range(4):
-            ctx.game.step()
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
-            games.run()
-            assert begins or "what is kept under 'toll' of the turns before the batch" in games.detached[1]
-            assert not (begins and games.detached)
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def test_it_knows_how_agents_with_speeds_pass_nodes():
     with scene([TAG], side=4, max_turns=10).build(seed=1) as ctx:
         for number, agent in enumerate(ctx.agent.create_iter()):
             agent.speed = (2.0, 0.5, None)[number % 3]
         ctx.game.add(tolls())
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
             games.run()
             for number, seed in enumerate(SEEDS):
                 alone.game.reset(seed=seed)
@@ -173,7 +139,6 @@ def test_it_sees_deeds_in_every_phase(phase, order):
         ctx.game.add(strike, phase=phase)
         ctx.game.add(count)
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
             games.run()
             for number, seed in enumerate(SEEDS):
                 alone.game.reset(seed=seed)
@@ -214,7 +179,7 @@ def test_what_it_keeps_is_in_recordings(tmp_path):
         whole = ctx.game.result()
     walks = dict.fromkeys(["red", "blue"], gamms.strategies.random_walk)
     with gamms.recorder.open(tmp_path / "whole.ggr") as recording, recording.resume(4, strategies=walks) as ctx:
-        ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
+        ctx.game.add(gamms.rules.tag("red", "blue"))
         ctx.game.add(tolls())
         later = ctx.game.run(whole.turns - 4)
     assert (later.scores, later.events) == (whole.scores, whole.events)
@@ -232,7 +197,6 @@ def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
     rules = [{"rule": "rules:pay"}, {"rule": "rules:paid", "with": {"points": 0.5}}]
     scenario = scene(rules, side=4, max_turns=6, folder=tmp_path)
     with scenario.batch(seeds=SEEDS) as games:
-        assert games.slow is None
         games.run()
         for number, seed in enumerate(SEEDS):
             result = scenario.play(seed=seed, record=tmp_path / "alone.ggr")

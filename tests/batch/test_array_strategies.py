@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import pytest
-from batch_scenes import check_form, plain, rule_form, scene, strategy_form
+from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue
@@ -159,63 +159,6 @@ def test_what_it_cannot_do_is_refused():
             games.step()
 
 
-def test_a_form_can_be_declared_beside_a_strategy_a_rule_and_its_check():
-    def last(state):
-        state["action"] = state["legal"][-1]
-
-    def storm(ctx):
-        if ctx.game.turn == 5 and ctx.seed % 2:
-            ctx.game.end("storm")
-
-    def check(ctx):
-        for name, move in ctx.game.moves.items():
-            if move.end % 3 == 0:
-                ctx.game.refuse(name, "it is closed")
-
-    storm.check = check
-    strategy_form(last)(lambda view: view.counts - 1)
-    check_form(storm)(lambda turn, ends: turn.streets.ids(ends) % 3 == 0)
-
-    @rule_form(storm)
-    def storm_in_arrays(turn):
-        at = np.flatnonzero((turn.turn == 5) & (turn.seeds % 2 == 1))
-        turn.end(at, "storm", [None] * len(at))
-
-    scenario = scene([], max_turns=8)
-    with scenario.build(seed=1, strategies={"red": last}) as ctx:
-        ctx.game.add(storm)
-        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
-            games.run()
-            for number, seed in enumerate((3, 4)):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-            assert [games.result(number).reason for number in (0, 1)] == ["storm", "max_turns"]
-            assert sum(agent["blocked"] for agent in games.result(1).agents.values()) > 0
-
-
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-def test_plans_with_a_form_are_played_in_arrays_and_others_asked(unit):
-    def ahead(team):
-        return team.targets[team.offsets[1:] - 1]
-
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
-    scenario = scene([tag], settings={"speed_unit": unit}).replace(**{"teams.red.speed": 7.0})
-    with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as alone:
-        for has_form in (False, True):
-            if has_form:
-                strategy_form(ahead)(lambda view: view.counts - 1)
-            for one in (ctx, alone):
-                one.game.command("red", ahead, arrays=True)
-            with ctx.game.batch(seeds=[3, 4]) as games:
-                assert (games.slow is None) == has_form
-                assert has_form or games.slow.startswith("the plan of team 'red'")
-                games.run()
-                for number, seed in enumerate((3, 4)):
-                    alone.game.reset(seed=seed)
-                    assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def test_a_function_beside_the_form_is_refused():
     with pytest.raises(BadType, match=r"array_strategy takes neither of= .* pass the array function itself"):
         gamms.array_strategy(of=lambda state: None)
@@ -238,29 +181,23 @@ def test_a_function_that_wraps_a_strategy_is_asked_itself():
 def test_forms_that_remember_outside_of_their_games_are_refused():
     calls, turns = [], {"storm": 0}
 
-    def last(state):
-        state["action"] = state["legal"][-1]
-
-    def storm(ctx):
-        pass
-
-    @strategy_form(last)
-    def last_in_arrays(view):
+    @gamms.array_strategy
+    def last(view):
         calls.append(1)
         return view.counts - 1
 
-    @rule_form(storm)
-    def storm_in_arrays(turn):
+    @gamms.array_rule
+    def storm(turn):
         turns["storm"] += int(turn.turn.max()) > 2
 
     games = scene().batch(2, strategies={"red": last})
-    with games, pytest.raises(BadValue, match=r"variable 'calls' of last_in_arrays\(\) changed .* view\.keep\("):
+    with games, pytest.raises(BadValue, match=r"variable 'calls' of last\(\) changed .* view\.keep\("):
         games.step()
     with scene().build(seed=1) as ctx:
         ctx.game.add(storm)
         with (
             ctx.game.batch(2) as games,
-            pytest.raises(BadValue, match=r"'turns' of storm_in_arrays\(\) .* turn\.keep\("),
+            pytest.raises(BadValue, match=r"'turns' of storm\(\) .* turn\.keep\("),
         ):
             games.run()
 
@@ -268,11 +205,8 @@ def test_forms_that_remember_outside_of_their_games_are_refused():
 def test_a_form_may_use_what_changes_between_turns():
     weights = np.zeros(4)
 
-    def last(state):
-        state["action"] = state["legal"][-1]
-
-    @strategy_form(last)
-    def last_in_arrays(view):
+    @gamms.array_strategy
+    def last(view):
         return np.minimum(view.counts - 1, int(weights.sum()))
 
     with scene().batch(2, strategies={"red": last}) as games:

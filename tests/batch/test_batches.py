@@ -10,12 +10,11 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import check_form, plain, rule_form, scene
+from batch_scenes import plain, scene
 
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
-from gamms.game.batch import arrays
 from gamms.readonly import ReadOnly
 from gamms.scenario import Scenario
 
@@ -42,30 +41,12 @@ def test_agents_whose_speed_is_infinite_go_any_way_in_a_turn(settings, same_as_o
     same_as_one_by_one(scene([TAG], settings=settings).replace(**speeds), range(3))
 
 
-def test_games_that_are_played_to_their_ends_before_others_are_those_that_are_played_alone(
-    monkeypatch, same_as_one_by_one
-):
-    monkeypatch.setattr(arrays, "_MOST_AT_ONCE", 13)  # agents: those of two games
-    same_as_one_by_one(scene([TAG, {"rule": "last_team"}]), range(7))
-
-
 @gamms.array_strategy
 def stumble(view):
     """Stay for three turns."""
     if (view.turn == 3).any():
         raise RuntimeError("no further")
     return view.node * 0
-
-
-@pytest.mark.parametrize(("is_logged", "turns"), [(False, [3, 0, 0, 0, 0]), (True, [3] * 5)])
-def test_all_games_go_on_after_an_error_in_those_that_were_played_before_others(monkeypatch, is_logged, turns):
-    monkeypatch.setattr(arrays, "_MOST_AT_ONCE", 13)
-    with scene().batch(5, strategies={"red": stumble}, record=is_logged) as games:
-        with pytest.raises(RuntimeError, match="no further"):
-            games.run()
-        assert games.turn.tolist() == turns
-        games.step({"red": np.zeros((5, 3), np.int64)})
-        assert games.turn.tolist() == [turn + 1 for turn in turns]
 
 
 def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():
@@ -268,13 +249,10 @@ def test_impossible_actions_are_refused_and_name_game_and_agent():
 
 
 def test_actions_of_a_wrong_shape_are_refused_before_rules_are_called():
-    def count(ctx):
-        ctx.game.scores["turns"] += 1
-
-    def counted(turn):
+    @gamms.array_rule
+    def count(turn):
         turn.add_score("turns", np.arange(len(turn.games)), 1)
 
-    rule_form(count)(counted)
     with scene().build(seed=0) as ctx:
         ctx.game.add(count, phase="before")
         with ctx.game.batch(2) as games:
@@ -394,7 +372,6 @@ def test_games_of_a_context_go_on_from_where_it_is():
         ctx.game.add(gamms.rules.tag("red", "blue"))
         with ctx.game.batch(3, seed=6) as games:
             games.run()
-            assert games.slow is None
             assert ctx.game.turn == 0
             for number in range(3):
                 ctx.game.reset(seed=6 + number)
@@ -469,7 +446,6 @@ def test_agents_on_edges_are_observed_where_they_are(order):
     scenario = scene(settings={"speed_unit": "metres", "order": order})
     scenario = scenario.replace(**{"teams.red.speed": 3.5, "teams.blue.speed": 10.0})
     with scenario.batch(2, seed=1) as games:
-        assert games.slow is None
         for _ in range(3):
             games.step()
         view = games.observe("red")
@@ -528,13 +504,10 @@ def test_plans_of_other_teams_decide_beside_actions_that_are_given(tmp_path):
 
 
 def test_a_rule_that_raises_leaves_a_turn_that_was_played():
-    def fail(turn):
+    @gamms.array_rule
+    def rule(turn):
         raise ZeroDivisionError("fell")
 
-    def rule(_):
-        pass
-
-    rule_form(rule)(fail)
     with scene().build(seed=1) as ctx:
         ctx.game.add(rule)
         with ctx.game.batch(2, seed=3) as games:
@@ -564,34 +537,6 @@ def test_games_go_on_from_any_rows_of_columns():
         games.step(still)
         others.step({team: actions[:2] for team, actions in still.items()})
         assert (games.columns()["node"][rows] == others.columns()["node"]).all()
-
-
-def test_a_carrier_that_was_tagged_before_carries_its_flag_on_from_columns():
-    flags = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 12}}}
-    scenario = scene([TAG, flags, {"rule": "hold", "with": {"nodes": [3], "turns": 30}}], max_turns=60)
-    carriers, stops = ((("capture_flag", "flags"), name) for name in ("carriers", "stops"))
-    with scenario.batch(8, seed=1) as games, scenario.batch(8, seed=9) as others:
-        games.step(), games.step(), others.step()
-        columns = games.columns()
-        assert (columns[stops][columns[carriers] >= 0] > 0).any()
-        others.load(columns, 2)
-        for one in (games, others):
-            one.step({team: one.observe(team).counts - 1 for team in one.teams})
-        assert (others.columns()[carriers] == games.columns()[carriers]).all()
-
-
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-def test_agents_look_from_columns_where_they_looked(unit):
-    sight = {"eye": {"type": "AGENT_ARC", "sensor_range": 40.0, "fov": 2.0}}
-    scenario = scene(sensors=sight, settings={"speed_unit": unit}, red=4, blue=4)
-    with scenario.replace(**{"teams.red.sensors": ["eye"], "teams.red.speed": 7}).batch(8, seed=1) as games:
-        for _ in range(3):
-            games.step()
-        columns, seen = games.columns(), games.observe("red").seen()
-        games.step()
-        games.load(columns, 3)
-        assert [one.tolist() for one in games.observe("red").seen()[1:]] == [one.tolist() for one in seen[1:]]
-        assert 0 < len(seen.at) < 8 * 4 * 7
 
 
 def test_flights_of_a_team_on_the_ground_are_refused():
@@ -777,21 +722,6 @@ def test_a_closed_batch_plays_no_turn_and_keeps_its_results(one_by_one):
             verb()
     assert games.is_closed
     assert games.result(1) == known
-
-
-@pytest.mark.parametrize(("number", "where"), [(1, "in turn 0 of game 0"), (2, "in turn 0")])
-def test_an_error_in_the_form_of_a_check_names_the_rule_and_the_game_if_it_is_one(number, where):
-    def guard(ctx):
-        pass
-
-    guard.check = lambda ctx: None
-    rule_form(guard)(lambda turn: None)
-    check_form(guard)(lambda turn, ends: 1 / 0)
-    with scene([TAG]).build() as ctx:
-        ctx.game.add(guard)
-        with ctx.game.batch(number) as games, pytest.raises(ZeroDivisionError) as caught:
-            games.step()
-    assert caught.value.__notes__ == [f"In the check of the rule 'guard' of a batch, {where}."]
 
 
 def test_a_wrong_chance_names_the_sensor_in_a_batch():

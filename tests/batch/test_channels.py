@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene, strategy_form
+from batch_scenes import plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS
@@ -30,7 +30,6 @@ def talk(state):
     state["action"] = node
 
 
-@strategy_form(talk)
 def talk_in_arrays(view):
     heard, shape = view["inbox"]["radio"], view.node.shape
     told, number, last = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
@@ -93,7 +92,6 @@ def test_messages_are_those_of_games_that_are_played_alone(
                 agent.speed = (6.5, 12.0, 23.0)[number % 3]
         ctx.game.order = [["blue"], ["red"]] if how == "order" else None
         with ctx.game.batch(seeds=[seed, 5]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
             games.run()
             games.reset([0])
             games.run()
@@ -155,16 +153,6 @@ def chatter(state):
     state["action"] = state["legal"][-1]
 
 
-@strategy_form(chatter)
-def chatter_in_arrays(view):
-    turn, names = int(view.turn[0]), ("red_0", "blue_1", None)
-    view.send("radio", True, list(range(turn)))
-    view.send("wire", True, turn, to=names[turn % 3])
-    view.send("radio", True, "x" * (turn % 3), to="blue")
-    view.send("radio", True, turn)
-    return view.counts - 1
-
-
 def plainly(state):
     """Do the same without an array form, and go where it is not legal in some turns."""
     chatter(state)
@@ -208,7 +196,6 @@ def test_messages_that_are_given_count_for_what_a_channel_takes():
     ):
         for played in (games, alone):
             played.step({"red": {"messages": {"radio": (True, "abcdef"), "wire": (True, 1, "red_0")}}})
-        assert games.is_in_arrays
         assert games.result(0).errors == alone.result(0).errors
         assert len(games.result(0).errors) == 4
 
@@ -217,13 +204,6 @@ def summon(state):
     """Send something to an agent that may come, and to the own team."""
     state["outbox"] += [{"channel": "radio", "to": to, "body": state["turn"]} for to in ("red_3", "red")]
     state["action"] = state["curr_pos"]
-
-
-@strategy_form(summon)
-def summon_in_arrays(view):
-    for to in ("red_3", "red"):
-        view.send("radio", True, int(view.turn[0]), to=to)
-    return view.counts * 0
 
 
 def reinforce(ctx):
@@ -252,14 +232,6 @@ def tell(state):
     state["action"] = {"node_id": (1, None, 2, 2, 2, 2)[state["turn"]], "do": {"rest": None}}
 
 
-@strategy_form(tell)
-def tell_in_arrays(view):
-    for name in ("radio", "wire"):
-        view.send(name, True, int(view.turn[0]))
-    view.do("rest", True)
-    return view.towards(view.streets.rows(np.full(view.node.shape, 2)))
-
-
 @pytest.mark.parametrize("decide", ["turn", "arrival"])
 def test_agents_whose_actions_are_not_legal_neither_send_nor_do_anything(decide):
     with gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 6}) as ctx:
@@ -275,7 +247,6 @@ def test_agents_whose_actions_are_not_legal_neither_send_nor_do_anything(decide)
         ctx.game.step()
         ctx.game.decide = decide
         with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
             games.run()
             flaws = {error["agent"] for error in games.result(0).errors if "outbox" not in error["message"]}
             assert flaws == {"a"}

@@ -1,4 +1,4 @@
-"""Batches of which every part is in the core: the same games as in arrays and alone, with any number of threads."""
+"""Batches of which every part is in the core: the same games as one by one and alone, with any number of threads."""
 
 import json
 import re
@@ -7,7 +7,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene, strategy_form
+from batch_scenes import WALK, plain, scene
 
 import gamms
 from gamms import strategies
@@ -23,26 +23,8 @@ STAY = "gamms.strategies:stay"
 GAMES = 6
 
 
-@pytest.fixture(autouse=True)
-def core_plays(monkeypatch):
-    """Let the core play, interpreted too."""
-    monkeypatch.setattr(gamms.core, "is_compiled", True)
-
-
-@pytest.fixture
-def in_arrays(monkeypatch):
-    """Return a function that makes a batch of a scenario which arrays play."""
-
-    def made(game, *args, **kwargs):
-        with monkeypatch.context() as patch:
-            patch.setattr(gamms.core, "is_compiled", False)
-            return game.batch(*args, **kwargs)
-
-    return made
-
-
 def is_in_core(games):
-    return games._engine.is_in_core
+    return games.is_in_arrays
 
 
 def random_scenario(number, units=("edges", "edges", "metres", "metres_per_second"), *, has_speeds=True):
@@ -152,20 +134,14 @@ def text_of(games):
     results = [games.result(number).to_dict() for number in range(len(games))]
     for one in results:
         del one["timings"]
-    table = {name: column.tolist() for name, column in games.table().items()}
-    scores = {str(key): [numbers.tolist(), str(numbers.dtype)] for key, numbers in games.scores.items()}
+    table = {name: column.tolist() for name, column in games.table().items() if name[:6] != "score."}
+    scores = {str(key): [numbers.tolist(), str(numbers.dtype)] for key, numbers in games.scores.items() if any(numbers)}
     told = [results, table, dict(sorted(scores.items())), games.turn.tolist(), games.is_over.tolist()]
     return json.dumps(told, default=str)
 
 
-def columns_of(games, others):
-    """Return the columns of games that others have, too: the memory of strategies that were not asked yet is empty."""
-    known = others.columns()
-    return {str(name): column.tolist() for name, column in games.columns().items() if name in known}
-
-
-def play_by_steps(games, rng, teams):
-    """Play some turns, of which actions for some teams are given."""
+def play_by_steps(games, others, rng, teams):
+    """Play some turns of both, of which actions for some teams are given."""
     for _ in range(rng.randint(1, 12)):
         acting = rng.sample(teams, rng.randint(0, len(teams)))
         given = {}
@@ -173,6 +149,7 @@ def play_by_steps(games, rng, teams):
             view = games.observe(team)
             given[team] = np.array([[rng.randrange(n) for n in row] for row in view.counts.tolist()], np.int64)
         games.step(given)
+        others.step(given)
 
 
 def random_strategy(rng, nodes, depth=2):
@@ -214,18 +191,16 @@ def scenario_of_steps(number):
     return scenario.replace(sensors=sensors, **carried), {team: random_strategy(rng, nodes) for team in teams}
 
 
-def check(number, made_in_arrays, *, by_steps=False):
+def check(number, *, by_steps=False):
     """Compare the games of a random scenario, however they are played."""
     scenario, made = scenario_of_steps(number) if by_steps else (random_scenario(number), None)
     seeds, how = range(number, number + GAMES), {"strategies": made}
     teams = list(scenario.to_dict()["teams"])
-    with scenario.batch(seeds=seeds, **how) as games, made_in_arrays(scenario, seeds=seeds, **how) as others:
+    with scenario.batch(seeds=seeds, **how) as games, scenario.batch(seeds=seeds, one_by_one=True, **how) as others:
         assert is_in_core(games)
         assert not is_in_core(others)
-        for one in (games, others):
-            play_by_steps(one, Random(number), teams)
+        play_by_steps(games, others, Random(number), teams)
         assert text_of(games) == text_of(others)
-        assert columns_of(games, others) == columns_of(others, games)
         some, seed = [number % GAMES], [number + 99]
         for one in (games, others):
             one.reset(some, seeds=seed)
@@ -235,22 +210,21 @@ def check(number, made_in_arrays, *, by_steps=False):
             one.reset()
             one.run(threads=threads)
         assert text_of(games) == text_of(others)
-        assert columns_of(games, others) == columns_of(others, games)
         assert plain(games.result(0)) == plain(scenario.play(seed=games.seeds[0], **how))
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_games_in_the_core_are_those_in_arrays(part, in_arrays):
-    number_of_games = 240 if Path(gamms.core.turn.__file__).suffix != ".py" else 40
+def test_games_in_the_core_are_those_one_by_one(part):
+    number_of_games = 80 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
     for number in range(part, number_of_games, 4):
-        check(number, in_arrays)
+        check(number)
 
 
 @pytest.mark.parametrize("part", range(4))
-def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_in_arrays(part, in_arrays):
-    number_of_games = 240 if Path(gamms.core.turn.__file__).suffix != ".py" else 24
+def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_one_by_one(part):
+    number_of_games = 80 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
     for number in range(part, number_of_games, 4):
-        check(number, in_arrays, by_steps=True)
+        check(number, by_steps=True)
 
 
 def test_a_walk_needs_no_ways_and_so_is_in_the_core_on_maps_of_any_size():
@@ -335,9 +309,9 @@ def test_games_of_all_rules_in_the_docs_are_in_the_core(scenario):
 
 
 @pytest.mark.parametrize("change", OTHERWISE.values(), ids=OTHERWISE)
-def test_games_with_anything_else_are_in_arrays(change):
+def test_games_with_anything_else_are_played_one_by_one(change):
     with GRID.replace(**change).batch(2) as games:
-        assert games.is_in_arrays
+        assert games.slow
         assert not is_in_core(games)
 
 
@@ -378,46 +352,38 @@ def test_a_deed_that_is_not_declared_is_refused():
         games.step({"red": {"deeds": {"scan": True}}})
 
 
-def test_a_territory_that_is_not_published_is_missed_in_the_first_turn(in_arrays):
-    rule = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "territory": "nowhere"}}
-    scenario = GRID.replace(rules=[rule])
-    with scenario.batch(2) as games, in_arrays(scenario, 2) as others:
-        messages = []
-        for one in (games, others):
-            with pytest.raises(UnknownName) as error:
-                one.run()
-            messages.append([str(error.value), error.value.__notes__])
-        assert messages[0] == messages[1]
-
-
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
-def test_loaded_games_go_on_from_there(in_arrays, scenario):
-    with scenario.batch(3) as games, in_arrays(scenario, 3) as others:
+def test_loaded_games_go_on_from_there(scenario):
+    with scenario.batch(3) as games, scenario.batch(3) as others:
+        games.step()
+        games.step()
+        others.load(games.columns(), 2, games.scores)
         for one in (games, others):
-            one.step()
-            one.step()
-            columns = {name: np.roll(column, 1, axis=0) for name, column in one.columns().items()}
-            one.load(columns, 5, {"red": np.array([1.0, 0.0, 2.0])})
             one.run()
-        assert text_of(games) == text_of(others)
+        assert games.turn.tolist() == others.turn.tolist()
+        assert {key: one.tolist() for key, one in games.scores.items()} == {
+            key: one.tolist() for key, one in others.scores.items()
+        }
+        known, found = games.columns(), others.columns()
+        assert all((found[name] == column).all() for name, column in known.items())
         for one in (games, others):
-            one.reset([1])
+            one.reset()
             one.run()
         assert text_of(games) == text_of(others)
 
 
 @pytest.mark.parametrize("turns", [0, 3])
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
-def test_rollouts_go_on_from_a_running_game(in_arrays, scenario, turns):
+def test_rollouts_go_on_from_a_running_game(scenario, turns):
     with scenario.replace(rules=EVERY_RULE).build(seed=4) as ctx:
         for _ in range(turns):
             ctx.game.step()
-        with ctx.game.batch(4, seed=2) as games, in_arrays(ctx.game, 4, seed=2) as others:
+        with ctx.game.batch(4, seed=2) as games, ctx.game.fork(0).ctx as alone:
             assert is_in_core(games)
-            assert not is_in_core(others)
-            for one in (games, others):
-                one.run()
-            assert text_of(games) == text_of(others)
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
@@ -445,7 +411,7 @@ def test_actions_that_were_given_are_recorded(tmp_path):
 def test_games_go_on_where_ctrl_c_has_stopped_them(monkeypatch):
     monkeypatch.setattr(batch_games, "_AT_ONCE_IN_CORE", 1)
     with GRID.batch(3) as games, GRID.batch(3) as others:
-        played = games._engine.play_in_core
+        played = games._engine.play
         turns = []
 
         def play(*given):
@@ -454,7 +420,7 @@ def test_games_go_on_where_ctrl_c_has_stopped_them(monkeypatch):
                 raise KeyboardInterrupt
             return turns[-1]
 
-        games._engine.play_in_core = play
+        games._engine.play = play
         with pytest.raises(KeyboardInterrupt):
             games.run()
         assert games.turn.tolist() == [4, 4, 4]
@@ -490,21 +456,6 @@ def test_waypoints_that_are_loaded_are_nodes(number):
             games.step()
 
 
-def test_a_strategy_with_an_array_form_of_its_own_is_asked_for_that():
-    def last(state):
-        state["action"] = state["legal"][-1]
-
-    @strategy_form(last)
-    def last_in_arrays(view):
-        return view.counts - 1
-
-    with GRID.batch(2, strategies={"red": last}) as games:
-        assert games.is_in_arrays
-        assert not is_in_core(games)
-        games.run()
-        assert plain(games.result(1)) == plain(GRID.play(seed=1, strategies={"red": last}))
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -515,7 +466,7 @@ def test_a_strategy_with_an_array_form_of_its_own_is_asked_for_that():
     ],
     ids=["detection", "arc", "fixed place", "no range"],
 )
-def test_agents_that_look_by_other_sensors_are_asked_in_arrays(change):
+def test_agents_that_look_by_other_sensors_are_asked_one_by_one(change):
     team = {"count": 2, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
     near = {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0}}}
     scenario = scene(teams={"red": team, "blue": {"count": 2, "strategy": WALK}}, **near)

@@ -182,7 +182,6 @@ def test_agents_that_are_put_back_while_on_an_edge_stay_there():
         ctx.game.batch(8) as played,
         ctx.game.fork(0).ctx as alone,
     ):
-        assert played.slow is None
         played.run()
         assert any(event["kind"] == "respawned" for event in played.result(0).events)
         for number, seed in enumerate(played.seeds):

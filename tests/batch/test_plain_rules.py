@@ -6,13 +6,13 @@ from threading import Thread
 
 import numpy as np
 import pytest
-from batch_scenes import plain, rule_form, scene
+from batch_scenes import plain, scene
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS
 
 import gamms
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue
 from gamms.rules import Conflicts, capture_flag, contacts, payoff, respawn, tag
 from gamms.strategies import random_walk
 
@@ -215,15 +215,6 @@ def flood(ctx):
         ctx.graph.open_roads([30])
 
 
-@rule_form(flood)
-def flood_in_arrays(turn):
-    kept = turn.keep("flood", lambda games: {"is_closed": np.zeros(games, np.bool_)})["is_closed"]
-    closing = (turn.turn == 3) & (turn.seeds % 2 == 1)
-    turn.close_roads(np.flatnonzero(closing), [4, 5, 30, 31, 32])
-    kept[turn.games[closing]] = True
-    turn.open_roads(np.flatnonzero((turn.turn == 6) & kept[turn.games]), [30])
-
-
 @pytest.mark.parametrize("phase", ["before", "after"])
 @pytest.mark.parametrize("more", [[], [bonus]])
 def test_forms_of_rules_close_roads_in_many_games_at_once(phase, more):
@@ -231,17 +222,6 @@ def test_forms_of_rules_close_roads_in_many_games_at_once(phase, more):
         for rule in (flood, *more, tag("red", "blue", metres=11)):
             ctx.game.add(rule, phase=phase)
         check(ctx, [1, 2, 3, 5, 7, 9, 11, 13])
-
-
-def test_roads_that_are_not_there_cannot_be_closed():
-    def close(ctx):
-        ctx.graph.close_roads([999])
-
-    rule_form(close)(lambda turn: turn.close_roads(np.arange(len(turn.games)), [999]))
-    with scene(max_turns=10).build(seed=1) as ctx:
-        ctx.game.add(close)
-        with ctx.game.batch(2) as games, pytest.raises(UnknownName, match="999"):
-            games.run()
 
 
 def test_what_is_observed_where_roads_are_closed_is_what_is_there():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, rule_form, scene, strategy_form
+from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch import roads
 from gamms.game.batch.roads import NeedsOneMap
 from gamms.scenario import Scenario
 
@@ -118,74 +117,6 @@ def test_games_begin_with_closed_roads_that_are_opened_later(settings, turns):
     assert len({tuple(sorted(result.scores.items())) for result in results}) > 1
 
 
-def test_what_is_worked_out_for_maps_may_be_forgotten(monkeypatch):
-    monkeypatch.setattr(roads, "_MOST_BYTES", 0)
-    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
-    team = {"count": 2, "strategy": "gamms.strategies:intercept", "sensors": ["near"]}
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}
-    check(scene([tag], teams={"red": team, "blue": team}, sensors=near))
-
-
-def asking(ask):
-    """A strategy that remembers how often it was asked, and then asks for what differs between maps."""
-
-    def strategy(state):
-        memory, legal = state["memory"], state["legal"]
-        memory["asked"] = memory.get("asked", 0) + 1
-        state["action"] = legal[memory["asked"] % len(legal)]
-
-    @strategy_form(strategy)
-    def form(view):
-        asked = view.keep("asked", lambda games: {"times": np.zeros((games, 3), np.int64)})["times"]
-        asked[view.games] += 1
-        number = ask(view)
-        assert (number == view.counts).all()
-        return asked[view.games] % number
-
-    return strategy
-
-
-@pytest.mark.parametrize(
-    "ask",
-    [
-        lambda view: view.counts,
-        lambda view: view.streets.counts[view.node],
-        lambda view: np.diff(view.streets.offsets)[view.node],
-        lambda view: (view.routes(None).distances(view.node[..., None], np.arange(25)) <= 1).sum(axis=-1),
-        lambda view: (
-            view.routes(None).distances(
-                view.node[..., None], np.arange(25), at=np.arange(len(view.games))[:, None, None]
-            )
-            <= 1
-        ).sum(axis=-1),
-        lambda view: view.flows().within(view.node, 1, None).sum(axis=-1),
-        lambda view: np.bincount(view.streets.columns.sources, minlength=25)[view.node] + 1,
-    ],
-)
-def test_what_forms_remember_is_as_if_they_were_asked_once(ask):
-    check(scene(), {"red": asking(ask)})
-
-
-def test_what_rules_do_is_done_once_where_they_ask_for_what_differs():
-    def crowded(ctx):
-        for agent in ctx.game.agents:
-            ctx.game.emit("at", agent=agent.name)
-            ctx.game.scores["open"] += len(ctx.graph.graph.neighborhoods[agent.current_node_id])
-        if ctx.game.turn == 9:
-            ctx.game.eliminate("red_0")
-
-    @rule_form(crowded)
-    def crowded_in_arrays(turn):
-        at, agents = np.nonzero(turn.alive)
-        turn.emit("at", at, agents={"agent": agents})
-        late = np.flatnonzero(turn.turn == 9)
-        turn.add_score("open", at, turn.streets.counts[turn.node[at, agents]])
-        turn.eliminate(late, np.full(len(late), turn.roster.names.index("red_0")))
-
-    results = check(scene(), rules=(dig, crowded))
-    assert len({result.scores["open"] for result in results}) > 1
-
-
 def test_an_observer_asks_for_routes_by_game_or_of_games_with_the_same_roads():
     with scene().build(seed=1) as ctx:
         ctx.game.add(dig)
@@ -214,55 +145,14 @@ def hole(ctx):
         ctx.graph.open_roads(ctx.graph.closed_roads[2:4])
 
 
-@rule_form(hole)
-def hole_in_arrays(turn):
-    kept = turn.keep("hole", lambda games: {"closed": np.full((games, 6), -1)})["closed"]
-    for at, (game, seed, now) in enumerate(zip(turn.games, turn.seeds.tolist(), turn.turn.tolist(), strict=True)):
-        if now in (2, 4):
-            edges = [(seed * 7 + now + k) % 80 for k in (3, 0, 40)]
-            turn.close_roads(np.array([at]), edges)
-            kept[game, (now - 2) * 3 // 2 :][:3] = sorted(edges)
-        if now == 6:
-            turn.open_roads(np.array([at]), kept[game, 2:4].tolist())
-
-
 def test_forms_of_rules_close_other_roads_in_each_game():
     check(scene(), rules=(hole,))
-
-
-@pytest.mark.parametrize(("turns", "settings"), [(3, {}), (7, {"speed_unit": "metres"})])
-def test_games_in_which_roads_were_closed_go_on_from_columns(turns, settings):
-    scenario = scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}], settings=settings)
-    speeds = {f"teams.{team}.speed": 7.0 for team in ("red", "blue")} if settings else {}
-    with scenario.replace(**speeds).build(seed=1) as ctx:
-        ctx.game.add(hole)
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.batch(seeds=[5, SEEDS[2], SEEDS[0]]) as others:
-            others.step()
-            for _ in range(turns):
-                games.step()
-            columns, rows = games.columns(), np.array([1, 2, 0])  # the first of another seed
-            others.load({name: values[rows] for name, values in columns.items()}, turns)
-            assert (others.columns()["roads"] == columns["roads"][rows]).all()
-            assert ((columns["roads"] < 0).sum(axis=1) == (2 if turns > 6 else 0)).all()
-            while not games.is_over.all():
-                games.step()
-                others.step()
-            for mine, other in ((2, 1), (0, 2)):
-                events = [event for event in games.result(mine).events if event["turn"] > turns]
-                assert others.result(other).events == events
-                assert (games.columns()["node"][mine] == others.columns()["node"][other]).all()
-            others.load({name: values[rows] for name, values in columns.items() if name != "roads"}, turns)
-            assert "roads" not in others.columns()
 
 
 @pytest.mark.parametrize(("edges", "is_open"), [([999], False), ([5], True)])
 def test_roads_that_are_not_there_are_refused(edges, is_open):
     def wrong(ctx):
         (ctx.graph.open_roads if is_open else ctx.graph.close_roads)(edges)
-
-    @rule_form(wrong)
-    def wrong_in_arrays(turn):
-        (turn.open_roads if is_open else turn.close_roads)(np.arange(len(turn.games)), edges)
 
     with scene().build(seed=1) as ctx:
         ctx.game.add(wrong)

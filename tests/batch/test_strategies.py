@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene, strategy_form
+from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -10,7 +10,6 @@ import gamms
 from gamms import belief
 from gamms.game import IllegalAction
 from gamms.scenario import Scenario
-from gamms.sensor.ground import AgentSensor
 from gamms.strategies import (
     assign,
     chase,
@@ -126,7 +125,6 @@ def test_teams_share_in_arrays_what_they_share_alone(settings):
             for team, strategy in zip(("red", "blue"), strategies, strict=True):
                 ctx.agent.get_agent(f"{team}_{number}").register_strategy(strategy)
         with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow is None
             games.run()
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
@@ -213,22 +211,6 @@ def test_what_strategies_remember_is_forgotten_when_their_game_is_reset():
         assert [plain(games.result(number)) for number in range(3)] == first_results
 
 
-def test_strategies_are_blind_or_need_sensors_with_array_forms():
-    class Mine(AgentSensor):
-        pass
-
-    with hunted().build(seed=1) as ctx:
-        agent = ctx.agent.get_agent("red_1")
-        agent.register_sensor("mine", Mine(ctx, "mine", gamms.sensor.SensorType.AGENT_RANGE, 25.0, owner=agent.name))
-        agent.register_strategy(first(goto(ctx, 3, otherwise=None), patrol(ctx, [1, 2])))
-        with ctx.game.batch(2) as games:
-            assert games.slow is None
-        agent.register_strategy(mix(0.5, stay, chase(ctx)))
-        with ctx.game.batch(2) as games:
-            assert games.slow.startswith("the sensor 'mine' of agent 'red_1', which is of a class of its own")
-            games.run()
-
-
 def test_strategies_that_call_functions_have_no_array_form():
     with hunted().build(seed=1) as ctx:
         agent = ctx.agent.get_agent("red_1")
@@ -239,27 +221,6 @@ def test_strategies_that_call_functions_have_no_array_form():
             agent.register_strategy(strategy)
             with ctx.game.batch(2) as games:
                 assert games.slow == slow
-
-
-def test_agents_with_equal_strategies_are_asked_together():
-    def count(view):
-        asked = view.keep("asked", lambda games: {"times": np.zeros(games, np.int64)})["times"]
-        asked += 1
-        assert len(view.agents) == 3
-        assert (asked == 1).all()
-        return np.zeros_like(view.node)
-
-    def wait(state):
-        state["action"] = state["curr_pos"]
-
-    strategy_form(wait)(count)
-    with hunted().build(seed=1) as ctx:
-        for agent in ctx.agent.agents.values():
-            agent.register_strategy(
-                first(goto(ctx, 17, otherwise=None), wait) if agent.team == "red" else mix(1, wait, stay)
-            )
-        with ctx.game.batch(2) as games:
-            games.step()
 
 
 SIGHTS = st.sampled_from(
@@ -364,7 +325,6 @@ def test_an_agent_goes_on_along_its_edge_where_that_is_shorter_than_from_the_nod
         ctx.game.speed_unit = "metres"
         with ctx.game.batch(1) as games:
             places = [games.observe_agent("anna")["xy"][0, 0].tolist() for _ in range(4) if games.step().any()]
-            assert games.slow is None
         assert places == [pytest.approx(one) for one in ([10 / 3, 0.0], [20 / 3, 0.0], [10.0, 0.0], [16.0, 4.0])]
 
 
@@ -420,34 +380,8 @@ def test_beliefs_know_where_agents_were_put_back_that_have_moved_since(same_as_o
     same_as_one_by_one(scenario.replace(**{"teams.red.count": 1}), [1, 2, 3, 4], hunt)
 
 
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
-        ({"settings.speed_unit": "metres", "teams.red.speed": 7.0, "teams.blue.speed": 7.0}, "in a game by metres"),
-        ({"teams.red.strategy": "gamms.strategies:follow_belief"}, None),
-    ],
-)
-def test_it_is_said_where_beliefs_are_not_computed_in_arrays(changes, why):
-    with hunted(settings={}).replace(**changes).batch(2, strategies={"red": follow_belief}) as games:
-        assert games.slow == (why and f"the strategy follow_belief(ctx), {why}")
-
-
 @gamms.array_rule
 def closing(turn):
     """Close two roads in turn 6."""
     if len(at := np.flatnonzero(turn.turn == 6)):
         turn.close_roads(at, [0, 1])
-
-
-def test_games_with_beliefs_leave_the_arrays_where_roads_are_closed():
-    strategies = {"red": follow_belief, "blue": stay}
-    with hunted().build(seed=1, strategies=strategies) as ctx:
-        ctx.game.add(closing)
-        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
-            while not games.is_over.all():
-                games.step({"blue": np.zeros((2, 3), np.uint8)})
-            assert all("beliefs are others where roads were closed" in why for why in games.detached.values())
-            assert games.detached.keys() == {0, 1}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())

@@ -23,9 +23,6 @@ KINDS = [
     ("OCCLUDED_MAP", {}),
     ("OCCLUDED_MAP", {"sensor_range": 25.0}),
     ("OCCLUDED_MAP", {"sensor_range": 35.0, "at": 7, **FIELD}),
-    ("ARC", {"sensor_range": 25.0, **FIELD}),
-    ("ARC", {"sensor_range": 0.0, **FIELD}),
-    ("OCCLUDED_MAP", {"sensor_range": 35.0, **FIELD}),
 ]
 
 

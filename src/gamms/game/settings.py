@@ -358,7 +358,7 @@ class RuleSpec:
         begin_arrays: called with the context and the state of the batch, returns what the array form keeps of the game
             of a context, which may have begun: key -> name -> an array of one game. A form that keeps something
             without it plays no games that have begun.
-        is_in_arrays_alone: whether the rule itself is made of its array form.
+        is_array_function: whether the rule itself is made of its array form.
     """
 
     prepare: Callable[[Any], object] | None = None
@@ -378,7 +378,7 @@ class RuleSpec:
     why_not_in_arrays: Callable[[Sequence[IAgent]], str | None] | None = None
     prepare_arrays: Callable[[Any], object] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
-    is_in_arrays_alone: bool = False
+    is_array_function: bool = False
 
 
 _SPEC = "_rule_spec"

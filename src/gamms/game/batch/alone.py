@@ -122,7 +122,7 @@ def array_rule(
         turn._lock()
         function(turn)
 
-    spec = RuleSpec(array_form=function, begin_arrays=_kept_alone, is_in_arrays_alone=True)
+    spec = RuleSpec(array_form=function, begin_arrays=_kept_alone, is_array_function=True)
     return declared(_documented(rule, function), spec)
 
 
@@ -198,6 +198,8 @@ class _DrawsOfOne(ViewDraws):
 
 class _ViewOfOne(ArrayView):
     """What the state of one agent holds, as a view of one game with one agent."""
+
+    _may_aim = True
 
     def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
@@ -339,8 +341,6 @@ class _ViewOfOne(ArrayView):
 class _TurnOfOne(ArrayTurn):
     """The turn of a game that is played alone, as a turn of one game: what rules do with it is done there at once."""
 
-    _may_publish = False
-
     def __init__(self, ctx: HostContext) -> None:
         game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
         movement = _movement_in(ctx, roster)
@@ -348,7 +348,6 @@ class _TurnOfOne(ArrayTurn):
         _put_on_edges(ctx, movement, roster, range(len(roster.names)))
         check = partial(checked_value, ctx=ctx)
         state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
-        state.change_roads = self._roads_changed
         super().__init__(state, np.zeros(1, np.int64))
         self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
         self._number = {name: number for number, name in enumerate(roster.names)}
@@ -364,9 +363,15 @@ class _TurnOfOne(ArrayTurn):
         done = [(0, self._number[one.agent], i, one.kind, one.values) for i, one in enumerate(game.performed())]
         self._deeds += state.deeds.from_plain(done, self.starts)
 
-    def _roads_changed(self, _: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
-        graph = self._ctx.graph
-        (graph.open_roads if is_open else graph.close_roads)(edges)
+    def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
+        """Close roads, ids of edges."""
+        if len(self._as_at(at)) and len(edges):
+            self._ctx.graph.close_roads(tuple(edges))
+
+    def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
+        """Open roads, which were closed."""
+        if len(self._as_at(at)) and len(edges):
+            self._ctx.graph.open_roads(tuple(edges))
 
     @property
     def is_playing(self) -> BoolArray:

@@ -79,6 +79,13 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
     return _UNDECLARED if spec is getattr(wrapped, _SPEC, None) else spec
 
 
+def is_array_function(spec: StrategySpec) -> bool:
+    """Whether a strategy is a function of an `ArrayView`, which batches ask once a turn for all games."""
+    form = spec.array_form
+    is_ours = isinstance(form, partial) and form.func.__module__.startswith(("gamms.strategies", "gamms.belief"))
+    return form is not None and not is_ours
+
+
 def key_of(form: Any) -> Hashable:
     """Return a key that is equal for forms that do the same."""
     key: Hashable

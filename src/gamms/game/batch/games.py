@@ -3,22 +3,21 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import partial
 from threading import RLock
 from typing import Any, Literal, NamedTuple, NoReturn, Self
 
 import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.arrays import ArrayEngine
-from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, decider_of, reserved
-from gamms.game.batch.forms import strategy_spec_of
+from gamms.game.batch.begun import movement_of
+from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, NotTakenUp
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import why_not_decided, why_not_in_arrays
+from gamms.game.batch.why_not import why_not_decided, why_not_in_core, why_not_on_map
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -82,23 +81,18 @@ class Batch(Fixed):
         most_agents: MostAgents | None,
     ) -> None:
         self._source = source
-        self._put_public(seeds=seeds, slow=source.follows_seed or why_not_in_arrays(source.game))
         agents = agents_of(source.game)
         self._roster = Roster.of(agents)
         if most_agents is not None:
             self._roster = Roster.of(agents, reserved(self._roster, most_agents))
+        self._put_public(seeds=seeds, slow=source.follows_seed or why_not_in_core(source.game, self._roster))
         self._first_nodes = self._roster.first_nodes(source.game)  # before agents move in that context
         self._refuse_too_many(BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
         self._put_public(seeds=tuple(seeds), is_closed=False)
-        self._engine: ArrayEngine | OneByOneEngine
-        if self.slow is not None:
-            self._engine = OneByOneEngine(source.game, self._roster, seeds)
-        else:
-            self._begin = self._starts(seeds)  # the ids of the nodes where agents begin, (games, agents)
-            self._engine = ArrayEngine(source.game, seeds, self._begin.copy(), self._roster)
-        plans = source.game.settings()["plans"]
-        may_leave = source.game.turn > 0 or any(strategy_spec_of(decider_of(one, plans)).refuses for one in agents)
-        self._left: str | None = None  # why the games have left the arrays
+        self._begin: IntArray  # the ids of the nodes where agents begin, (games, agents), of games in the core
+        self._engine: ArrayEngine | OneByOneEngine = self._made_engine(seeds)
+        self._left: str | None = None  # why the games have left the core
+        may_leave = isinstance(self._engine, ArrayEngine) and len(self._engine.functions) > 0
         is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
@@ -106,6 +100,20 @@ class Batch(Fixed):
         self._is_said = False  # whether it was logged what slows it down
         self._was_given = False  # whether actions came from outside and were not kept
         self._lock = RLock()  # of the thread that plays
+
+    def _made_engine(self, seeds: Sequence[int]) -> "ArrayEngine | OneByOneEngine":
+        """Return what plays the games: the core, where it has all their parts."""
+        game, roster = self._source.game, self._roster
+        if self.slow is None:
+            movement = movement_of(game, roster)
+            self._put_public(slow=why_not_on_map(game, roster, movement))
+        if self.slow is None:
+            self._begin = self._starts(seeds)
+            try:
+                return ArrayEngine(game, movement, seeds, self._begin.copy(), roster)
+            except GammsError as error:
+                self._put_public(slow=str(error))
+        return OneByOneEngine(game, roster, seeds)
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -229,7 +237,7 @@ class Batch(Fixed):
         if not isinstance(self._engine, ArrayEngine) or self._steps & (self._steps - 1):
             return nullcontext()
         return refusing_changes(
-            self._engine.forms,
+            self._engine.functions,
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
@@ -256,29 +264,23 @@ class Batch(Fixed):
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
             if isinstance(self._engine, ArrayEngine):
-                self._run_in_arrays(self._engine, num_threads, show)
-            if isinstance(self._engine, OneByOneEngine):  # or they have left the arrays
+                self._run_in_core(self._engine, num_threads, show)
+            if isinstance(self._engine, OneByOneEngine):  # or they have left the core
                 self._run_one_by_one(self._engine, show)
 
-    def _run_in_arrays(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
-        """Play games to their ends, as long as they are in arrays."""
-        if engine.is_in_core:
-            self._run_in_core(engine, threads, show)
-        elif self._log is None:
-            engine.play_parts(partial(self._step_and_show, show))
-        else:  # which is of the turns of all games
-            while self._engine is engine and not engine.is_over.all():
-                self._step_and_show(show)
-
     def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
-        """Play all games in the core, so many turns at a time that Ctrl-C is heard soon."""
+        """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
-        while not engine.is_over.all():
-            with uninterrupted(at_most_once=True):
-                played = engine.play_in_core(turns, threads)
-                if self._log is not None:
-                    self._log += [{}] * played
-                self._steps += played
+        has_functions = len(engine.functions) > 0
+        while self._engine is engine and not engine.is_over.all():
+            if has_functions:
+                self.step()
+            else:
+                with uninterrupted(at_most_once=True):
+                    played = engine.play(turns, threads)
+                    if self._log is not None:
+                        self._log += [{}] * played
+                    self._steps += played
             if show is not None:
                 self._show_progress(show)
 
@@ -286,17 +288,12 @@ class Batch(Fixed):
         over = int(self._engine.is_over.sum())
         show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
-    def _step_and_show(self, show: Callable[[str], object] | None) -> None:
-        self.step()
-        if show is not None:
-            self._show_progress(show)
-
     def _say_what_is_slow(self) -> None:
         if self._is_said or self.slow in (None, ONE_BY_ONE):
             return
         self._is_said = True
         logger = self._source.game.ctx.logger
-        is_usual = self.slow in why_not_decided(self._source.game).values() or len(self) < _FEWEST_WARNED
+        is_usual = self.slow in why_not_decided(self._source.game, self._roster).values() or len(self) < _FEWEST_WARNED
         say = logger.info if is_usual else logger.warning
         say(f"A batch is played one game after the other, because of {self.slow}.")
 
@@ -342,6 +339,10 @@ class Batch(Fixed):
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
+        if self._log:  # turns of games that have all begun again since are not kept
+            first = max(0, int(self._begun.min()))
+            del self._log[:first]
+            self._begun[self._begun >= 0] -= first
 
     def columns(self) -> Columns:
         """Return what the next turns of all games follow from besides turn, scores and seeds, for `load`.

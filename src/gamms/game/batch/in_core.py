@@ -6,25 +6,23 @@
 
 from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import core
 from gamms.core import by_metres, conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.forms import strategy_spec_of
-from gamms.game.batch.game_forms import GameForms
 from gamms.game.batch.movement import Movement
-from gamms.game.batch.sight import reports_late
 from gamms.game.batch.state import CoreEvents, GameArrays
-from gamms.game.batch.strategy_steps import StrategySteps, why_not_by_steps
+from gamms.game.batch.strategy_steps import StrategySteps
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints, why_not_by
+from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints
 from gamms.game.conflicts import Table, flat
-from gamms.game.settings import as_called
+from gamms.game.settings import NamedRule, as_called
 from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
@@ -117,12 +115,12 @@ class Making:
             nearness: what counts as a contact, a `Nearness` of `gamms.rules.meetings`, which imports this.
 
         Raises:
-            GammsError: a distance counts, which only turns of arrays look for.
+            GammsError: a distance counts, which the core does not look for in batches.
         """
         unit, limit, *_ = nearness
         if unit is None:
             return None
-        raise GammsError(f"Contacts within {limit:g} {unit} are looked for in arrays.")
+        raise GammsError(f"contacts within {limit:g} {unit}")
 
     def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
         """Return which agents are of these teams, 1 or 0; None: of any. `air` says whether those that fly are, too."""
@@ -222,57 +220,21 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def why_not_in_core(game: PlayedGame, state: GameArrays, here: GameForms) -> str | None:
-    """Return what of games in arrays the core cannot play, in words; None: nothing."""
-    return next(_why_not(game, state, here), None)
+def core_form_of(decider: object, *, is_plain: bool) -> int | Waypoints | None:
+    """Return what the core plays a strategy by, None: by nothing; agents without a strategy stay.
 
-
-def _why_not(game: PlayedGame, state: GameArrays, here: GameForms) -> Iterator[str]:
-    settings, roster = game.settings(), state.roster
-    if not core.is_compiled:
-        yield "the core, which is not compiled"
-    yield from why_not_by(state.movement, roster)
-    if state.flyers is not None or None in roster.teams or not roster.is_first.all():
-        yield "agents that fly, have no team or may come"
-    if any(settings[name] for name in ("order", "deeds", "channels")):
-        yield "an order of play, deeds or channels"
-    if here.checks or state.headings is not None or any(map(reports_late, roster.agents)):
-        yield "what is called, or looks at the games, in a turn"
-    yield from _why_not_decided(game, state)
-    for one in as_called(game.rules):
-        if one.phase != "after" or one.spec.core_form is None:
-            yield f"the rule {one.name!r}"
-
-
-def _why_not_decided(game: PlayedGame, state: GameArrays) -> Iterator[str]:
-    settings = game.settings()
-    for agent in state.roster.agents:
-        form = _form_in(decider_of(agent, settings["plans"]), state.movement)
-        if form is None:
-            yield "a strategy"
-        if isinstance(form, Waypoints):
-            yield from _why_not_on_the_way(agent.speed, settings["on_illegal"])
-    if type(state.movement) is Movement:
-        yield from why_not_by_steps(game, state)
-
-
-def _form_in(decider: object, by: Movement) -> int | Waypoints | None:
-    """Return by what the core plays a strategy of agents that go so, or None; without a strategy, they stay."""
+    Args:
+        decider: the strategy, or the plan of a team.
+        is_plain: whether agents go along one edge in a turn.
+    """
     if decider is None:
         return moves.STAY
     spec = strategy_spec_of(decider)
-    if type(by) is not Movement or isinstance(spec.core_form, int):
+    if not is_plain or isinstance(spec.core_form, int):
         form: int | Waypoints | None = spec.core_form
         return form
-    has_steps = spec.array_form is not None and bool(spec.core_steps) and not spec.may_skip
+    has_steps = bool(spec.core_steps) and not spec.may_skip
     return moves.BY_STEPS if has_steps else None
-
-
-def _why_not_on_the_way(speed: float | None, on_illegal: str) -> Iterator[str]:
-    if speed is None:
-        yield "agents on their way to nodes, but along one edge in a turn"
-    if on_illegal == "raise":
-        yield "agents on their way to nodes whose illegal actions are raised"
 
 
 class CoreGames:
@@ -284,11 +246,13 @@ class CoreGames:
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
-        self._state, settings, shape = state, game.settings(), state.node.shape
-        self._rules = [form for one in as_called(game.rules) if (form := one.spec.core_form) is not None]
+        settings, shape = game.settings(), state.node.shape
+        self._state = state
+        self._rules = [one for one in as_called(game.rules) if one.phase == "after"]
+        self.has_functions = any(one.spec.is_array_function for one in self._rules)
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        found = [_form_in(one, state.movement) for one in deciders]
+        found = [core_form_of(one, is_plain=type(state.movement) is Movement) for one in deciders]
         self._forms = [moves.STAY if one is None else one for one in found]
         numbers = [by_metres.RANDOM_WAYPOINTS if isinstance(one, Waypoints) else one for one in self._forms]
         self._decides_by = np.array(numbers, np.uint8)
@@ -306,22 +270,22 @@ class CoreGames:
         self._until = np.zeros(shape[0], np.int64)
         self._score = np.zeros((shape[0], len(state.roster.teams)))
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
+        self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are array functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
 
-    def forget(self) -> None:
-        """Make all that turns are played with anew, because games begin again."""
+    def begin(self, games: IntArray) -> None:
+        """Make all that turns are played with anew, because some games begin."""
+        self._start[games] = self._ends[games] = self._state.node[games]
+        self._takes_part[games] = 0
         self._made.clear()
         if self._by_steps is not None:
             self._by_steps.forget_threads()
+        self._made.append(self._player())
 
-    def can_play(self) -> bool:
-        """Whether all is there that rules and conflicts need; if not, arrays say so when they play."""
-        try:
-            self._made = self._made or [self._player()]
-        except GammsError:
-            return False
-        return True
+    def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return where agents of some games were before they moved, where they went, and which took part."""
+        return self._start[games], self._ends[games], self._takes_part[games] > 0
 
     def play(self, until: IntArray, given: tuple[IntArray, BoolArray] | None = None, threads: int = 1) -> None:
         """Play games until so many turns of each are played, or it is over.
@@ -351,6 +315,23 @@ class CoreGames:
             while self._by_steps.find_ways():
                 self._play_parts(bounds)
             self._by_steps.give_memories()
+        self._take_in()
+
+    def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
+        """Apply the rules of some games that have moved; yield each array function where it has its turn."""
+        numbers = flat(games, np.int64)
+        for part in self._parts:
+            if isinstance(part, NamedRule):
+                yield part
+            else:
+                put_scores(self._state, self._score)
+                self._over[:] = ~self._state.is_going
+                rules.play_games(part, numbers)
+                self._take_in()
+
+    def _take_in(self) -> None:
+        """Let the state of the batch have what has happened."""
+        state = self._state
         state.is_going[:] = self._over == 0
         state.movement.take_out(*np.nonzero(~state.alive))
         for _, making in self._made:
@@ -422,10 +403,26 @@ class CoreGames:
         events = rules.Events(_FIRST_ROOM)
         travel = None if columns is None else columns.thread(len(self._made), movers, events)
         making = Making(state, games, events, travel)
-        made = [make(making) for make in self._rules]
-        first = rules.chained(made) if made else None
+        parts = self._made_rules(making)
+        first = None
+        if self.has_functions:
+            self._parts = parts
+        elif parts:
+            (first,) = parts
         walkers, travelers = (None, None) if travel is None else travel[:2]
         return turn.Player(games, movers, walkers, travelers, first, self._until.data), making
+
+    def _made_rules(self, making: Making) -> list[Any]:
+        """Return array functions, and the first of the rules of the core between them, each chain as one."""
+        parts: list[Any] = []
+        for is_function, several in groupby(self._rules, lambda one: one.spec.is_array_function):
+            if is_function:
+                parts += several
+            else:
+                parts.append(
+                    rules.chained([form(making) for one in several if (form := one.spec.core_form) is not None])
+                )
+        return parts
 
     def _new_columns(self) -> EdgeColumns | MetreColumns | None:
         """Return what threads share in games that do not go along one edge a turn."""

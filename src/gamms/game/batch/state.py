@@ -153,8 +153,10 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         return emitted
 
     def take(self, events: CoreEvents) -> None:
-        """Note events of games in the core, which have no readers in a turn."""
+        """Note events of games in the core."""
         self._pending.append(events)
+        for unread in self._unread.values():
+            unread.extend(events.emitted(self._names, self._streets))
 
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
         """Let readers find events that are in the log of a game already."""

@@ -8,10 +8,11 @@ import numpy as np
 
 from gamms.core import rules, strategies
 from gamms.errors import BadValue
-from gamms.game.batch.columns import PlayedGame, decider_of
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
 from gamms.game.batch.sight import look_of
 from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
@@ -27,12 +28,12 @@ _LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infini
 _LOOKING = ("chase", "flee")
 
 
-def why_not_by_steps(game: PlayedGame, state: GameArrays) -> Iterator[str]:
+def why_not_by_steps(game: PlayedGame, roster: Roster, streets: Streets) -> Iterator[str]:
     """Yield, in words, the reasons why the core cannot play strategies with steps."""
-    agents, plans = state.roster.agents, game.settings()["plans"]
+    agents, plans = roster.agents, game.settings()["plans"]
     steps = [_steps_of(decider_of(agent, plans)) for agent in agents]
     looking = [agent for agent, own in zip(agents, steps, strict=True) if _looks(own)]
-    if any(steps) and state.streets.num_nodes**2 * _BYTES > _MOST_BYTES:
+    if any(steps) and streets.num_nodes**2 * _BYTES > _MOST_BYTES:
         yield "ways on a large map"
     if looking and len(agents) > _MOST_LOOKING:
         yield "many agents that look at each other"

@@ -80,7 +80,6 @@ class ArrayTurn:
     _played: Paths | None = None  # of the parts of the turn that have moved
     _flown: Flights | None = None  # likewise
     _earlier: tuple[IntArray, IntArray]  # starts and ends of the parts of the turn that have moved
-    _may_publish = True  # whether the rule that has it has a form with a context
     _is_moving = False  # whether agents have decided and not moved
     _dropped: BoolArray | np.bool = np.False_  # agents that went out before they could move
     _origins: IntArray | None = None  # by metres, where moves begin, for conflicts: nodes and behind them edges
@@ -109,6 +108,13 @@ class ArrayTurn:
     def _lock(self) -> None:
         """Let rules read where agents are, and change it by verbs alone."""
         lock([getattr(self, name) for name in _READ_ONLY])
+
+    def _close(self) -> None:
+        """Write what has changed into the state of the batch."""
+        state = self._state
+        state.node[self._rows] = self.node
+        state.alive[self._rows] = self.alive
+        state.now.clear()
 
     def _of(self, which: BoolArray) -> Self:
         """Return the turn of some of its games, (games,)."""
@@ -397,15 +403,15 @@ class ArrayTurn:
         Raises:
             UnknownName (KeyError): there is no such edge in one of them.
         """
-        self._change_roads(at, edges, is_open=False)
+        self._change_roads(at, edges)
 
     def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         """Open the same roads, which were closed, in each of these games; see `close_roads`."""
-        self._change_roads(at, edges, is_open=True)
+        self._change_roads(at, edges)
 
-    def _change_roads(self, at: IntArray, edges: Sequence[int], *, is_open: bool) -> None:
+    def _change_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         if len(at) and len(edges):
-            self._state.change_roads(self.games[self._as_at(at)], tuple(edges), is_open)
+            raise NotTakenUp("roads that an array rule closes or opens")
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and where they are, (games, these, 3)."""
@@ -446,18 +452,16 @@ class ArrayTurn:
         """What was published to all, in the form that each rule says."""
         return self._state.facts
 
-    def publish(self, name: str, value: object) -> None:
-        """Publish a fact of all games of the batch, which strategies find in `view["facts"]`.
+    def publish(self, name: str, value: object) -> None:  # noqa: ARG002 - as `ctx.game.publish`
+        """Refuse to publish a fact, which only rules that are functions of the context do.
 
         Raises:
-            BadValue: the rule is made by `gamms.array_rule`.
+            BadValue: always.
         """
-        if not self._may_publish:
-            raise BadValue(
-                f"turn.publish of {shown(name)} is not for array rules: write the rule as a function of ctx, which "
-                "calls ctx.game.publish and plays in batches, too."
-            )
-        self._state.facts[name] = value
+        raise BadValue(
+            f"turn.publish of {shown(name)} is not for array rules: write the rule as a function of ctx, which "
+            "calls ctx.game.publish and plays in batches, too."
+        )
 
     def draw_bits(self, at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
         """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""

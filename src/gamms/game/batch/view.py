@@ -17,7 +17,7 @@ from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, 
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
-from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, routes_of
+from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ViewDraws
@@ -57,6 +57,7 @@ class ArrayView(Mapping[str, Any]):
 
     _deeds: list[ArrayDeeds] | None = None  # what the agents do besides moving, in order; None: they are not asked
     _outboxes: list[Outbox] | None = None  # what they send, likewise
+    _may_aim = False  # whether actions may lead towards nodes that are not legal
     _kinds = SHOWING_AGENTS  # of the sensors that show agents here
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, asked: BoolArray | None = None) -> None:
@@ -195,6 +196,8 @@ class ArrayView(Mapping[str, Any]):
         Returns:
             -1 where no path leads there.
         """
+        if self._movement.has_aims and not self._may_aim:
+            raise NotTakenUp("view.towards of agents with speeds")
         node, (games, agents) = self.node[which], numbers_in(self, which)
         ends = np.broadcast_to(targets, node.shape).ravel()
         found = self._movement.towards(node.ravel(), ends, (games.ravel(), agents.ravel()), allowed)

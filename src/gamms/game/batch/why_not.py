@@ -1,98 +1,132 @@
-"""Says what keeps games from being played in arrays."""
+"""Says what keeps games of a batch from being played in the core, so that they are played one after the other."""
 
 from collections.abc import Hashable, Iterator
 from itertools import chain
 from typing import Any
 
 from gamms.game.batch.begun import may_forget, why_not_begun
-from gamms.game.batch.columns import PlayedGame, agents_of, decider_of, preparing
-from gamms.game.batch.forms import strategy_spec_of
-from gamms.game.batch.sight import why_not_seen
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
+from gamms.game.batch.forms import is_array_function, strategy_spec_of
+from gamms.game.batch.in_core import core_form_of
+from gamms.game.batch.movement import Movement
+from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent, why_not_seen
+from gamms.game.batch.strategy_steps import why_not_by_steps
+from gamms.game.batch.travelers import Waypoints, why_not_by
 from gamms.game.conflicts import ranked
-from gamms.game.settings import as_called
+from gamms.game.settings import NamedRule, as_called
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 
 
-def why_not_in_arrays(game: PlayedGame) -> str | None:
-    """Return what keeps games from being played in arrays, in words; None: nothing."""
-    return next(chain(_why_not_played(game), _without_forms(game), why_not_decided(game).values()), None)
+def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
+    """Return what keeps games from being played in the core, in words; None: nothing but perhaps their map."""
+    decided = why_not_decided(game, roster).values()
+    is_plain = _are_plain(game, roster)
+    ruled = _why_not_ruled(game, is_plain=is_plain)
+    return next(chain(_why_not_played(game), _why_not_agents(roster), ruled, decided), None)
+
+
+def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
+    """Return what of the map keeps agents that move so from being played in the core, in words; None: nothing."""
+    by_steps = why_not_by_steps(game, roster, by.streets) if type(by) is Movement else ()
+    return next(chain(why_not_by(by, roster), by_steps), None)
+
+
+def _are_plain(game: PlayedGame, roster: Roster) -> bool:
+    """Whether all agents go along one edge in a turn."""
+    return game.settings()["speed_unit"] == "edges" and all(agent.speed is None for agent in roster.agents)
 
 
 def _why_not_played(game: PlayedGame) -> Iterator[str]:
-    """Yield the parts of the state and the settings of a game that have no array form."""
-    settings, agents = game.settings(), agents_of(game)
-    why = _why_not_moved(game)
-    if why is not None:
-        yield why
-    if settings["time_budget"] is not None:
-        yield "a time budget"
+    """Yield the parts of the state and the settings of a game that the core does not have."""
+    settings, graph = game.settings(), game.ctx.graph
+    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
+    named = {"time_budget": "a time budget", "order": "an order of play", "deeds": "deeds", "channels": "channels"}
+    for name, what in named.items():
+        if settings[name]:
+            yield what
+    if settings["legal"] == "any":
+        yield "moves to any node"
+    if by_metres and settings["decide"] == "arrival":
+        yield "agents that decide at arrivals"
+    if graph.closed_roads:
+        yield "closed roads"
+    if by_metres and not len(graph.columns().edge_ids):
+        yield "a map without edges, by metres"
     if game.internals.after_observing:
         yield "what is recorded of states"
     yield from why_not_begun(game)
-    for agent in agents:
-        for one in preparing(agent, settings["plans"]):
-            yield f"{as_code(one)}, with what it prepares in a game"
-    for named in game.rules:
-        refuses = named.spec.why_not_in_arrays
-        why = None if refuses is None else refuses(agents)
-        if why is not None:
-            yield why
 
 
-def _without_forms(game: PlayedGame) -> Iterator[str]:
-    """Yield the rules, checks, collectors and conflicts that have no array form."""
+def _why_not_agents(roster: Roster) -> Iterator[str]:
+    """Yield what the core does not have of agents and their sensors."""
+    if not roster.is_first.all():
+        yield "agents that may come"
+    for agent in roster.agents:
+        if agent.type is AgentType.AERIAL:
+            yield f"agent {shown(agent.name)}, which flies"
+        if agent.team is None:
+            yield f"agent {shown(agent.name)}, which has no team"
+        if looks_from_the_air(agent):
+            yield f"a sensor of agent {shown(agent.name)}, which looks from the air"
+        if reports_late(agent):
+            yield f"a sensor of agent {shown(agent.name)}, which reports late"
+        if turns_with_its_agent(agent):
+            yield f"a sensor of agent {shown(agent.name)}, which turns with it"
+
+
+def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
+    """Yield the rules, checks, collectors and conflicts that the core does not have."""
     conflicts = game.settings()["conflicts"]
     for one in as_called(game.rules):
-        if one.spec.array_form is None:
-            yield f"the rule {one.name!r}"
-    for one in game.rules:
-        if one.spec.check is not None and one.spec.array_check is None:
+        if one.spec.check is not None:
             yield f"the check of the rule {one.name!r}"
+        if not _is_played(one):
+            yield f"the rule {one.name!r}"
+        if one.spec.is_array_function and not is_plain:
+            yield f"the rule {one.name!r} in arrays, of agents that do not go along one edge in a turn"
+        if one.phase == "before" and game.turn:
+            yield f"the rule {one.name!r}, before a turn of a game that has begun"
     for name in game.internals.parts.collectors.by_name:
         yield f"the collector {name!r}"
     if conflicts is not None and ranked(conflicts) is None:
         yield f"the conflicts {as_code(conflicts)}"
 
 
-def _why_not_moved(game: PlayedGame) -> str | None:
-    """Return what has no array form of how agents move, in words; None: all has."""
-    settings = game.settings()
-    by_metres, conflicts = settings["speed_unit"] != "edges" and settings["legal"] == "edges", settings["conflicts"]
-    at_arrivals = by_metres and settings["decide"] == "arrival"
-    graph = game.ctx.graph
-    reasons = [
-        (by_metres and not len(graph.columns().edge_ids) + len(graph.closed_roads), "a map without edges, by metres"),
-        (at_arrivals and conflicts is not None and ranked(conflicts) is None, f"the conflicts {as_code(conflicts)}"),
-    ]
-    return next((why for is_so, why in reasons if is_so), None)
+def _is_played(rule: NamedRule) -> bool:
+    if rule.spec.is_array_function:
+        return rule.phase in ("before", "after")
+    return rule.phase == "after" and rule.spec.core_form is not None
 
 
-def why_not_decided(game: PlayedGame) -> dict[Hashable, str]:
-    """Return, by team and in words, the strategies and sensors that have no array form."""
+def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
+    """Return, by team and in words, the strategies and sensors that the core does not have."""
     found: dict[Hashable, str] = {}
-    plans = game.settings()["plans"]
-    for agent in agents_of(game):
+    plans, is_plain = game.settings()["plans"], _are_plain(game, roster)
+    for agent in roster.agents:
+        for one in preparing(agent, plans):
+            found.setdefault(agent.team, f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
-        why = None if decider is None else next(_why_not_asked(game, agent, decider), None)
+        why = None if decider is None else next(_why_not_asked(game, agent, decider, is_plain=is_plain), None)
         if why is not None:
             found.setdefault(agent.team, why)
     return found
 
 
-def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any) -> Iterator[str]:
-    """Yield, in words, why the decider of an agent or a sensor that it asks has no array form."""
-    spec, has_plan = strategy_spec_of(decider), agent.team in game.settings()["plans"]
-    if spec.array_form is None or may_forget(game, agent):
-        kind = f"plan of team {shown(agent.team)}" if has_plan else "strategy"
-        yield f"the {kind} {as_code(decider)}{', which remembers something' * (spec.array_form is not None)}"
-    for refuses in spec.refuses:
-        why = refuses(game, agent)
-        if why is not None:
-            yield f"the strategy {as_code(decider)}, {why}"
-    if agent.type is AgentType.AERIAL and (has_plan or not spec.flies):
-        yield f"{as_code(decider)} of agent {agent.name!r}, which flies"
-    for name in getattr(agent, "sensors", {}) if spec.looks else ():
+def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: bool) -> Iterator[str]:
+    """Yield, in words, why the core does not have the decider of an agent, or arrays a sensor that it asks."""
+    settings, spec = game.settings(), strategy_spec_of(decider)
+    kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
+    form = core_form_of(decider, is_plain=is_plain)
+    if form is None and not is_array_function(spec):
+        yield f"the {kind} {as_code(decider)}"
+    if may_forget(game, agent):
+        yield f"the {kind} {as_code(decider)}, which remembers something"
+    if isinstance(form, Waypoints) and agent.speed is None:
+        yield f"the {kind} {as_code(decider)}, of agents that go along one edge in a turn among others"
+    if isinstance(form, Waypoints) and settings["on_illegal"] == "raise":
+        yield f"the {kind} {as_code(decider)}, of which illegal actions are raised"
+    for name in getattr(agent, "sensors", {}) if is_array_function(spec) and spec.looks else ():
         why = why_not_seen(agent, name)
         if why is not None:
             yield why
