@@ -80,7 +80,6 @@ def test_games_at_once_are_the_same_as_one_by_one(kind):
     with rl.Learners(game, 2, teams=["red"], seed=4, record=True) as fast:
         games = rl.vector_env(game, num_games=2, team="red", seed=4)
         many, infos = games.reset()
-        assert games.learners.games.slow is None
         for turn in range(9):
             assert all(np.array_equal(many[key][slot], alone[f"red_{slot}"][key]) for key in many for slot in (0, 1))
             assert np.array_equal(infos["action_mask"], many["action_mask"])
@@ -166,7 +165,6 @@ def test_a_saved_policy_moves_and_does_deeds(tmp_path):
         red = rl.policy(tmp_path / "red.safetensors", sample=sample)
         with game.batch(2, seed=5, strategies={"red": red}) as games:
             games.run()
-            assert games.slow is None
             alone = game.play(seed=6, strategies={"red": red})
             assert games.result(1).to_dict()["deeds"] == alone.to_dict()["deeds"] != []
             assert games.result(1) == alone

