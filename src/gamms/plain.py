@@ -22,7 +22,6 @@ Plain: TypeAlias = Any
 MOST_DEPTH = 24
 MOST_DIMENSIONS = 8
 _ATOMS = frozenset({str, bytes, int, float, bool, complex, type(None)})
-_CONTAINERS = frozenset({dict, list, tuple, set, np.ndarray})
 _MOST_BITS = 996  # of an integer in JSON, which other programs read as a float
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
@@ -107,10 +106,16 @@ def copied(value: object, memo: dict[int, Any] | None = None) -> Any:
     """
     if type(value) in _ATOMS:
         return value
+    made = copied_plain(value)
+    return deepcopy(value, memo) if made is None else made
+
+
+def copied_plain(value: object) -> Any:
+    """Return a copy of what is made of plain values; None where something else is in it, or an object twice."""
     try:
         return _copy_of(value, set())
     except _NotPlain:
-        return deepcopy(value, memo)
+        return None
 
 
 # -- is it plain ------------------------------------------------------------------------------------------------
@@ -218,15 +223,21 @@ class _NotPlain(Exception):
 
 
 def _copy_of(value: Any, seen: set[int]) -> Any:
-    kind = type(value)
+    kind, made = type(value), None
     if kind in _ATOMS:
         return value
-    is_array = kind is np.ndarray
-    if kind not in _CONTAINERS or id(value) in seen or (is_array and (value.dtype.hasobject or value.base is not None)):
+    if id(value) in seen:
         raise _NotPlain
     seen.add(id(value))
-    if kind is dict and not _ATOMS.issuperset(map(type, value.values())):
-        return {key: one if type(one) in _ATOMS else _copy_of(one, seen) for key, one in value.items()}
-    if kind is list or kind is tuple:
-        return kind([one if type(one) in _ATOMS else _copy_of(one, seen) for one in value])
-    return value.copy()  # what can be in a set does not change
+    if kind is dict:
+        made = value.copy()
+        for key, one in value.items():
+            if type(one) not in _ATOMS:
+                made[key] = _copy_of(one, seen)
+    elif kind is list or kind is tuple:
+        made = kind([one if type(one) in _ATOMS else _copy_of(one, seen) for one in value])
+    elif kind is set or (kind is np.ndarray and not value.dtype.hasobject and value.base is None):
+        made = value.copy()  # what can be in a set does not change
+    else:
+        raise _NotPlain
+    return made

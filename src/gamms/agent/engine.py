@@ -13,7 +13,15 @@ import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.carried import found_sensors, listed
-from gamms.agent.snapshots import AgentsSnapshot, Roster, attributes_of, copied_attributes, details_of, teams_in
+from gamms.agent.snapshots import (
+    AgentsSnapshot,
+    Roster,
+    attributes_of,
+    copied_attributes,
+    copies_of,
+    details_of,
+    teams_in,
+)
 from gamms.agent.teams import (
     AgentsByName,
     Members,
@@ -448,11 +456,11 @@ class AgentStorage(Guarded):
         roster = self._roster
         if roster is None or block.has_teams or not roster.is_of(block):
             roster = self._roster = Roster(block, engine._stored())
-        copy: Callable[[dict[str, Any]], dict[str, Any]] = dict if is_left else copied_attributes
+        attributes = [agent.__dict__ for agent in roster.agents]
         return AgentsSnapshot(
             roster,
             block.values(),
-            [copy(agent.__dict__) for agent in roster.agents],
+            [*map(dict, attributes)] if is_left else copies_of(attributes),
             [agent._last[0] for agent in roster.agents],
             [dict(one.columns) for one in roster.teams],
             [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],
@@ -472,9 +480,9 @@ class AgentStorage(Guarded):
             for name, one in members.made.items():
                 if roster.stored.get(name) is members:  # it was made since
                     one._last[0] = {}
-                    _renew(one, members.attributes(name))
+                    _renew(one, copied_attributes(members.attributes(name)))
                     _equip_as(one, members.strategy, {})
-        for agent, attributes, state in zip(roster.agents, before.attributes, before.states, strict=True):
+        for agent, attributes, state in zip(roster.agents, copies_of(before.attributes), before.states, strict=True):
             agent._last[0] = state
             if attributes or agent.__dict__:
                 _renew(agent, attributes)
@@ -557,9 +565,9 @@ class AgentStorage(Guarded):
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:
-    """Give an agent copies of the attributes that it had."""
+    """Give an agent the attributes that it had."""
     agent.__dict__.clear()
-    agent.__dict__.update(copied_attributes(attributes))
+    agent.__dict__.update(attributes)
 
 
 def _equip_as(agent: BaseAgent, strategy: Any, sensors: dict[str, ISensor]) -> None:

@@ -9,7 +9,7 @@ from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
 from gamms.ir.schema import PLACES
-from gamms.plain import copied
+from gamms.plain import copied, copied_plain
 from gamms.typing.graph_engine import Node
 
 
@@ -132,6 +132,12 @@ def copied_attributes(attributes: dict[str, Any], memo: dict[int, Any] | None = 
         except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
             values[name] = value
     return values
+
+
+def copies_of(each: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Copy the attributes of several agents."""
+    copies: list[dict[str, Any]] | None = copied_plain(each) if any(each) else [{} for _ in each]
+    return [copied_attributes(attributes) for attributes in each] if copies is None else copies
 
 
 def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
