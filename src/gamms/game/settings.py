@@ -545,11 +545,12 @@ class RuleSet:
 
         A game that ends before a turn ends at once. Return whether a rule was called.
         """
-        seen, called = self.rules, self.now.of_phase[phase]
+        known = self.now
+        seen, called = known.rules, known.of_phase[phase]
         was_called = False
         while True:
             for group, named in called:
-                members = group if self.rules is seen else [one for one in group if one in self.rules]
+                members = group if self.now is known else [one for one in group if one in self.rules]
                 if members:
                     now = named if len(members) == len(group) else _joined(members)
                     try:
@@ -560,9 +561,10 @@ class RuleSet:
                     was_called = True
                     if phase == "before" and state.over is not None:
                         return True
-            if self.rules is seen:
+            if self.now is known:
                 return was_called
-            added = [one for one in self.rules if one not in seen]
+            known = self.now
+            added = [one for one in known.rules if one not in seen]
             if not added:
                 return was_called
             seen, called = (*seen, *added), _groups([one for one in added if one.phase == phase])
