@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from gamms.game import turn
-from gamms.game.batch import arrivals
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 
@@ -15,8 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 def agents_arrive_few_times_in_a_turn():
     """Let agents that go to and fro on edges of no length wait soon, which else takes long."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (turn, arrivals):
-            patch.setattr(module, "MOST_ARRIVALS", 20)
+        patch.setattr(turn, "MOST_ARRIVALS", 20)
         yield
 
 

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_array
 from gamms.core.agents import Moves
 from gamms.game.legality import ResolvedAction, action_of
 from gamms.game.order import TurnOrder
@@ -18,7 +17,6 @@ from gamms.game.travel import Travel
 from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
@@ -332,20 +330,6 @@ class TurnMoves:
 
 
 SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
-
-
-def as_stopped(found: object, named: str, shape: tuple[int, ...]) -> BoolArray:
-    """Return which agents stay, by what an array form has returned.
-
-    Args:
-        found: what it was.
-        named: whose form it is, for messages.
-        shape: games and agents.
-
-    Raises:
-        BadType, BadValue: these are no booleans of that shape.
-    """
-    return as_array(found, f"What the array form of {named} returns, which agents stay,", "booleans", shape)
 
 
 def _just_stays(action: ResolvedAction) -> bool:

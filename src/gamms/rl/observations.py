@@ -10,8 +10,8 @@ import numpy as np
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView
-from gamms.game.batch.game_forms import views_by_map
 from gamms.game.batch.roads import StreetsOfMaps
+from gamms.game.batch.view import views_by_map
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above

@@ -6,7 +6,7 @@
 
 Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`, which has the
 columns of a turn), `gamms.core.rules` for who tags whom and what becomes of flags, then `tagging.py`, `flags.py` and
-`endings.py`; `array_turns.py` lets the core play them in turns of arrays. What a rule says about itself is a `RuleSpec`
+`endings.py`. What a rule says about itself is a `RuleSpec`
 of `game/settings.py`. `places.py`, `resources.py` and `payoffs.py` count what comes of it, and `territory.py` makes the
 data that they share. Conflicts: `conflicts.py` says which agents win, `game/conflicts.py` what conflicts are.
 May import: `context` and below. To add a rule write a function `rule(ctx)`, to add a resolver call `by_rank`, or write

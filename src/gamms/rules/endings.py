@@ -12,7 +12,6 @@ from gamms.core import rules as core
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, reason_of_goals
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.rules.array_turns import array_form_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import living_teams, turn_of
 from gamms.text import shown, shown_as_called
@@ -105,7 +104,6 @@ def reach(
             prepare=prepare,
             drawer=render_goals,
             teams=named,
-            array_form=array_form_of(core_form),
             core_form=core_form,
         ),
     )
@@ -152,7 +150,6 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             prepare=prepare,
             drawer=render_goals,
             teams=list(goals),
-            array_form=array_form_of(core_form),
             core_form=core_form,
         ),
     )
@@ -185,7 +182,6 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
             teams=named,
             last_turn=last,
             rank=Rank.END,
-            array_form=array_form_of(core_form),
             core_form=core_form,
         ),
     )
@@ -215,7 +211,6 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         RuleSpec(
             teams=named,
             rank=Rank.END,
-            array_form=array_form_of(core_form),
             core_form=core_form,
         ),
     )
@@ -239,7 +234,7 @@ def last_team() -> Rule:
             ctx.game.end("last team", winner=next(iter(left), None))
 
     core_form = in_core("last_team")
-    return declared(last_team, RuleSpec(rank=Rank.END, array_form=array_form_of(core_form), core_form=core_form))
+    return declared(last_team, RuleSpec(rank=Rank.END, core_form=core_form))
 
 
 def _named_winner(winner: Team) -> list[Hashable]:

@@ -14,7 +14,6 @@ from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
-from gamms.rules.array_turns import array_form_of
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import InTurn, column, turn_of
@@ -90,7 +89,6 @@ def capture_flag(
             drawer=FlagsDrawer(game.key, colors),
             disclose=all_know(game.key),
             key=game.key,
-            array_form=array_form_of(core_form),
             core_form=core_form,
             prepare_arrays=game.prepare_arrays,
             begin_arrays=game.begin_arrays,

@@ -1,7 +1,4 @@
-"""The rules that the core plays in batches: functions, one for each, that make what `gamms.core.rules` has of it.
-
-The core plays all of a game, or `array_turns.py` one turn of games that arrays play.
-"""
+"""The rules that the core plays in batches: functions, one for each, that make what `gamms.core.rules` has of it."""
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial

@@ -1,6 +1,6 @@
 """What `gamms.core.contacts` is asked: the columns of agents that it takes, and the contacts that it finds.
 
-`turn_of` asks it about the game of a context; turns of many games are in `array_turns.py`.
+`turn_of` asks it about the game of a context.
 """
 
 from array import array

@@ -3,15 +3,10 @@
 from collections.abc import Hashable, Mapping
 from typing import Any
 
-import numpy as np
-
 from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name
 from gamms.context import Context
-from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.state import Arrays, Emitted, GameArrays
-from gamms.game.batch.turn import ArrayTurn
+from gamms.errors import BadValue
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.ir.graph import FloatArray, IntArray
 from gamms.rules.endings import all_know, state_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import Rule
@@ -63,10 +58,6 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
                     ctx.game.scores[other] -= points / len(others)
         state["seen"] = len(ctx.game.events)
 
-    def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-        state.events.read(state_key, ctx.game.data.get(_PAYOFFS, {}).get(state_key, {}).get("seen", 0))
-        return {}
-
     return declared(
         payoff,
         RuleSpec(
@@ -74,47 +65,8 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
             rank=Rank.PAYOFFS,
             key=state_key,
             disclose=all_know(_PAYOFFS, state_key),
-            array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
-            begin_arrays=begin_arrays,
         ),
     )
-
-
-def _pay_in_arrays(turn: ArrayTurn, key: str, table: Mapping[str, Mapping[str, float]], *, balanced: bool) -> None:
-    """Do what the rule does, in many games."""
-    paid = [_paid(turn, emitted, table[emitted.kind]) for emitted in turn.new_events(key) if emitted.kind in table]
-    if not paid:
-        return
-    at, teams, points = (np.concatenate(columns) for columns in zip(*paid, strict=True))
-    playing = [number for number, team in enumerate(turn.roster.teams) if team is not None]
-    others = len(playing) - 1
-    if balanced and others:
-        payers = np.array(
-            [[team, *(one for one in playing if one != team)] for team in playing]
-        )  # for each that is paid
-        teams = payers[np.searchsorted(playing, teams)].ravel()
-        at = np.repeat(at, len(playing))
-        points = np.column_stack((points, *[-points / others] * others)).ravel()
-    if others or not balanced:
-        turn.add_team_scores(at, teams, points)
-
-
-def _paid(turn: ArrayTurn, emitted: Emitted, roles: Mapping[str, float]) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the games, teams and points that events of one kind are paid for, in the order of the events."""
-    names, teams, team_of = turn.roster.names, turn.roster.teams, turn.roster.team_of.tolist()
-    team_of_agent = dict(zip(names, team_of, strict=True))
-    number_of = {team: number for number, team in enumerate(teams)}
-    columns = []
-    for role in roles:
-        if role not in emitted.fields:
-            event = {"turn": None, "kind": emitted.kind, **emitted.fields}
-            raise UnknownName(f"field of an event {emitted.kind!r}:", role, event)
-        known = team_of_agent if role in _AGENTS else team_of_agent | number_of
-        columns.append([known.get(named, -1) for named in emitted.fields[role]])
-    paid_to = np.array(columns, np.int64).T.ravel()
-    at, points = np.repeat(emitted.games, len(roles)), np.tile(list(roles.values()), len(emitted.games))
-    is_paid = np.array([*(team is not None for team in teams), False])[paid_to]
-    return at[is_paid], paid_to[is_paid], points[is_paid]
 
 
 def _of_roles(kind: object, given: object) -> dict[str, float]:

@@ -1,24 +1,16 @@
 """What agents use up: amounts such as fuel, which moves, turns and deeds cost, and deeds that take time to be ready."""
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from functools import partial
 from itertools import pairwise, takewhile
 from math import dist, isfinite
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-
-from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.roads import REMOVED
-from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.turn import ArrayTurn, movement_in
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
-from gamms.ir.obstacles import BoolArray
+from gamms.ir.graph import GraphColumns, shortest_edges
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
 from gamms.rules.visits import EdgesGoneAlong
 from gamms.text import shown, shown_as_called
@@ -100,15 +92,11 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         RuleSpec(
             prepare=tank.prepare,
             check=check,
-            array_check=tank.check_in_arrays,
             drawer=render_amounts,
             teams=sorted(tank.teams or (), key=str),
             rank=Rank.RESOURCES,
             key=tank.name,
             disclose=tank.disclose,
-            array_form=tank.charge_in_arrays,
-            prepare_arrays=tank.prepare_arrays,
-            begin_arrays=tank.begin_arrays,
         ),
     )
 
@@ -230,96 +218,6 @@ class _Tank(NamedTuple):
             if rest <= 0 and self.eliminates:
                 ctx.game.eliminate(agent)
 
-    def prepare_arrays(self, state: GameArrays) -> None:
-        """Publish the amounts of many games, (games, agents)."""
-        state.facts[self.name] = self._kept(state.keep, len(state.roster.names))["amounts"]
-
-    def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-        """Return what the rule remembers of a game as arrays; see `_kept`."""
-        known = ctx.game.data.get(RESOURCES, {}).get(self.name, {}).get("amounts", {})
-        return {("resource", self.name): {"amounts": state.roster.column(known, self.start)}}
-
-    def check_in_arrays(self, turn: ArrayTurn, ends: IntArray) -> BoolArray:
-        """Return which moves to these nodes cost more than is left, (games, agents)."""
-        kept = self._kept(turn.keep, ends.shape[1])
-        left, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
-        is_empty = left <= 0
-        for done, price in self._deeds_in_arrays(turn):
-            deeds = done.those(counts[done.agents])
-            has = left[deeds.at, deeds.agents]
-            is_refused = price > has * (1 + _SLACK)
-            left[deeds.at, deeds.agents] = np.where(is_refused, has, has - price)
-            why = [f"it needs {price:g} {self.name}, and {amount:g} is left" for amount in has[is_refused].tolist()]
-            turn.refuse(deeds.those(is_refused), why)
-        prices = self._prices(turn, turn.node, ends)
-        if turn.flights is not None:
-            prices = np.where(turn.roster.flies, self._price_of_flight(turn), prices)
-        is_too_dear = is_empty | (prices > left * (1 + _SLACK))
-        is_stopped: BoolArray = is_too_dear & turn.alive & counts
-        return is_stopped
-
-    def _prices(self, turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
-        """Return what moves of a turn cost on the map as it is, (games, agents)."""
-        edges = ends != starts if turn.paths is None else turn.paths.edges
-        prices = np.asarray(edges * self.per_edge, np.float64)
-        if self.per_metre:
-            prices += _lengths_in_arrays(turn, starts, ends) * self.per_metre
-        return prices
-
-    def _price_of_flight(self, turn: ArrayTurn) -> FloatArray:
-        """Return what agents pay that fly in a turn, (agents,)."""
-        return np.array([self.per_metre * (agent.speed or 0.0) for agent in turn.roster.agents])
-
-    def _deeds_in_arrays(self, turn: ArrayTurn) -> Iterator[tuple[ArrayDeeds, float]]:
-        """Yield what agents do that costs something, with the price: of several of one agent in their order."""
-        several = [(turn.performed(kind), price) for kind, price in self.per_deed.items()]
-        orders = np.unique(np.concatenate([deeds.order for deeds, _ in several])) if several else ()
-        for number in orders:
-            yield from ((deeds.those(deeds.order == number), price) for deeds, price in several)
-
-    def charge_in_arrays(self, turn: ArrayTurn) -> None:
-        """Do what `charge` does in many games."""
-        kept = self._kept(turn.keep, turn.alive.shape[1])
-        before, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
-        prices = np.where(turn.took_part, self._prices(turn, turn.starts, turn.ends), 0.0)
-        if turn.flights is not None:
-            those = turn.flights.agents
-            prices[:, those] = turn.flights.flew * self._price_of_flight(turn)[those]
-        used = np.full(before.shape, self.per_turn)
-        for deeds, price in self._deeds_in_arrays(turn):
-            used[deeds.at, deeds.agents] += price
-        rest = before - prices - used
-        rest[rest <= before * _SLACK] = 0.0
-        if self.recharge:
-            rest += turn.shared(("recharge", self.name), lambda: self._rates(turn))[turn.node]
-        rest = np.minimum(rest, self.full)
-        is_paying = turn.is_playing
-        kept["amounts"][turn.games] = np.where(counts & is_paying, rest, self.start)
-        is_empty = (rest <= 0) & counts & is_paying
-        self._empty(turn, is_empty & (before > 0), is_empty)
-
-    def _empty(self, turn: ArrayTurn, are_new: BoolArray, are_empty: BoolArray) -> None:
-        """Note which agents have nothing left, and put them out if the rule says so, in the order of their names."""
-        for agent in np.flatnonzero((are_empty if self.eliminates else are_new).any(axis=0)).tolist():
-            at = np.flatnonzero(are_new[:, agent])
-            turn.emit(
-                "empty", at, agents={"agent": np.full(len(at), agent)}, values={"resource": [self.name] * len(at)}
-            )
-            if self.eliminates:
-                at = np.flatnonzero(are_empty[:, agent])
-                turn.eliminate(at, np.full(len(at), agent))
-
-    def _kept(self, keep: Callable[[Hashable, Callable[[int], Arrays]], Arrays], agents: int) -> Arrays:
-        """Return what the rule remembers of many games: what agents have."""
-        return keep(
-            ("resource", self.name),
-            lambda games: {"amounts": np.full((games, agents), self.start)},
-        )
-
-    def _rates(self, turn: ArrayTurn) -> FloatArray:
-        """Return what an agent gets on each node, (nodes,)."""
-        return np.array([self.recharge.get(node, 0.0) for node in turn.streets.columns.node_ids.tolist()])
-
     def _give(self, ctx: Context, agent: IAgent, amount: float) -> None:
         """Set what an agent has, and let it know."""
         amounts = self._state(ctx)["amounts"]
@@ -345,56 +243,6 @@ class _Tank(NamedTuple):
         else:
             metres = lengths.along(ctx, move.path) if edges and self.per_metre else 0.0
         return edges * self.per_edge + metres * self.per_metre
-
-
-def _lengths_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
-    """Return how long moves are, (games, agents), each edge added to those before it."""
-    if turn.paths is None:
-        return _edges_in_arrays(turn, starts, ends)
-    legs = turn.paths.legs
-    if legs is not None and legs.edge.size:
-        total = np.zeros(ends.shape)
-        for number in range(legs.edge.shape[-1]):  # one leg after the other, as they are summed up for one agent
-            edge, begin, end = legs.edge[..., number], legs.begin[..., number], legs.end[..., number]
-            total += np.where(edge >= 0, np.abs(end - begin) * _lengths_of_edges(turn, edge), 0.0)
-        return total
-    nodes, total = turn.paths.nodes, np.zeros(ends.shape)
-    for number in range(nodes.shape[-1] - 1):
-        total += _edges_in_arrays(turn, nodes[..., number], nodes[..., number + 1])
-    return total
-
-
-def _lengths_of_edges(turn: ArrayTurn, edge: IntArray) -> FloatArray:
-    """Return how long edges are that agents have gone along, (games, agents); removed ones: from end to end."""
-    movement = movement_in(turn)
-    columns, lengths = movement.columns, movement.columns.lengths[edge]
-    is_removed = np.nonzero(movement.all_roads.states(edge, turn.games[:, None]) == REMOVED)
-    for place, row in zip(zip(*is_removed, strict=True), edge[is_removed].tolist(), strict=True):
-        lengths[place] = dist(*columns.xy[[columns.sources[row], columns.targets[row]]].tolist())
-    return lengths
-
-
-def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
-    """Return how long it is from nodes to others, (games, agents): along an edge, else in a straight line."""
-    nodes, columns = turn.streets.num_nodes, turn.streets.columns
-
-    def make() -> tuple[IntArray, FloatArray]:
-        ways = columns.sources * nodes + columns.targets
-        order = np.lexsort((columns.lengths, ways))
-        known, first = np.unique(ways[order], return_index=True)
-        return known, columns.lengths[order][first]
-
-    known, lengths = turn.shared("lengths of ways", make)
-    ways = starts * nodes + ends
-    at = kernels.rows_of(known, ways)
-    found: FloatArray = lengths[at] if len(known) else np.zeros(ends.shape)
-    found[starts == ends] = 0.0
-    straight = np.nonzero((starts != ends) & (at < 0))
-    pairs, which = np.unique(ways[straight], return_inverse=True)
-    xy = columns.xy.tolist()
-    apart = [dist(xy[start], xy[end]) for start, end in zip(*np.divmod(pairs, nodes), strict=True)]
-    found[straight] = np.array(apart)[which] if apart else 0.0
-    return found
 
 
 def _check_declared(ctx: Context, deed: str) -> None:
@@ -423,11 +271,6 @@ def _cooling(kind: str, data: Mapping[str, Any], names: Collection[str]) -> dict
     """Return for how many turns more some agents may not do a deed."""
     known = data.get(COOLDOWNS, {}).get(kind, {}).get("left", {})
     return {COOLDOWNS: {kind: {"left": {name: more for name, more in known.items() if name in names}}}}
-
-
-def _left_in_arrays(kind: str, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-    known = ctx.game.data.get(COOLDOWNS, {}).get(kind, {}).get("left", {})
-    return {("cooldown", kind): {"left": state.roster.column(known, 0)}}
 
 
 @shown_as_called
@@ -467,34 +310,14 @@ def cooldown(deed: str, turns: int) -> Rule:
         known.update(later)
         known.update((one.agent, wait) for one in ctx.game.performed(kind))
 
-    def kept(turn: ArrayTurn) -> IntArray:
-        agents = turn.alive.shape[1]
-        known: IntArray = turn.keep(("cooldown", kind), lambda n: {"left": np.zeros((n, agents), np.int64)})["left"]
-        return known
-
-    def check_in_arrays(turn: ArrayTurn, ends: IntArray) -> BoolArray:
-        done = turn.performed(kind)
-        more = kept(turn)[turn.games[done.at], done.agents]
-        ready = (turn.turn[done.at] + 1 + more)[more > 0].tolist()
-        turn.refuse(done.those(more > 0), [f"it is ready in turn {number}" for number in ready])
-        return np.zeros(ends.shape, np.bool_)
-
-    def in_arrays(turn: ArrayTurn) -> None:
-        known, done = kept(turn), turn.performed(kind)
-        known[turn.games] = np.maximum(known[turn.games] - 1, 0)
-        known[turn.games[done.at], done.agents] = wait
-
     return declared(
         cooldown,
         RuleSpec(
             prepare=prepare,
             check=check,
-            array_check=check_in_arrays,
             drawer=render_cooldowns,
             rank=Rank.RESOURCES,
             key=f"cooldown of {kind}",
             disclose=partial(_cooling, kind),
-            array_form=in_arrays,
-            begin_arrays=partial(_left_in_arrays, kind),
         ),
     )

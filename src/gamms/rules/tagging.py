@@ -9,7 +9,6 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.rules.array_turns import array_form_of
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
@@ -122,7 +121,6 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
             teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
             act_as_one=_rule_of,
             parts=taggings,
-            array_form=array_form_of(core_form),
             core_form=core_form,
         ),
     )
@@ -210,7 +208,6 @@ def respawn(
             key=key,
             brings_back=True,
             disclose=all_know("respawns", key),
-            array_form=array_form_of(core_form),
             core_form=core_form,
             begin_arrays=begin_arrays,
         ),

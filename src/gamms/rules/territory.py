@@ -13,7 +13,6 @@ from gamms.errors import BadType, BadValue
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
-from gamms.rules.array_turns import array_form_of
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
 from gamms.rules.meetings import InTurn
@@ -118,7 +117,6 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
             prepare=prepare,
             drawer=TerritoryDrawer(fact, colors),
             disclose=all_know(TERRITORIES, fact),
-            array_form=array_form_of(core_form),
             core_form=core_form,
         ),
     )

@@ -467,7 +467,7 @@ def _actions_to_places(
             columns_of = np.arange(len(edge))
             is_better = differs.any(axis=0) & (option[at, columns_of] < best[at, columns_of])
             best[:, is_better] = option[:, is_better]
-            entries[is_better] = by.along(first, last, np.full(len(edge), is_here))[is_better]
+            entries[is_better] = by.along(first, last, np.full(len(edge), is_here))[is_better]  # type: ignore[attr-defined] # in no batch any more
     actions = np.where(best[0] < np.inf, entries, -1)
     some = np.flatnonzero(meets)
     there = which[0][some], which[1][some]

@@ -456,7 +456,7 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
     remember(view, "unblock", **noted, ahead=known["ahead"])  # for another `unblock` in the strategy
     actions = asked(view, actions, goes_on, left <= 0)
     follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
-    follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))
+    follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))  # type: ignore[attr-defined] # in no batch any more
     ahead = np.where(view.mask & (left > 0), view.node, follows)
     remember(view, "unblock", **noted, ahead=ahead)
     return actions

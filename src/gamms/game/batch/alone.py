@@ -17,14 +17,12 @@ from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, kept_in, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
-from gamms.game.batch.flights import as_flights
 from gamms.game.batch.forms import F, StrategySpec, declare
-from gamms.game.batch.given import flown
-from gamms.game.batch.headings import Headings
+from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.last_turn import LastTurn
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement, Places
 from gamms.game.batch.one_by_one import Noted, note_sights
-from gamms.game.batch.sight import Seen, noted_sensors
+from gamms.game.batch.sight import Seen, noted_node_sensors, noted_sensors
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
@@ -274,10 +272,8 @@ class _ViewOfOne(ArrayView):
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
         game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
-        turned = np.zeros((len(here), 2))
-        turned[agents] = [here[number].orientation for number in agents.tolist()]
-        game.headings = Headings(movement, turned, np.full(len(here), -1), game.start, None)
         game.noted = {number: noted_sensors(here[number]) for number in agents.tolist()}
+        game.noted_nodes = {number: noted_node_sensors(here[number]) for number in agents.tolist()}
         note_sights(game, self._host, self._internals.parts.turns, 0)
         return ArrayView(game, self.games, agents)
 

@@ -11,14 +11,11 @@ import numpy as np
 from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
-from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import key_of, strategy_spec_of
-from gamms.game.batch.last_turn import LastTurn, last_flights
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
-from gamms.game.moves import TurnMoves
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray, locked_columns
@@ -79,44 +76,11 @@ class Beginning:
         events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
-        self._take_moves(game, state)
         self.put(state, np.arange(len(state)))
         state.has_begun = self._turn > 0
         for one in game.rules:
             _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
         self._take_up_memories(game, state)
-
-    def _take_moves(self, game: PlayedGame, state: GameArrays) -> None:
-        """Take the moves of the last turn, where rules of the phase "before" may look at them."""
-        moves: TurnMoves | None = self._values.moves
-        self._last: LastTurn | None = None
-        self._flights: Flights | None = None
-        if moves is None or self._node is None or not _has_rules_before(game):
-            return
-        names, flyers, node = state.roster.names, state.flyers, state.node[:1].copy()
-        node[0, self._agents] = self._node
-        self._last = LastTurn.of(moves, state.roster, state.movement, node)
-        out = {one["agent"] for one in self._values.events if one["kind"] == "eliminated" and one["turn"] == self._turn}
-        self._dropped = np.array([name in out for name in names], np.bool_) & ~self._last.took_part[0]
-        if flyers is not None:
-            self._flights = last_flights(moves, state.roster, flyers.hovering(1))
-        self._deeds = [
-            (names.index(one.agent), order, one.kind, one.values)
-            for order, one in enumerate(moves.deeds)
-            if one.agent in names
-        ]
-
-    def _put_moves(self, state: GameArrays, games: IntArray) -> None:
-        last, flyers = self._last, state.flyers
-        if last is None:
-            return
-        last.put(state, games, self._dropped)
-        if flyers is not None and self._flights is not None:
-            flights = self._flights.of(np.zeros(len(games), np.int64))
-            flights = flights._replace(flew=flyers.are_put(games, flights))
-            state.last_flights = flights.noted(games, state.last_flights or flyers.hovering(len(state)))
-        done = [(game, *one) for game in games.tolist() for one in self._deeds]
-        state.last_deeds += state.deeds.from_plain(done, np.broadcast_to(last.starts, state.node.shape))
 
     def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
         """Let the forms of strategies keep what agents remember."""
@@ -145,8 +109,6 @@ class Beginning:
         state.alive[games[:, None], self._agents] = self._alive
         if self._node is not None:
             state.node[games[:, None], self._agents] = self._node
-        if state.headings is not None:
-            state.headings.begin(games, state.node[games])
         for number, place in self._progress:
             if place is not None:
                 state.movement.put_on(games, number, place)
@@ -154,7 +116,6 @@ class Beginning:
             state.counts[kind][games] = numbers
         for key, points in values.scores.items():
             state.scores.add(key, games, points)
-        self._put_moves(state, games)
         self._put_logs(state, games)
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
@@ -162,9 +123,6 @@ class Beginning:
         for game in games.tolist():
             state.errors[game] += values.errors
         state.events.begin(games, values.events)
-        state.deeds.begin(games, values.deeds)
-        if state.radio is not None:
-            state.radio.go_on(games, values.messages, self._turn)
 
 
 def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:
@@ -207,8 +165,6 @@ def why_not_begun(game: PlayedGame) -> Iterator[str]:
     yield from _why_not_departed(game)
     if not game.turn:
         return
-    if _has_rules_before(game) and not _are_on_map(game):
-        yield "rules of the phase 'before', and last moves along what is not on the map any more"
     yield from _why_not_placed(game)
 
 
@@ -231,21 +187,6 @@ def _texts_in(value: object) -> Iterator[str]:
         yield value
     elif isinstance(value, dict | list | tuple | set | frozenset):
         yield from chain.from_iterable(map(_texts_in, value.values() if isinstance(value, dict) else value))
-
-
-def _has_rules_before(game: PlayedGame) -> bool:
-    return any(one.phase == "before" for one in game.rules)
-
-
-def _are_on_map(game: PlayedGame) -> bool:
-    """Whether the nodes and edges of the last moves are still there, edges that were closed too."""
-    moves, graph = game.internals.state.moves, game.ctx.graph
-    if moves is None:
-        return True
-    tracks, (edges, closed) = [moves.track(i) for i in range(len(moves.slots))], graph.storage.roads()
-    nodes = {*moves.starts, *moves.ends, *chain.from_iterable(track.path for track in tracks)}
-    legs = {leg.edge for track in tracks for leg in track.legs}
-    return all(map(graph.graph.has_node, nodes)) and all(edge in closed or edge in edges for edge in legs)
 
 
 def _why_not_placed(game: PlayedGame) -> Iterator[str]:

@@ -1,14 +1,14 @@
 """Agents that go along several edges in a turn, or parts of one, by their speeds in edges, in many games at once."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.movement import AIMS, BY_HOPS, ENDLESS, LIMITED, Movement, Moves, Paths
+from gamms.game.batch.movement import AIMS, LIMITED, Movement
 from gamms.game.batch.roads import RoadMap
-from gamms.game.legality import SLACK, edges_within
+from gamms.game.legality import edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -248,106 +248,3 @@ class ByEdges(Movement):
         has_path = np.isfinite(table.distances(here, ends, at=games))
         found[has_speed] = np.where(has_path, AIMS * (first + limit) + ends, -1)
         return found
-
-    def first_nodes(self, node: IntArray, actions: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the nodes that agents name first who decide such actions; -1: none."""
-        choices, aims = self.choices(node, which), actions >= AIMS
-        found, targets = self.nodes(choices, np.where(aims, 0, actions)), actions % AIMS
-        some = np.flatnonzero(aims & (self.action_to(choices, targets) < 0))
-        found[aims] = targets[aims]
-        found[some] = self.ways("length").following(node[some], targets[some], at=which[0][some])
-        waits = some[actions[some] // AIMS == LIMITED]
-        found[waits] = node[waits]
-        return found
-
-    def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
-        """Return where actions lead, of all agents of some games."""
-        agents = np.arange(node.shape[1])
-        choices = self.choices(node, (games[:, None], agents))
-        is_aim = actions >= AIMS
-        targets = np.where(is_aim, actions % AIMS, self.nodes(choices, np.where(is_aim, 0, actions)))
-        goes = np.nonzero((targets != node) & self._is_paced)
-        by_hops = ~is_aim[goes] | (actions[goes] >= BY_HOPS)
-        aims = np.flatnonzero(~by_hops)
-        those = goes[0][aims], goes[1][aims]
-        by_hops[aims] = self.action_to(choices[those], targets[those]) >= 0
-        limit = np.where(by_hops, ENDLESS, actions[goes] // AIMS - LIMITED)
-        limit[limit < 0] = ENDLESS
-        way, those = _Way(node[goes], targets[goes], limit), (games[goes[0]], goes[1])
-        self._set_off(way, by_hops, those)
-        return self._gone(node, targets, goes, way)
-
-    def _set_off(self, way: "_Way", by_hops: BoolArray, those: tuple[IntArray, IntArray]) -> None:
-        """Follow ways of some agents for a turn: by the number of edges, or by their lengths."""
-        tables, games = {True: self.ways(None), False: self.ways("length")}, those[0]
-        ahead, covered, speed = self._ahead(way.here, *those), self.covered[those], self._speeds[those[1]]
-        first, is_next = way.targets.copy(), by_hops & self.all_roads.are_next(way.here, way.targets, games)
-        for is_short, table in tables.items():
-            some = np.flatnonzero(~is_next & (by_hops == is_short))
-            first[some] = table.following(way.here[some], way.targets[some], at=games[some])
-        other = np.flatnonzero(by_hops & (ahead >= 0) & (ahead != first))
-        onward, direct = (
-            tables[True].distances(rows[other], way.targets[other], at=games[other]) for rows in (ahead, way.here)
-        )
-        on_first = other[1.0 - covered[other] + onward <= direct]
-        first[on_first] = ahead[on_first]
-        budget = speed + np.where(first == ahead, covered, 0.0)
-        most = np.minimum(np.floor(edges_within(budget)), way.limit).astype(np.int64)
-        nodes, node = [way.here], way.here
-        for edge in range(int(most.max(initial=1)) + 1):
-            goes_on = np.flatnonzero((node != way.targets) & (edge <= most))
-            if edge > 1 and not len(goes_on):
-                break
-            ahead = node.copy() if edge else first
-            for is_short, table in tables.items() if edge else ():
-                some = goes_on[by_hops[goes_on] == is_short]
-                ahead[some] = table.following(node[some], way.targets[some], at=games[some])
-            enters = goes_on[edge < most[goes_on]]
-            node = node.copy()
-            node[enters] = ahead[enters]
-            way.edges[enters] += 1
-            nodes.append(node)
-            stops = goes_on[edge == most[goes_on]]
-            way.ahead[stops] = ahead[stops]
-        way.nodes = np.stack(nodes, axis=-1)
-        left = budget - way.edges
-        way.share = np.where((way.edges < way.limit) & (left > SLACK) & (left < 1.0), left, 0.0)
-
-    def _gone(self, node: IntArray, targets: IntArray, goes: tuple[IntArray, ...], way: "_Way") -> Moves:
-        """Return moves of all agents: ways of some, the others along one edge or none."""
-        most = way.nodes.shape[-1]
-        nodes, lengths = np.repeat(targets[..., None], most, axis=-1), np.where(targets == node, 1, 2)
-        nodes[..., 0], nodes[goes], lengths[goes] = node, way.nodes, way.edges + 1
-        begun, covered = np.full(node.shape, -1), np.zeros(node.shape)
-        at_end = way.nodes[:, -1]
-        on = np.flatnonzero((way.share > 0.0) & (way.ahead >= 0) & (way.ahead != at_end))
-        those = goes[0][on], goes[1][on]
-        begun[those], covered[those] = way.ahead[on], way.share[on]
-        steps = np.arange(most)
-        times = np.where(steps < lengths[..., None], steps / np.maximum(lengths - 1, 1)[..., None], np.inf)
-        is_moving = (lengths > 1) | (begun >= 0)
-        stays = lengths == 1
-        paths = Paths(nodes, times, lengths, stays, np.zeros_like(stays), np.ones_like(stays))
-        return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (-1, 0.0))
-
-    def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
-        """Return which edges agents have begun, and how much of them."""
-        return zip((self.begun, self.covered), moves.progress, strict=True)
-
-
-class _Way:
-    """Where agents with speeds go in a turn, (agents,).
-
-    Attributes:
-        here, targets: rows of nodes.
-        limit: how many edges they go at most.
-        edges: how many edges they go.
-        nodes: (agents, most) the rows of the nodes that they pass.
-        ahead: the node that comes next on the way; -1: none.
-        share: how much of the edge to it they cover.
-    """
-
-    def __init__(self, here: IntArray, targets: IntArray, limit: IntArray) -> None:
-        self.here, self.targets, self.limit = here, targets, limit
-        self.edges, self.ahead = np.zeros(len(here), np.int64), np.full(len(here), -1)
-        self.nodes, self.share = here[:, None], np.zeros(len(here))

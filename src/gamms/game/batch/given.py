@@ -11,7 +11,6 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
-from gamms.game.batch.flights import as_flights
 from gamms.game.batch.view import ArrayView, as_actions
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -100,6 +99,17 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
     return Given(as_kept(moves) if is_copied else moves, deeds, messages, flights)
+
+
+def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
+    """Return flights of so many games and agents as they were given."""
+    flights = as_array(given, what, "numbers")
+    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
+        raise BadValue(
+            f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
+            f"{flights.shape}."
+        )
+    return flights.astype(np.float64)
 
 
 def as_kept(moves: IntArray) -> IntArray:

@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.game.batch.columns import Roster
-from gamms.game.batch.flights import Flights, Flown
-from gamms.game.batch.movement import Legs, Movement, Moves, Paths, last_motion
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.movement import Legs, Movement, Paths
 from gamms.game.batch.travel import ByMetres
 from gamms.game.moves import TurnMoves
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion
 from gamms.typing.game import Track
 
 _SHORT = {1: (0.0,), 2: (0.0, 1.0)}  # when agents are at their nodes that stay, or go along one edge in the turn
@@ -47,39 +46,7 @@ class LastTurn(NamedTuple):
             tracks = [moves.track(i) for i in slots]
             if any(_SHORT.get(len(track.path)) != track.times or _waits(track) for track in tracks):
                 paths = _paths(tracks, numbers, movement, starts)
-        if len(movement.edge) and not isinstance(movement, ByMetres):
-            paths = (paths or _as_paths(starts, ends)).without_legs()
         return cls(starts, ends, took_part, paths)
-
-    def put(self, state: GameArrays, games: IntArray, dropped: BoolArray) -> None:
-        """Let some games have these moves; agents that went out before they could move are `dropped`, (agents,)."""
-        for column, values in zip(state.last_moves, (*self[:3], dropped), strict=True):
-            column[games] = values
-        if self.paths is None and state.last_paths is None:
-            return
-        paths = _as_paths(self.starts, self.ends) if self.paths is None else self.paths
-        of_games = paths.of(np.zeros(len(games), np.int64))
-        if len(games) == len(state):
-            state.last_paths = of_games
-            return
-        known = state.last_paths or _as_paths(state.last_moves.starts, state.last_moves.ends)
-        state.last_paths = known.put((games[:, None], np.arange(self.starts.shape[1])), of_games)
-
-
-def last_flights(moves: TurnMoves, roster: Roster, flights: Flights) -> Flights:
-    """Return what agents have done that fly, given what they do of which nothing is known, of one game."""
-    several = list[Flown]()
-    for number in flights.agents.tolist():
-        i = moves.order.index_of.get(roster.names[number])
-        action = None if i is None else moves.actions.get(i)
-        if action is not None:
-            several.append(Flown(0, number, action.position, action.quat))
-    flights.put(several)
-    return flights
-
-
-def _as_paths(starts: IntArray, ends: IntArray) -> Paths:
-    return Moves(starts, ends, starts != ends).as_paths()
 
 
 def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, starts: IntArray) -> Paths:
@@ -113,7 +80,7 @@ def _paths_by_metres(
             back = -1 if leg.back is None else row_of[leg.back]
             for column, value in zip(legs, (row_of[leg.edge], back, *leg[3:7]), strict=True):
                 column[0, number, place] = value
-    edge, motion = np.full(starts.shape, -1), last_motion(legs)
+    edge, motion = np.full(starts.shape, -1), np.full(starts.shape, Motion.STOPPED)
     for number, i in zip(numbers.tolist(), slots, strict=True):
         progress = moves.actions[i].progress if i in moves.actions else None
         if progress is not None:

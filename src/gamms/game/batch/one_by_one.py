@@ -7,6 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from gamms.deciding import phase_of
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Radio
@@ -15,7 +16,7 @@ from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
 from gamms.game.batch.movement import Anywhere, Movement, Places
 from gamms.game.batch.roads import RoadMap
-from gamms.game.batch.sight import noted_sensors
+from gamms.game.batch.sight import noted_node_sensors, noted_sensors
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import checked_value
@@ -230,6 +231,8 @@ class OneByOneEngine:
         """Note which sensors the agents of the roster carry."""
         sensors = {i: noted_sensors(agent) for i, agent in enumerate(self._roster.agents)}
         state.noted = {i: names for i, names in sensors.items() if names}
+        turning = {i: noted_node_sensors(agent) for i, agent in enumerate(self._roster.agents)}
+        state.noted_nodes = {i: names for i, names in turning.items() if names}
         state.shared.clear()
 
     def _observe(self, number: int) -> None:
@@ -395,6 +398,13 @@ def note_sights(state: GameArrays, ctx: HostContext, turns: TurnEngine, number: 
             others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
             found[sensor] = others, state.streets.rows(nodes)
         state.sighted[number, i] = found
+    for i, names in state.noted_nodes.items():
+        agent = ctx.agent.agents.get(state.roster.names[i])
+        carried = [] if agent is None or not agent.alive else [name for name in names if name in agent.sensors]
+        own = state.sighted_nodes[number, i] = {}
+        with phase_of(ctx).suspended(changes_world=False):
+            for name in carried if agent is not None else ():
+                own[name] = state.streets.rows(agent.sensors[name].sense_many([agent.current_node_id])[0])
 
 
 def _reported(report: Sensed, ctx: HostContext) -> list[tuple[str, int]]:

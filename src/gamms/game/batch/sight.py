@@ -14,7 +14,7 @@ from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import mask_of_pairs
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import AgentLook
+from gamms.ir.sensed import AgentLook, NodeLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.sensor_engine import FROM_AIR, IN_AIR, ON_GROUND, ISensor, SensorType
@@ -161,6 +161,16 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_AGENTS})
 
 
+def noted_node_sensors(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that show nodes and turn with it, which only the turn engine can ask."""
+    found = []
+    for name, sensor in getattr(agent, "sensors", {}).items():
+        look = sensor.nodes_in_arrays() if hasattr(sensor, "nodes_in_arrays") else None
+        if isinstance(look, NodeLook) and look.turns:
+            found.append(name)
+    return found
+
+
 def noted_sensors(agent: IAgent) -> list[str]:
     """Return the sensors of an agent that show agents, that which counts first, if only the turn engine can ask one.
 
@@ -205,7 +215,7 @@ def lookouts(
         for order, look in enumerate(looks):
             key = look.what
             _, columns, draws = found.setdefault((key, carried[key]), (look, [], []))
-            columns.append((column, order if look.quat is None else -1 - order))
+            columns.append((column, order))
             draws.append(look.draws)
             carried[key] += 1
     made = []
@@ -234,8 +244,7 @@ def seen(
     for lookout in looks:
         for at, carriers, others, places in reports(world, lookout, asked, with_own=with_own):
             looking = at * len(agents) + lookout.columns[carriers]
-            nodes: IntArray = places if lookout.look.quat is None else world.flyers.below(places)
-            found.append((looking * roster + lookout.others[others], nodes, lookout.order[carriers]))
+            found.append((looking * roster + lookout.others[others], places, lookout.order[carriers]))
     none = np.zeros(0, np.int64)
     keys, nodes, order = (np.concatenate(parts) for parts in zip((none, none, none), *found, strict=True))
     if len(looks) > 1 or any(one.look.false_alarms for one in looks):  # of what several sensors show, the last counts

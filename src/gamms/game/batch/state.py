@@ -1,7 +1,6 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from copy import deepcopy
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
@@ -13,10 +12,8 @@ from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
-from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
-from gamms.game.batch.flights import Flights, Flyers
-from gamms.game.batch.headings import Headings
-from gamms.game.batch.movement import Movement, Paths, Places
+from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
@@ -179,18 +176,6 @@ class EventLog(GameLog[Emitted | CoreEvents]):
             self._unread[reader] = [one.those(later[one.games]) for one in found if later[one.games].any()]
         return found
 
-    def checkpoint(self) -> Callable[[], None]:
-        """Return what takes back all that is noted from now on."""
-        before = [*self._pending], [len(entries) for entries in self._of_game]
-        unread = {reader: [*noted] for reader, noted in self._unread.items()}
-
-        def undo() -> None:
-            self._pending[:], self._unread = before[0], unread
-            for entries, number in zip(self._of_game, before[1], strict=True):
-                del entries[number:]
-
-        return undo
-
     def forget(self, games: IntArray) -> None:
         """Forget the events of some games."""
         super().forget(games)
@@ -247,15 +232,6 @@ def _repeated(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
 
 
-class LastMoves(NamedTuple):
-    """How agents moved in the last turn of all games, (games, agents) each; see `ArrayTurn`."""
-
-    starts: IntArray
-    ends: IntArray
-    took_part: BoolArray
-    dropped: BoolArray
-
-
 class World(NamedTuple):
     """Where agents of some games go.
 
@@ -285,14 +261,11 @@ class GameArrays:
     Attributes:
         roster: the agents of each game.
         movement: how they go.
-        flyers: those that fly; None: none does.
         streets: where they go.
         seeds: of the games.
         node, start: (games, agents) rows of nodes: where agents are, and where they began.
         alive: (games, agents)
         is_there: (games, agents) which agents are in the game, dead or alive; the others may come.
-        last_moves, last_paths, last_deeds, last_flights: of the last turn, where rules of the phase "before" need them;
-            deeds are of games by their numbers in the batch.
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
@@ -300,12 +273,13 @@ class GameArrays:
         deeds: what agents may do besides moving, and did.
         radio: by what agents send messages, and what was sent; None: by nothing.
         places, heights: where agents are in games that are played one by one; None: on their nodes.
-        noted: agent -> its sensors of which the turn engine says what they show, where it plays one by one.
+        noted, noted_nodes: agent -> its sensors of which the turn engine says which agents, or nodes, they show, in
+            games that are played one by one.
         sighted: game and agent -> such a sensor -> others, and the rows of nodes where they are reported.
+        sighted_nodes: game and agent -> a sensor that turns with it -> the rows of the nodes that it shows.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         roads: which are open in each game.
-        change_roads: opens or closes roads in games, by ids of edges.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         placed: (games, agents) which were put where they are since they moved in this turn.
         numbers: the further numbers of agents, name -> (games, agents); see `ir.schema.NUMBERS`.
@@ -319,16 +293,9 @@ class GameArrays:
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
-        headings: which way agents look, if their sensors turn with them.
-        drawn, looks: (games, agents) how much agents that are asked at arrivals have drawn in this turn, and how often
-            they have looked around.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
-        part_of: (agents,) in which part of a turn an agent moves, by the order of play.
     """
 
-    change_roads: Callable[[IntArray, tuple[int, ...], bool], None]
-    flyers: Flyers | None = None
-    last_flights: Flights | None = None
     why_not_first = ""
 
     def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
@@ -340,9 +307,6 @@ class GameArrays:
         self._of_maps: World | None = None  # of games that have several maps
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
         self.is_there = self.alive.copy()
-        self.last_moves = LastMoves(start.copy(), start.copy(), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))
-        self.last_paths: Paths | None = None
-        self.last_deeds: list[ArrayDeeds] = []
         self.turn = np.zeros(games, np.int64)
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
@@ -360,11 +324,10 @@ class GameArrays:
         self.places: Places | None = None
         self.heights: FloatArray | None = None
         self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
-        self.noted, self.now = dict[int, list[str]](), dict[Hashable, Any]()
-        self.headings: Headings | None = None
-        self.drawn, self.looks = np.zeros((2, *shape), np.int64)
+        self.noted, self.noted_nodes = dict[int, list[str]](), dict[int, list[str]]()
+        self.now = dict[Hashable, Any]()
+        self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.memory_of = locked(np.arange(len(roster.names)))
-        self.part_of = np.zeros(len(roster.names), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
@@ -377,22 +340,11 @@ class GameArrays:
         """Begin some games again, before `Beginning.put`."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
-        if self.flyers is not None:
-            self.flyers.begin(games, start)
-            if self.last_flights is not None:
-                self.flyers.hovering(len(games)).noted(games, self.last_flights)
         self.start[games] = self.node[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games] = True
         self.put_roads(games, None)
         self.movement.clear(games)
-        if self.headings is not None:
-            self.headings.begin(games, start)
-        self.last_moves.took_part[games] = self.last_moves.dropped[games] = False
-        self.last_deeds = [deeds.those(~np.isin(deeds.at, games)) for deeds in self.last_deeds]
-        self.deeds.forget(games)
-        if self.radio is not None:
-            self.radio.forget(games)
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[games] = 0
         for key, make in self._makers.items():
@@ -448,11 +400,7 @@ class GameArrays:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
         found.update(dict[Hashable, Any](self.numbers))
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
-        if self.flyers is not None:
-            found |= self.flyers.columns
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
-        if self.headings is not None:
-            found["previous"] = self.headings.previous
         if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
             found["stops"] = self.stops
         return found
@@ -528,38 +476,6 @@ class GameArrays:
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make
         return known
-
-    def checkpoint(self) -> Callable[[], None]:
-        """Return what takes back all that forms change from now on, but for where agents are."""
-        by_name: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
-        columns = [self.stops, self.placed, self.is_going]
-        columns += [getattr(self.movement, name) for name in self.movement.remembers]
-        columns += [one for those in (*by_name, self.counts, self.numbers) for one in those.values()]
-        if self.headings is not None:
-            columns.append(self.headings.previous)
-        columns += [] if self.flyers is None else self.flyers.columns.values()
-        copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
-        names = [(those, {*those}) for those in (*by_name, self.kept, self._makers)]
-        over, facts, undo_events = [*self.over], dict(self.facts), self.events.checkpoint()
-        undo_roads = self.roads.checkpoint()
-        num_errors = [len(errors) for errors in self.errors]
-
-        def undo() -> None:
-            for column, values in zip(columns, copies, strict=True):
-                column[...] = values
-            for those, known in names:
-                for name in those.keys() - known:
-                    del those[name]
-            self.over[:] = over
-            self.facts.clear()
-            self.facts.update(facts)
-            undo_events()
-            undo_roads()
-            self.movement.roads = self.roads if self.roads.are_closed else None
-            for errors, number in zip(self.errors, num_errors, strict=True):
-                del errors[number:]
-
-        return undo
 
     def note_failure(self, failure: Failure, turn: int | None = None) -> None:
         """Note in the log of a game what an agent did wrong, and let it know; `turn` is when, None: now."""

@@ -1,6 +1,6 @@
 """Which nodes the sensors of agents show, in all games of a view at once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,13 +61,12 @@ class NodeLookout(NamedTuple):
 
     views: "KnownViews"
     columns: IntArray  # (carriers,) numbers in the view
-    cone: tuple[tuple[float, float], float] | None = None  # that turns with its agent, of what the views show around
 
 
 Near = Callable[[IntArray, IntArray], tuple[IntArray, IntArray]]
 """Returns what `KnownRows.of` does of nodes in games, (looks,) each: the games, by their places, and rows of nodes."""
-Ahead = Callable[[IntArray, IntArray, IntArray, tuple[tuple[float, float], float]], BoolArray]
-"""Returns which nodes are in the fields of view of agents: games, agents, rows of nodes (pairs,) each, and the cone."""
+SightedNodes = Mapping[tuple[int, int], Mapping[str, IntArray]]
+"""Game and agent -> sensor -> the rows of the nodes that it shows."""
 
 
 def node_sensors_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
@@ -90,11 +89,12 @@ def node_lookouts(
         for name in names or known:
             if name in carried and carried[name].type in SHOWING_NODES:
                 look = _look_of(agents[number], name)
+                if look.turns:  # it is noted what such show
+                    continue
                 found.setdefault(look._replace(from_node=None), (look, []))[1].append(column)
     made = []
     for look, columns in found.values():
-        views = KnownViews(streets, look._replace(cone=None) if look.turns else look)
-        made.append(NodeLookout(views, np.unique(columns), look.cone if look.turns else None))
+        made.append(NodeLookout(KnownViews(streets, look), np.unique(columns)))
     return made
 
 
@@ -115,8 +115,8 @@ def seen_nodes(
     asked: BoolArray,
     looks: Sequence[NodeLookout],
     nodes: int,
-    ahead: Ahead,
     near: "Near | None" = None,
+    noted: Sequence[tuple[IntArray, IntArray, IntArray]] = (),
 ) -> SeenNodes:
     """Return which nodes some agents see.
 
@@ -125,27 +125,44 @@ def seen_nodes(
         asked: (games, agents) which of them are asked.
         looks: their sensors.
         nodes: how many there are on the map.
-        ahead: says what is in fields of view that turn with their agents.
         near: says which nodes are next to nodes in games where roads were closed; None: they are in none.
+        noted: columns of what else they see.
     """
     shape, none = (*node.shape, nodes), np.zeros(0, np.int64)
-    parts = [(none, none, none)]
-    for views, columns, cone in looks:
+    parts = [(none, none, none), *noted]
+    for views, columns in looks:
         at, carriers = np.nonzero(asked[:, columns])
         viewers = columns[carriers]
         here = node[at, viewers]
         runs, rows = views.of(here) if near is None or not views.are_next else near(at, here)
         counts = np.diff(runs)
-        part = np.repeat(at, counts), np.repeat(viewers, counts), rows
-        if cone is not None:
-            is_ahead = ahead(*part, cone)
-            part = part[0][is_ahead], part[1][is_ahead], rows[is_ahead]
-        parts.append(part)
-    if len(looks) == 1:
+        parts.append((np.repeat(at, counts), np.repeat(viewers, counts), rows))
+    if len(looks) == 1 and not noted:
         return SeenNodes(shape, *parts[1])
     at, viewers, rows = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     looking, rows = np.divmod(np.unique((at * shape[1] + viewers) * nodes + rows), max(nodes, 1))
     return SeenNodes(shape, *np.divmod(looking, max(shape[1], 1)), rows)
+
+
+def noted_nodes(
+    sighted: SightedNodes, names: Sequence[str], who: tuple[IntArray, IntArray], asked: BoolArray
+) -> list[tuple[IntArray, IntArray, IntArray]]:
+    """Return columns of the games, agents and nodes that only the turn engine knows agents to see.
+
+    Args:
+        sighted: see `GameArrays`.
+        names: of the sensors; none: all.
+        who: the games of the view by their numbers in the batch, and its agents by those in the roster.
+        asked: (games, agents) which agents are asked.
+    """
+    number, column = ({one: i for i, one in enumerate(of.tolist())} for of in who)
+    parts = []
+    for (game, agent), of_agent in sighted.items():
+        if game in number and agent in column and asked[number[game], column[agent]]:
+            looking = number[game], column[agent]
+            seen = [rows for name, rows in of_agent.items() if name in names or not names]
+            parts += [(np.full_like(rows, looking[0]), np.full_like(rows, looking[1]), rows) for rows in seen]
+    return parts
 
 
 class KnownRows:

@@ -1,23 +1,19 @@
 """What array forms of rules get: one turn of all games that are played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from copy import copy
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
-from gamms.core import rules
 from gamms.errors import BadValue
 from gamms.game.batch.columns import kept_in, lock, once, places_of, put_locked, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
-from gamms.game.batch.flights import Flights
-from gamms.game.batch.movement import Movement, Paths
-from gamms.game.batch.reports import Look, World, nodes_in_view
+from gamms.game.batch.movement import Paths
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.batch.state import STOPPED, Arrays, CoreEvents, Emitted, GameArrays, NotTakenUp, routes_of
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -68,7 +64,6 @@ class ArrayTurn:
         ends: where they went, conflicts included.
         took_part: which of them were alive then.
         paths: how they go there; None: along one edge at most. `visits` says where they were.
-        flights: what those do that fly, which `starts` and `ends` have on their nodes; None: none flies.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
 
@@ -76,21 +71,13 @@ class ArrayTurn:
     """
 
     paths: Paths | None = None
-    flights: Flights | None = None
-    _played: Paths | None = None  # of the parts of the turn that have moved
-    _flown: Flights | None = None  # likewise
-    _earlier: tuple[IntArray, IntArray]  # starts and ends of the parts of the turn that have moved
     _is_moving = False  # whether agents have decided and not moved
-    _dropped: BoolArray | np.bool = np.False_  # agents that went out before they could move
-    _origins: IntArray | None = None  # by metres, where moves begin, for conflicts: nodes and behind them edges
 
     def __init__(self, state: GameArrays, games: IntArray) -> None:
         self._state, self.games, self.roster = state, games, state.roster
         self._find_roads()
         self.turn, self.seeds = state.turn[games], state.seeds_of(games)
-        self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
-        self._done: list[ArrayDeeds] = []  # of the parts before
-        self._refused: dict[tuple[int, int, str], set[str]] = {}
+        self._deeds: list[ArrayDeeds] = []
         self.node: IntArray = state.chosen(state.node, games)
         self.alive: BoolArray = state.chosen(state.alive, games)
         self.starts = self.ends = self.node
@@ -116,25 +103,6 @@ class ArrayTurn:
         state.alive[self._rows] = self.alive
         state.now.clear()
 
-    def _of(self, which: BoolArray) -> Self:
-        """Return the turn of some of its games, (games,)."""
-        part, games, number = copy(self), np.flatnonzero(which), np.cumsum(which) - 1
-        for name, value in vars(self).items():
-            if isinstance(value, np.ndarray):
-                setattr(part, name, value[games])
-            elif isinstance(value, Paths | Flights):
-                setattr(part, name, value.of(games))
-        part._deeds, part._done = (
-            [one._replace(at=number[one.at]) for one in [deeds.those(which[deeds.at]) for deeds in several]]
-            for several in (self._deeds, self._done)
-        )
-        part._refused = {}
-        part._find_roads()
-        return part
-
-    def _in_view(self, look: Look, looks: tuple[IntArray, IntArray], nodes: IntArray) -> BoolArray:
-        return nodes_in_view(World(self._state, self.games), look, (*looks, self.node[looks]), nodes)
-
     @property
     def is_there_by_move(self) -> BoolArray:
         """Which agents are where their moves have led them, rather than put there since: (games, agents)."""
@@ -146,8 +114,6 @@ class ArrayTurn:
                 number = (legs.edge >= 0).sum(axis=-1)
                 end = np.take_along_axis(legs.end, np.maximum(number - 1, 0)[..., None], -1)[..., 0]
                 by_move &= (self.paths.edge < 0) | (number == 0) | (end == share)
-        if self._state.flyers is not None and self.flights is not None:
-            by_move[:, self.flights.agents] &= ~self._state.flyers.are_put(self.games, self.flights)
         return by_move
 
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
@@ -189,12 +155,13 @@ class ArrayTurn:
     @property
     def is_playing(self) -> BoolArray:
         """Which agents are in the game, or were when the turn began, (games, agents)."""
-        return np.asarray(self.alive | self.took_part | self._dropped)
+        return np.asarray(self.alive | self.took_part)
 
     @property
     def is_out(self) -> BoolArray:
         """Which agents are out of the game, (games, agents); those that may come are not in it yet."""
-        return self._state.is_there[self.games] & ~self.alive
+        is_out: BoolArray = self._state.is_there[self.games] & ~self.alive
+        return is_out
 
     def performed(self, kind: str) -> ArrayDeeds:
         """Return what agents do in this turn besides moving.
@@ -387,15 +354,6 @@ class ArrayTurn:
         put_locked(self.alive, (at, agents), values=True)
         self._state.placed[games, agents] = True
         self._state.movement.clear(games, agents)
-        if self._state.flyers is not None:
-            self._state.flyers.respawn(games, agents)
-        if self._state.headings is not None:
-            self._state.headings.put(games, agents, np.where(self.roster.flies[agents], before, begun))
-
-    def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
-        """Refuse these deeds, each for a reason; for the array form of a rule's check."""
-        for at, agent, reason in zip(deeds.at.tolist(), deeds.agents.tolist(), why, strict=True):
-            self._refused.setdefault((at, agent, deeds.kind), set()).add(reason)
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         """Close the same roads, ids of edges, in each of these games, as `ctx.graph.close_roads` does in one.
@@ -415,10 +373,7 @@ class ArrayTurn:
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and where they are, (games, these, 3)."""
-        flyers = self._state.flyers
-        if flyers is None:
-            return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
-        return flyers.agents, flyers.xyz[self.games]
+        return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents); -1 of those that have not come."""
@@ -467,47 +422,3 @@ class ArrayTurn:
         """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""
         purposes = self._state.purposes(*purpose)[self.games[at]]
         return kernels.draw_bits_rows(purposes, names, self.turn[at])
-
-
-# -- what rules of GAMMS ask beside that; what these functions name themselves is looked at with the forms ----------
-
-
-def state_in(turn: ArrayTurn) -> GameArrays:
-    """Return what the batch of a turn remembers."""
-    return turn._state
-
-
-def note_in(turn: ArrayTurn, events: CoreEvents) -> None:
-    """Note what the core has let happen in a turn, and where that has put agents."""
-    places = places_of(turn.games, len(turn._state))
-    events = events._replace(turns=turn.turn[places[events.games]] + turn._is_moving)
-    for kind, put in (("respawned", turn._put_back), ("eliminated", turn._take_out)):
-        those = events.those(events.kinds == rules.KINDS.index(kind))
-        if len(those.games):
-            put(places[those.games], those.agents)
-    for emitted in events.emitted(turn.roster.names, turn._state.streets):
-        turn._state.note_put_back(turn._state.events.add(*emitted))
-
-
-def draw_keys_in(turn: ArrayTurn, purpose: str) -> BitArray:
-    """Return the keys of what the agents of a turn draw for a purpose, (games, agents)."""
-    keys: BitArray = turn._state.draw_keys(purpose)[turn._rows]
-    return keys
-
-
-def movement_in(turn: ArrayTurn) -> Movement:
-    """Return how the agents of a turn go."""
-    return turn._movement
-
-
-def purposes_in(turn: ArrayTurn, *purpose: str | int) -> BitArray:
-    """Return the keys of a purpose in the games of a turn, (games,); see `kernels.purpose_key`."""
-    return turn._state.purposes(*purpose)[turn.games]
-
-
-def in_view(turn: ArrayTurn, look: Look, looks: tuple[IntArray, IntArray], nodes: IntArray) -> BoolArray:
-    """Return which nodes, each given once, agents have in view with a sensor of theirs, (looks, nodes).
-
-    `looks` are the games of the turn and the numbers of the agents; it looks from the air or turns with them.
-    """
-    return turn._in_view(look, looks, nodes)

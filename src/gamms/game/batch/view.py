@@ -13,12 +13,12 @@ from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Movement, Places
-from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, in_turned_cone, reports
+from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, reports
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
 from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
-from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
+from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, noted_nodes, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
@@ -60,19 +60,15 @@ class ArrayView(Mapping[str, Any]):
     _may_aim = False  # whether actions may lead towards nodes that are not legal
     _kinds = SHOWING_AGENTS  # of the sensors that show agents here
 
-    def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, asked: BoolArray | None = None) -> None:
-        self._state, self.games, self.agents, self._asked = state, games, agents, asked
+    def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
+        self._state, self.games, self.agents = state, games, agents
         self.streets, self._movement, self._shared = state.world(games)
         self.roster, self.memory_of = state.roster, state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
         self._known = dict[str, IntArray]()
-        keys = state.chosen(state.draw_keys(), games, agents)
-        self.draw = ViewDraws(keys, self.turn)
-        if asked is not None:  # they may have drawn in this turn
-            self.mask = self.mask & asked[:, agents]
-            self.draw = ViewDraws(keys, self.turn, state.chosen(state.drawn, games, agents)).only(self.mask)
+        self.draw = ViewDraws(state.chosen(state.draw_keys(), games, agents), self.turn)
         self._whole, self._sights = self.mask, dict[Hashable, Seen]()
 
     def _lock(self) -> None:
@@ -96,12 +92,7 @@ class ArrayView(Mapping[str, Any]):
     @property
     def _choices(self) -> IntArray:
         """What is legal for each agent, by the numbers of its movement."""
-        if "all" not in self._known and self._asked is not None and self._whole.any():
-            which = np.nonzero(self._whole)
-            of_asked = self._movement.choices(self.node[which], numbers_in(self, which))
-            self._known["all"] = np.full(self.node.shape, of_asked[0])
-            self._known["all"][which] = of_asked
-        elif "all" not in self._known:
+        if "all" not in self._known:
             self._known["all"] = self._movement.choices(self.node, numbers_in(self, np.s_[:, :]))
         return self._known["all"]
 
@@ -110,17 +101,9 @@ class ArrayView(Mapping[str, Any]):
         """How many nodes are legal for each agent, its own included."""
         if "counts" not in self._known:
             self._known["counts"] = self._movement.counts(self._choices)
-            if self._in_air is not None:
-                self._known["counts"] = np.where(self._in_air, 1, self._known["counts"])
             if self._deeds is not None:  # strategies cannot write into it
                 self._known["counts"] = locked(self._known["counts"])
         return self._known["counts"]
-
-    @property
-    def _in_air(self) -> BoolArray | None:
-        """Which agents of the view fly, (agents,), that arrays move; None: none."""
-        in_air: BoolArray = self.roster.flies[self.agents]
-        return in_air if self._state.flyers is not None and in_air.any() else None
 
     @property
     def flies(self) -> bool:
@@ -128,10 +111,8 @@ class ArrayView(Mapping[str, Any]):
         return bool(self.roster.flies[self.agents].all())
 
     def _heights(self) -> FloatArray:
-        known, heights = self._state.heights, np.zeros(self.node.shape)
-        if self._state.flyers is not None:
-            return self._state.flyers.shown(self.games, self.agents, heights, 2)
-        return heights if known is None else known[np.ix_(self.games, self.agents)]
+        known = self._state.heights
+        return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count.
@@ -139,14 +120,7 @@ class ArrayView(Mapping[str, Any]):
         Args:
             which: an index of the agents of the view that are asked for.
         """
-        rows, is_legal = self._movement.legal(self._choices[which])
-        if self._in_air is None:
-            return rows, is_legal
-        in_air = np.broadcast_to(self._in_air, self.node.shape)[which]
-        own, is_first = self.node[which][..., None], np.arange(rows.shape[-1]) == 0
-        most = 1 if in_air.all() else rows.shape[-1]
-        rows, is_legal = np.where(in_air[..., None], own, rows), np.where(in_air[..., None], is_first, is_legal)
-        return rows[..., :most], is_legal[..., :most]
+        return self._movement.legal(self._choices[which])
 
     def _time(self) -> FloatArray:
         now = self._movement.now
@@ -159,18 +133,12 @@ class ArrayView(Mapping[str, Any]):
     def _places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
         if len(self._movement.edge):
-            found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
-            return found._replace(xy=self._xy(found.xy))
+            return self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
         known, rows = self._state.places, np.ix_(self.games, self.agents)
         if known is None:
             shape = self.node.shape
-            return Places(np.full((*shape, 3), -1), np.zeros(shape), self._xy(self.streets.columns.xy[self.node]))
+            return Places(np.full((*shape, 3), -1), np.zeros(shape), self.streets.columns.xy[self.node])
         return Places(known.edge[rows], known.offset_m[rows], known.xy[rows])
-
-    def _xy(self, xy: FloatArray) -> FloatArray:
-        """Return where the agents are, given the places of those on the ground."""
-        flyers = self._state.flyers
-        return xy if flyers is None else flyers.shown(self.games, self.agents, xy, slice(2))
 
     def action_to(self, nodes: Any) -> IntArray:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
@@ -180,8 +148,7 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): one is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
-        found = self._movement.action_to(self._choices, wanted)
-        return found if self._in_air is None else np.where(self._in_air, np.where(wanted == self.node, 0, -1), found)
+        return self._movement.action_to(self._choices, wanted)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
         """Return the actions by which agents go towards nodes, as the strategies of `gamms.strategies` do.
@@ -216,13 +183,12 @@ class ArrayView(Mapping[str, Any]):
     def of(self, agents: IntArray) -> "ArrayView":
         """Return the view of other agents in the same games, by their numbers in the roster, ascending."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
-        return ArrayView(self._state, self.games, numbers, self._asked)
+        return ArrayView(self._state, self.games, numbers)
 
     def in_games(self, which: IntArray) -> "ArrayView":
         """Return the view of the same agents in some of its games, by their places, ascending."""
         places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
-        asked = None if self._asked is None else self._asked[places]
-        return ArrayView(self._state, self.games[places], self.agents, asked)
+        return ArrayView(self._state, self.games[places], self.agents)
 
     def sees(self, *names: str) -> BoolArray:
         """Return who sees whom, (games, agents, all agents); see `seen`."""
@@ -334,8 +300,9 @@ class ArrayView(Mapping[str, Any]):
         key = "nodes", self.agents.tobytes(), as_key(names, "The name of a sensor")
         if key not in shared:
             shared[key] = node_lookouts(self._state.streets, self.roster.agents, self.agents, names)
-        near = self._near if self._state.roads.are_closed else None
-        return seen_nodes(self.node, self.mask, shared[key], self.streets.num_nodes, self._are_ahead, near)
+        near, state = self._near if self._state.roads.are_closed else None, self._state
+        noted = noted_nodes(state.sighted_nodes, names, (self.games, self.agents), self.mask)
+        return seen_nodes(self.node, self.mask, shared[key], self.streets.num_nodes, near, noted)
 
     def covered(self) -> BoolArray:
         """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes)."""
@@ -346,13 +313,6 @@ class ArrayView(Mapping[str, Any]):
 
     def _near(self, at: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray]:
         return self._state.roads.legal_of(nodes, self.games[at])
-
-    def _are_ahead(
-        self, at: IntArray, viewers: IntArray, nodes: IntArray, cone: tuple[tuple[float, float], float]
-    ) -> BoolArray:
-        (x, y), here = self.streets.axes, self.node[at, viewers]
-        looking = self.games[at], self.agents[viewers], here
-        return in_turned_cone(self._state, looking, (x[nodes] - x[here], y[nodes] - y[here]), cone)
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
@@ -385,13 +345,13 @@ class ArrayView(Mapping[str, Any]):
         """Return vectors of a number of actions; None: of the most that are legal anywhere."""
         shared, movement = self._shared, self._movement
         width = movement.width if actions is None else actions
-        is_plain = movement.are_plain(self.agents) and self._in_air is None
+        is_plain = movement.are_plain(self.agents)
         key = "encoder", others, width, is_plain
         if key not in shared:
             shared[key] = Encoder(self.streets, others, width, is_plain=is_plain)
         found, encoder = self.seen(), shared[key]
         legal = None if is_plain else self.legal_rows()
-        xy = self._places().xy if movement.leaves_nodes or self._in_air is not None else None
+        xy = self._places().xy if movement.leaves_nodes else None
         made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found), legal, xy)
         return made
 
@@ -407,9 +367,9 @@ class ArrayView(Mapping[str, Any]):
 
     @property
     def _blocked(self) -> BoolArray:
-        """Which agents conflicts have stopped in the last turn, (games, agents), and were not asked since."""
-        found: BoolArray = (self._state.blocked & (self._state.looks == 0))[np.ix_(self.games, self.agents)]
-        return found
+        """Which agents conflicts have stopped in the last turn, (games, agents)."""
+        blocked: BoolArray = self._state.chosen(self._state.blocked, self.games, self.agents)
+        return blocked
 
     def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`.
@@ -506,9 +466,15 @@ def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
     return np.broadcast_to(view.games[:, None], shape)[which], np.broadcast_to(view.agents, shape)[which]
 
 
+def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
+    """Yield the views of games with the same roads, and their places in a view."""
+    for _, places in view._state.roads.by_map(view.games):
+        yield places, view.in_games(places)
+
+
 def moment_of(view: ArrayView) -> IntArray:
     """Return a number for each game that differs whenever its agents are asked, at arrivals several times in a turn."""
-    found: IntArray = view.turn * MOMENTS + view._state.looks[view.games].sum(axis=1)
+    found: IntArray = view.turn * MOMENTS
     return found
 
 
@@ -534,7 +500,7 @@ def put_back(view: ArrayView) -> Arrays:
 
 def parts_of(view: ArrayView) -> IntArray:
     """Return in which parts of a turn agents move, by the order of play, (all agents,)."""
-    return view._state.part_of
+    return np.zeros(len(view.roster.names), np.int64)
 
 
 def on_ground(view: V) -> V:
