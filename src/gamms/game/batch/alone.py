@@ -224,9 +224,10 @@ class _ViewOfOne(ArrayView):
         self._sensed, self._inbox, self._deeds, self._outboxes = state["sensor"], state.get("inbox", ()), [], []
         self._nodes: Sequence[int] = () if flies else state["legal"]
         if host.game.channels:
-            game.radio = Radio(host.game.channels, roster, 1)
+            game.radio = Radio(host.game.channels, roster)
+            self._channels = host.game.channels
         check = partial(checked_value, ctx=host)
-        game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
+        game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets)
         if flies:
             in_air.note(0, number, streets.rows(state["legal"] or (here,)), state.get("time", 0.0))
             shape = len(roster.names)
@@ -279,7 +280,7 @@ class _ViewOfOne(ArrayView):
 
     def _plain_outbox(self) -> list[dict[str, Any]]:
         """Return what the agent sends, as `state["outbox"]` has it."""
-        sent = [box for box in self._outboxes or () if len(box.at)]
+        sent = [box for box in self._outboxes or () if box.to]
         return [{"channel": box.channel, "to": box.to[0], "body": box.bodies[0]} for box in sent]
 
     def heard(self, channel: str) -> Heard:
@@ -343,7 +344,7 @@ class _TurnOfOne(ArrayTurn):
         state = _game_of(ctx, roster, movement, _world(ctx)[1])
         _put_on_edges(ctx, movement, roster, range(len(roster.names)))
         check = partial(checked_value, ctx=ctx)
-        state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
+        state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets)
         super().__init__(state, np.zeros(1, np.int64))
         self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
         self._number = {name: number for number, name in enumerate(roster.names)}

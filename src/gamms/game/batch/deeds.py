@@ -1,6 +1,6 @@
 """Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_int, as_key, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import GameLog, Roster, joined_rows, some_rows
+from gamms.game.batch.columns import Roster, joined_rows, some_rows
 from gamms.game.deeds import DeclaredField, field_of
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -61,13 +61,13 @@ def _integer(value: object, _: DeclaredField, name: str) -> int:
     return as_int(value, name)
 
 
-class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
-    """The deeds that a game declares, and those that were done in each game of a batch.
+class DeclaredDeeds:
+    """The deeds that a game declares.
 
     Args:
         declared: deed -> its fields, as `ctx.game.deeds`.
         check: returns the value of a field, plain, or raises; None: nothing is declared.
-        roster, streets, num_games: of the batch.
+        roster, streets: of the batch.
         are_open: returns which edges, by their ids, are open in games of these numbers; None: `check` knows that.
 
     Attributes:
@@ -80,10 +80,8 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         check: Check | None,
         roster: Roster,
         streets: Streets,
-        num_games: int,
         are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
-        super().__init__(num_games)
         self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
         self._check, self._roster, self._streets, self._are_open = check, roster, streets, are_open
 
@@ -195,33 +193,6 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
             raise BadValue(
                 f"{name}: there is no {field.kind} number {wrong[0]}; they are numbered from 0 to {most - 1}."
             )
-        return rows
-
-    def add(self, turns: IntArray, games: IntArray, deeds: Sequence[ArrayDeeds]) -> None:
-        """Note deeds, `at` numbers of these games, that were done at once in turns of these numbers, (games,) both."""
-        found = [one._replace(at=games[one.at]) for one in deeds if len(one.at)]
-        if found:
-            number = np.zeros(len(self._of_game), np.int64)
-            number[games] = turns
-            self._pending.append((number, found))
-
-    def _entries(self, noted: tuple[IntArray, list[ArrayDeeds]]) -> Iterator[tuple[int, dict[str, Any]]]:
-        turns, several = noted
-        rows = [row for deeds in several for row in self._written(deeds, turns)]
-        for game, _, _, entry in sorted(rows, key=lambda row: row[:3]):
-            yield game, entry
-
-    def _written(self, deeds: ArrayDeeds, turns: IntArray) -> list[tuple[int, int, int, dict[str, Any]]]:
-        """Return game, agent, order and the entry of a log of each deed."""
-        fields = {key: self.plain(deeds, key) for key in deeds.values}
-        names, nodes = self._roster.names, self._streets.ids(deeds.nodes).tolist()
-        rows = []
-        for i, (game, agent, order) in enumerate(
-            zip(deeds.at.tolist(), deeds.agents.tolist(), deeds.order.tolist(), strict=True)
-        ):
-            values = {key: column[i] for key, column in fields.items() if column[i] is not None}
-            entry = {"turn": int(turns[game]), "agent": names[agent], "deed": deeds.kind, "at": nodes[i], **values}
-            rows.append((game, agent, order, entry))
         return rows
 
     def plain(self, deeds: ArrayDeeds, key: str) -> list[Any]:

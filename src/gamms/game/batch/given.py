@@ -56,7 +56,7 @@ class Given(NamedTuple):
         for deed, (where, fields) in self.deeds.items():
             deeds.checked(deed, fields, where & mask, (view.games, view.agents), view.node, 0)
         for channel, (where, body, to) in self.messages.items():
-            radio.checked(channel, where & mask, view.games, view.agents, to, body, 0)
+            radio.checked(channel, where & mask, view.agents, to, body)
 
 
 def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> Given:

@@ -113,8 +113,8 @@ class OneByOneEngine:
         self._observe_all(games)
         settings, streets = self._game.settings(), self._observed.streets
         check = partial(checked_value, ctx=self._game.ctx)
-        deeds = DeclaredDeeds(settings["deeds"], check, self._roster, streets, len(self.seeds), self._are_open)
-        radio = Radio(settings["channels"], self._roster, len(self.seeds))
+        deeds = DeclaredDeeds(settings["deeds"], check, self._roster, streets, self._are_open)
+        radio = Radio(settings["channels"], self._roster)
         is_played = np.isin(np.arange(len(self.seeds)), games)[:, None]
         for team, one in given.items():
             view = ArrayView(self._observed, np.arange(len(self.seeds)), self._roster.members(team))

@@ -312,7 +312,7 @@ class GameArrays:
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.radio: Radio | None = None
-        self.deeds = DeclaredDeeds({}, None, roster, movement.streets, games)
+        self.deeds = DeclaredDeeds({}, None, roster, movement.streets)
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.placed = np.zeros(shape, np.bool_)

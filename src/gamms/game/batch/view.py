@@ -57,6 +57,7 @@ class ArrayView(Mapping[str, Any]):
 
     _deeds: list[ArrayDeeds] | None = None  # what the agents do besides moving, in order; None: they are not asked
     _outboxes: list[Outbox] | None = None  # what they send, likewise
+    _channels: Iterable[str] = ()  # by which messages may have come
     _may_aim = False  # whether actions may lead towards nodes that are not legal
     _kinds = SHOWING_AGENTS  # of the sensors that show agents here
 
@@ -235,18 +236,15 @@ class ArrayView(Mapping[str, Any]):
         if self._outboxes is None:
             raise BadValue("view.send cannot be used: it is for strategies that are asked.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
-        number = len(self._outboxes)
-        self._outboxes.append(radio.checked(channel, chosen, self.games, self.agents, to, body, number))
+        self._outboxes.append(radio.checked(channel, chosen, self.agents, to, body))
 
     def heard(self, channel: str) -> Heard:
         """Return what is in the inboxes of the agents in the mask that came by a channel.
 
         Raises:
-            UnknownName (KeyError): there is no such channel.
+            UnknownName (KeyError): there is no such channel, or the games are only observed.
         """
-        if self._state.radio is None:
-            raise UnknownName("channel", channel, ())
-        return self._state.radio.heard(channel, self.games, self.turn, self.agents, self.mask)
+        raise UnknownName("channel of games that are observed", channel, ())
 
     def seen(self, *names: str) -> Seen:
         """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.
@@ -547,7 +545,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "sensor": _sensors,
     "blocked": lambda view: view._blocked,
     "deeds": lambda view: view._state.deeds.declared,
-    "inbox": lambda view: _ByName(view._state.radio.channels if view._state.radio else (), view.heard),
+    "inbox": lambda view: _ByName(view._channels, view.heard),
 }
 
 _OTHERWISE = {  # keys of `state` -> what is there instead
