@@ -150,7 +150,7 @@ def drain(ctx):
 
 with gamms.create_context(seed=1, game={"max_turns": 40}) as ctx:
     ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-    anna = ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
+    anna = ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
     ctx.game.add(drain)
     ctx.game.step()
     with ctx.game.batch(seeds=range(5)) as games:

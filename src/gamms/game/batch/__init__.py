@@ -1,19 +1,16 @@
 """Many games at once: `scenario.batch(1000)` and `ctx.game.batch(1000)`.
 
-`games.py` is the front; read it first. A batch plays in arrays (`arrays.py`) where strategies, rules and conflicts of
-the game have an array form or can be called in the middle, and one game after the other (`one_by_one.py`) elsewhere;
-both give the same games; `why_not.py` says which. Games of which every part is in `gamms.core` are played there, from
-`in_core.py`. `turn.py` is what array forms of rules get, played by
-`moves_of_turn.py`, `view.py` what those of strategies get: `sight.py` says whom sensors show them, `reports.py`
-from the air, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `routes.py` knows how far it is,
-`routes_of_maps.py` where roads are closed, and `flows.py` what spreads. `columns.py` has who plays, `state.py` what a
-batch remembers, `scores.py` the scores, `begun.py` what of that is taken from a game that has begun, `movement.py`
-where actions lead, `travel.py` by metres (`reach.py`: to which nodes), `flights.py` in the air, `asking.py` asks what
-agents do, at each arrival by `arrivals.py`, `deeds.py` what agents do besides moving, `channels.py` what they send,
-`given.py` what comes from outside. `forms.py` declares array forms; `scalar_rules.py` calls rules that have none and
-`scalar_strategies.py` such strategies, in the context of `rule_fork.py` (`unknown.py`: what that lacks);
-`game_forms.py` has all of these, `roads.py` the roads that rules have closed in games, and `joined_view.py` shows games
-that have left the arrays beside the others; `alone.py` plays array strategies and rules in games that are played alone.
+`games.py` is the front; read it first. `why_not.py` says whether the core has all parts of the games. Then `arrays.py`
+plays them there, from `in_core.py`, `strategy_steps.py` and `travelers.py`, and calls array functions between the
+phases of the core; else `one_by_one.py` plays one game after the other. Both give the same games.
+
+`state.py` is the block: what a batch remembers, `columns.py` who plays, `scores.py` the scores, `begun.py` what of
+that is taken from a game that has begun. Array rules get a turn (`turn.py`), array strategies and observers a view
+(`view.py`): `movement.py`, `by_edges.py` and `travel.py` (`reach.py`) say what is legal there, `sight.py`, `reports.py`
+and `sight_lines.py` whom sensors show, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `routes.py`
+knows how far it is, `roads.py` which roads are closed in games that are observed, `flows.py` what spreads, `deeds.py`
+and `channels.py` check what agents do and send, `given.py` what comes from outside. `forms.py` has what strategies
+declare; `alone.py` plays array functions in games that are played alone, with the moves of `last_turn.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy
