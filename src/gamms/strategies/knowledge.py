@@ -454,7 +454,7 @@ def _actions_to_places(
     is_same, is_opposite = (behind == source) & (ahead == end), (behind == end) & (ahead == source)
     meets = (own >= 0) & (is_same | is_opposite)  # both are on one street
     passed = np.where(behind == source, offset, length - offset)
-    leads, returns = by.all_roads.are_next(source, end, me[0]), by.all_roads.are_next(end, source, me[0])
+    leads, returns = by.all_roads.are_next(source, end, me[0]), by.all_roads.are_next(end, source, me[0])  # type: ignore[attr-defined] # in no batch any more
     best = np.full((4, len(edge)), np.inf)  # metres; ids of where the way begins, and of where it comes to the edge
     entries = np.zeros(len(edge), np.int64)
     for start, begun, is_here in ((here, offset, True), (ahead, columns.lengths[own] - offset, False)):

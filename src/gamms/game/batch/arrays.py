@@ -57,6 +57,8 @@ class ArrayEngine:
         self._game = game
         self.state = GameArrays(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
+        if settings["team_memory"]:
+            self.state.share_memories()
         self._last: int | None = settings["max_turns"]
         self._before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])

@@ -45,7 +45,7 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, i
         anywhere.turn_seconds = seconds_of_turn(settings)
         return anywhere
     if settings["speed_unit"] != "edges":
-        return ByMetres(streets, speeds, TravelTerms.of(game, whole or streets), whole, closed)
+        return ByMetres(streets, speeds, TravelTerms.of(game, streets), whole, closed)
     if speeds.count(None) == len(speeds):
         return Movement(streets, whole, closed)
     return ByEdges(streets, speeds, whole, closed)

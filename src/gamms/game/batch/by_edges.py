@@ -1,13 +1,11 @@
 """Agents that go along several edges in a turn, or parts of one, by their speeds in edges, in many games at once."""
 
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from gamms import kernels
 from gamms.game.batch.movement import AIMS, LIMITED, Movement
-from gamms.game.batch.roads import RoadMap
 from gamms.game.legality import edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, IntArray
@@ -39,7 +37,6 @@ class ByEdges(Movement):
 
     is_plain, has_aims = False, True
     _used: int
-    _on_maps: tuple[IntArray, IntArray]
     remembers = ("begun", "covered")
 
     def __init__(
@@ -60,12 +57,6 @@ class ByEdges(Movement):
         self._forget()
         self.begin((0, len(speeds)))
 
-    def on(self, roads: RoadMap) -> Self:
-        """Return how the same agents go in games that have a map of their own."""
-        own = super().on(roads)
-        own._forget()
-        return own
-
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents."""
         super().begin(shape)
@@ -84,8 +75,6 @@ class ByEdges(Movement):
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the numbers of the choices of agents that are on these nodes."""
         is_other = self._is_paced[which[1]]
-        if self.roads is not None:
-            is_other = is_other | (self.roads.number[which[0]] > 0)
         if not is_other.any():
             return node
         found, others = node.copy(), np.nonzero(np.broadcast_to(is_other, node.shape))
@@ -95,15 +84,13 @@ class ByEdges(Movement):
 
     def _choices_by_speed(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
         entries, kind = len(self.whole.targets), self._kind_of[agents] * _REACHES
-        ahead = self._ahead(node, games, agents)
+        ahead = self.begun[games, agents]
         on = np.flatnonzero(ahead >= 0)
         keys = kind * entries + self.whole.offsets[node]
         keys[on] += self.whole.action_to(node[on], ahead[on])
         speed = self._speeds[agents[on]]
         more = np.floor(edges_within(speed + self.covered[games[on], agents[on]])) - np.floor(edges_within(speed))
         keys[on] += more.astype(np.int64) * entries
-        if self.roads is not None:
-            return self._choices_on_maps(self.roads.number[games] * self._keys + keys, games)
         found: IntArray = self._number[keys]
         if (found < 0).any():
             if self._used > len(self.streets.targets) + _MOST_KNOWN:
@@ -113,31 +100,9 @@ class ByEdges(Movement):
             found = self._number[keys]
         return found
 
-    def _choices_on_maps(self, keys: IntArray, games: IntArray) -> IntArray:
-        """Return the numbers of choices in games with several maps, by what they are and the number of the map."""
-        if self._used > len(self.streets.targets) + _MOST_KNOWN:
-            self._forget()
-        wanted, first, which = np.unique(keys, return_index=True, return_inverse=True)
-        new = np.flatnonzero(kernels.rows_of(self._on_maps[0], wanted) < 0)
-        if len(new):
-            numbers = self._learn(wanted[new] % self._keys, games[first[new]])
-            known = (np.concatenate(pair) for pair in zip(self._on_maps, (wanted[new], numbers), strict=True))
-            places, numbers = known
-            order = np.argsort(places, kind="stable")
-            self._on_maps = places[order], numbers[order]
-        found: IntArray = self._on_maps[1][kernels.rows_of(self._on_maps[0], wanted)][which]
-        return found
-
-    def _ahead(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
-        """Return the rows of the nodes to which agents on nodes have covered part of edges that are open; -1: none."""
-        found = self.begun[games, agents]
-        on = np.flatnonzero(found >= 0)
-        found[on[~self.all_roads.are_next(node[on], found[on], games[on])]] = -1
-        return found
-
     def are_plain(self, agents: IntArray) -> bool:
         """Whether none of some agents has a speed."""
-        return self.roads is None and not self._is_paced[agents].any()
+        return not self._is_paced[agents].any()
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -150,13 +115,12 @@ class ByEdges(Movement):
 
     def _forget(self) -> None:
         self._number = np.full(self._keys, -1, np.int64)
-        self._on_maps = np.zeros(0, np.int64), np.zeros(0, np.int64)  # keys with numbers of maps, and the choices
         self._first, self._count = self.streets.offsets[:-1], self.streets.counts
         self._flat, self._used = self.streets.targets, len(self.streets.targets)
 
-    def _learn(self, keys: IntArray, games: IntArray | None = None) -> IntArray:
-        """Find these choices, in games, or on the whole map, and return their numbers."""
-        at, found = self._reached(keys, games)
+    def _learn(self, keys: IntArray) -> IntArray:
+        """Find these choices and return their numbers."""
+        at, found = self._reached(keys)
         counts = np.bincount(at, minlength=len(keys))
         numbers = len(self._first) + np.arange(len(keys))
         self._first = np.concatenate((self._first, self._used + np.cumsum(counts) - counts))
@@ -167,7 +131,7 @@ class ByEdges(Movement):
         self._flat[self._used : after], self._used = found, after
         return numbers
 
-    def _reached(self, keys: IntArray, games: IntArray | None = None) -> tuple[IntArray, IntArray]:
+    def _reached(self, keys: IntArray) -> tuple[IntArray, IntArray]:
         """Return what is in choices, by their places in `keys`, and the rows of nodes.
 
         These are nodes next to the agent, then those in reach of it, then those along the begun edge.
@@ -177,11 +141,11 @@ class ByEdges(Movement):
         kind, more = np.divmod(kind, _REACHES)
         here, ahead = self._sources[entry], self.whole.targets[entry]
         hops = np.floor(edges_within(self._kinds[kind])).astype(np.int64)
-        runs, near = self._near(here, games)
+        runs, near = self.streets.legal_of(here)
         parts = [
             (np.repeat(np.arange(len(keys)), np.diff(runs)), near),
-            self._within(here, hops, games),
-            self._within(ahead, np.where(ahead == here, -1, hops + more - 1), games),
+            self._within(here, hops),
+            self._within(ahead, np.where(ahead == here, -1, hops + more - 1)),
         ]
         at, found = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         _, first = np.unique(at * nodes + found, return_index=True)
@@ -204,13 +168,7 @@ class ByEdges(Movement):
                     return most
         return most
 
-    def _near(self, rows: IntArray, games: IntArray | None) -> tuple[IntArray, IntArray]:
-        """Return what is legal along one edge, in games, as offsets and rows of nodes."""
-        if games is None or self.roads is None:
-            return self.streets.legal_of(rows)
-        return self.roads.legal_of(rows, games)
-
-    def _within(self, rows: IntArray, hops: IntArray, games: IntArray | None) -> tuple[IntArray, IntArray]:
+    def _within(self, rows: IntArray, hops: IntArray) -> tuple[IntArray, IntArray]:
         """Return the nodes at most so many edges ahead of nodes: the places in `rows`, ascending, and rows of nodes."""
         nodes, at = len(self.streets.counts), np.flatnonzero(hops >= 0)
         known = fresh = at * nodes + rows[at]
@@ -218,7 +176,7 @@ class ByEdges(Movement):
         while len(fresh):
             ring += 1
             fresh = fresh[hops[fresh // nodes] >= ring]
-            runs, targets = self._near(fresh % nodes, None if games is None else games[fresh // nodes])
+            runs, targets = self.streets.legal_of(fresh % nodes)
             ends = np.repeat(fresh // nodes, np.diff(runs)) * nodes + targets
             fresh = np.setdiff1d(ends, known)
             known = np.union1d(known, fresh)
@@ -230,21 +188,21 @@ class ByEdges(Movement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
         """Return the actions that lead agents from nodes towards others; -1: no path."""
-        has_speed, games = self._is_paced[which[1]], which[0]
-        found, table = np.full(node.shape, -1), self.ways("length")
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed, at=games[~has_speed])
-        here, ends, games = node[has_speed], targets[has_speed], games[has_speed]
+        has_speed = self._is_paced[which[1]]
+        found, table = np.full(node.shape, -1), self.routes("length")
+        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
+        here, ends = node[has_speed], targets[has_speed]
         limit = np.zeros(len(here), np.int64)
         if allowed is not None:  # of the first edges of the way
             at, goes = here, np.ones(len(here), np.bool_)
             for _ in range(int(self._speeds.max()) + 2):
-                at = table.following(at, ends, at=games)
+                at = table.following(at, ends)
                 goes &= allowed[at]
                 limit += goes
                 goes &= at != ends
                 if not goes.any():
                     break
         first = 1 if allowed is None else LIMITED
-        has_path = np.isfinite(table.distances(here, ends, at=games))
+        has_path = np.isfinite(table.distances(here, ends))
         found[has_speed] = np.where(has_path, AIMS * (first + limit) + ends, -1)
         return found

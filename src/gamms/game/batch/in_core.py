@@ -460,6 +460,6 @@ class CoreGames:
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
         )
         ends = by.columns.sources[edge], by.columns.targets[edge], target
-        may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
+        may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
         error = no_way(*state.streets.ids_of(np.array(ends)).tolist(), is_paced=True, may_turn=bool(may_turn))
         state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))

@@ -9,9 +9,8 @@ import numpy as np
 
 from gamms.arguments import as_key
 from gamms.errors import BadValue
-from gamms.game.batch.roads import OpenRoads, RoadMap
+from gamms.game.batch.roads import OpenRoads, RoadMap, refuse_several_maps
 from gamms.game.batch.routes import RouteTable, shared_routes
-from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -132,9 +131,7 @@ class Movement:
         if not len(self.edge):
             return np.full(np.broadcast_shapes(which[0].shape, which[1].shape), -1)
         edge: IntArray = self.edge[which]
-        if self.all_roads.are_all_open:
-            return edge
-        return np.where(self.all_roads.states(edge, which[0]) > 0, -1, edge)
+        return edge
 
     @cached_property
     def width(self) -> int:
@@ -185,7 +182,7 @@ class Movement:
             node: rows.
             which: the games and the agents, by their numbers in the batch and in the roster, that broadcast with them.
         """
-        return node if self.roads is None else self.roads.choices(node, which[0])
+        return node
 
     def are_plain(self, agents: IntArray) -> bool:
         """Whether to some agents, by their numbers in the roster, what `streets` has is legal, whatever the game."""
@@ -197,11 +194,11 @@ class Movement:
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        return self.streets.counts_of(choices).astype(np.int64) if self.roads is None else self.roads.counts(choices)
+        return self.streets.counts_of(choices).astype(np.int64)
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        return self.streets.ends_of(choices, actions) if self.roads is None else self.roads.ends(choices, actions)
+        return self.streets.ends_of(choices, actions)
 
     def legal(self, choices: IntArray) -> tuple[IntArray, BoolArray]:
         """Return the rows of all legal nodes, with one axis more, and which of them count."""
@@ -226,14 +223,16 @@ class Movement:
             which: the games and the agents, by their numbers in the batch and in the roster, of the same shape.
             allowed: (nodes,) which may be entered; None: all.
         """
-        return self.ways("length").actions(node, targets, allowed, at=which[0])
-
-    def ways(self, weight: str | None) -> RouteTable | RoutesOfMaps:
-        """Return the tables of ways in all games, by their numbers in the batch."""
-        return self.routes(weight) if self.roads is None else RoutesOfMaps(self.roads, weight, None)
+        return self.routes("length").actions(node, targets, allowed)
 
     def routes(self, weight: str | None) -> RouteTable:
-        """Return the tables of ways along `streets`, by a weight of edges."""
+        """Return the tables of ways along `streets`, by a weight of edges.
+
+        Raises:
+            NeedsOneMap: the games have several maps.
+        """
+        if self.roads is not None:
+            refuse_several_maps("what routes say")
         if as_key(weight, "weight") not in self._tables:
             self._tables[weight] = shared_routes(self.streets, weight)
         return self._tables[weight]

@@ -15,8 +15,6 @@ from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.roads import RoadMap, StreetsOfMaps
-from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.scores import Scores
 from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
@@ -160,20 +158,13 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         for unread in self._unread.values():
             unread += [Emitted.of(game, entry) for entry in entries]
 
-    def new(self, reader: Hashable, later: BoolArray) -> list[Emitted]:
-        """Return the events since the last call for a reader, at first all so far.
-
-        Args:
-            reader: whatever reads them.
-            later: (games,) those whose events are read by another call.
-        """
+    def new(self, reader: Hashable) -> list[Emitted]:
+        """Return the events since the last call for a reader, at first all so far."""
         if reader not in self._unread:
             self._unread[reader] = [
                 Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
             ]
         found, self._unread[reader] = self._unread[reader], []
-        if later.any():
-            self._unread[reader] = [one.those(later[one.games]) for one in found if later[one.games].any()]
         return found
 
     def forget(self, games: IntArray) -> None:
@@ -244,15 +235,6 @@ class World(NamedTuple):
     streets: Streets
     movement: Movement
     shared: dict[Hashable, Any]
-
-
-def routes_of(
-    state: "GameArrays", movement: Movement, weight: str | None, games: IntArray
-) -> RouteTable | RoutesOfMaps:
-    """Return the tables of ways of some games, whose agents go so."""
-    if movement.roads is None or not isinstance(state.world(games).streets, StreetsOfMaps):
-        return movement.routes(weight)
-    return RoutesOfMaps(movement.roads, weight, games)
 
 
 class GameArrays:
@@ -393,8 +375,7 @@ class GameArrays:
         That is where agents are and what rules and strategies remember, and not the turn, scores, seeds and logs, deeds
         and messages, and how agents moved in the last turn.
         """
-        found = {name: one.copy() for name, one in self._remembered().items()}
-        return found | {"roads": self.roads.columns()} if self.roads.are_closed else found
+        return {name: one.copy() for name, one in self._remembered().items()}
 
     def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
@@ -407,19 +388,18 @@ class GameArrays:
 
     def _refuse_others(self, columns: Columns, mine: Columns) -> None:
         """Refuse columns that are not those of as many such games, whose columns are `mine`."""
-        like = {**mine, "roads": self.roads.no_columns} if "roads" in columns else mine
-        shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (like, columns))
+        shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
         wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
         if wrong:
             raise BadValue(
                 f"columns are those of as many such games, after a turn of these: {shown(wrong[0])} has the shape "
                 f"{given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: it is not there."
             )
-        nodes, edges = len(self.streets.columns.node_ids), self.roads.no_columns.shape[1]
+        nodes, edges = self.streets.num_nodes, len(self.streets.columns.edge_ids)
         limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "start", "previous"), (0, nodes))
-        limits |= {"begun": (-1, nodes), "edge": (-1, edges), "roads": (-edges, 2)}
+        limits |= {"begun": (-1, nodes), "edge": (-1, edges)}
         for name, values in columns.items():
-            numbers, kind = np.asarray(values), like[name].dtype
+            numbers, kind = np.asarray(values), mine[name].dtype
             if not np.can_cast(numbers.dtype, kind, "same_kind"):
                 raise BadValue(f"The column {name!r} is of {kind}, not of {numbers.dtype}.")
             if name in limits:
@@ -432,9 +412,6 @@ class GameArrays:
         """Put all games where others were, by their `columns`, without events and errors."""
         mine = self._remembered()
         self._refuse_others(columns, mine)
-        self.put_roads(np.arange(len(self)), None)
-        for roads, games in self.roads.of_columns(np.asarray(columns["roads"])) if "roads" in columns else ():
-            self.put_roads(games, roads)
         for name, values in mine.items():
             values[:] = columns[name]
         self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False

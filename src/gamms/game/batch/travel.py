@@ -5,10 +5,11 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
+from gamms.core import travel as core
 from gamms.game.batch import reach
 from gamms.game.batch.movement import (
     AIMS,
@@ -17,9 +18,9 @@ from gamms.game.batch.movement import (
     Movement,
     Places,
 )
-from gamms.game.batch.reach import Choices, Maps, TravelTerms
-from gamms.game.batch.roads import RoadMap
+from gamms.game.batch.reach import Choices, TravelTerms
 from gamms.game.streets import Streets
+from gamms.game.travel import map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
@@ -64,24 +65,19 @@ class ByMetres(Movement):
         self.begin((0, len(speeds)))
 
     @cached_property
-    def maps(self) -> Maps:
-        """The maps of the games."""
-        return Maps(self.all_roads, self.terms)
+    def map(self) -> core.Roads:
+        """The map as the core takes it."""
+        columns, terms = self.streets.columns, self.terms
+        leaving = columns.offsets, columns.out_edges
+        return map_of(columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
 
     @cached_property
     def _choices(self) -> Choices:
-        return Choices(self.maps, self._kinds, goes_on=self.terms.decides_at_arrivals)
-
-    def on(self, roads: RoadMap) -> Self:
-        """Return how the same agents go in games that have a map of their own."""
-        _ = self._choices, self.lines  # which all maps share
-        return super().on(roads)
+        return Choices(self.map, self.streets, self._kinds, goes_on=self.terms.decides_at_arrivals)
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
         super().begin(shape)
-        for name in ("maps", "_choices"):
-            vars(self).pop(name, None)
         self.edge, self.share, self.motion = np.full(shape, -1), np.zeros(shape), np.zeros(shape, np.int64)
         self.now = np.zeros(shape[0])
 
@@ -97,9 +93,11 @@ class ByMetres(Movement):
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they are."""
 
-    def backs(self, edges: IntArray, games: IntArray) -> IntArray:
-        """Return the rows of the edges by which one turns round on others, -1 among them, in games; -1: none."""
-        return self.maps.backs(edges, games)
+    def backs(self, edges: IntArray) -> IntArray:
+        """Return the rows of the edges by which one turns round on others, -1 among them; -1: none."""
+        backs = np.empty(edges.size, np.int64)
+        core.backs(self.map, np.ascontiguousarray(edges.ravel()).data, backs.data)
+        return backs.reshape(edges.shape)
 
     @property
     def is_endless(self) -> bool:
@@ -114,13 +112,13 @@ class ByMetres(Movement):
         kind = np.broadcast_to(self._kind_of[which[1]], node.shape)
         left = np.broadcast_to(1.0 - self.now[which[0]], node.shape)
         found, on_node = np.zeros(node.shape, np.int64), np.nonzero(edge < 0)
-        found[on_node] = self._choices.on_nodes(node[on_node], kind[on_node], left[on_node], games[on_node])
+        found[on_node] = self._choices.on_nodes(node[on_node], kind[on_node], left[on_node])
         on = np.nonzero(edge >= 0)
         if len(on[0]):
             which = games[on], np.broadcast_to(which[1], node.shape)[on]
             speed, now = self._kinds[kind[on]], self.now[which[0]]
             places = reach.Places(node[on], edge[on], self.share[which], self.motion[which], speed, now)
-            found[on] = self._choices.on_edges(places, which[0])
+            found[on] = self._choices.on_edges(places)
         return found
 
     def counts(self, choices: IntArray) -> IntArray:
@@ -142,29 +140,29 @@ class ByMetres(Movement):
     ) -> IntArray:
         """Return the actions that lead agents towards nodes; -1: no path."""
         games, agents = which
-        has_speed, table, edge = self._is_paced[agents], self.ways("length"), self.on_edge(which)
+        has_speed, table, edge = self._is_paced[agents], self.routes("length"), self.on_edge(which)
         found = np.full(node.shape, -1)
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed, at=games[~has_speed])
+        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
         stopped = np.flatnonzero(~has_speed & (edge >= 0) & (found >= 0))  # just before a node, by a conflict
         if len(stopped):
             those = games[stopped], agents[stopped]
             found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], those, allowed)
-        has_path, on = np.isfinite(table.distances(node, targets, at=games)), edge >= 0
+        has_path, on = np.isfinite(table.distances(node, targets)), edge >= 0
         if allowed is not None:
             some = np.flatnonzero(has_speed & has_path)
             found[some] = self._as_far_as_allowed(node[some], targets[some], (games[some], agents[some]), allowed)
             return found
-        has_path[on] |= np.isfinite(table.distances(self.columns.targets[edge[on]], targets[on], at=games[on]))
+        has_path[on] |= np.isfinite(table.distances(self.columns.targets[edge[on]], targets[on]))
         return np.where(has_speed, np.where(has_path, AIMS + targets, -1), found)
 
     def _next_legal(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
     ) -> IntArray:
         """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
-        choices, table, goes_on = self.choices(node, which), self.ways("length"), np.ones(len(node), np.bool_)
+        choices, table, goes_on = self.choices(node, which), self.routes("length"), np.ones(len(node), np.bool_)
         found = np.where(self.action_to(choices, targets) >= 0, targets, node)
         while goes_on.any():
-            ahead = table.following(found, targets, at=which[0])
+            ahead = table.following(found, targets)
             goes_on &= (found != targets) & (self.action_to(choices, ahead) >= 0)
             goes_on &= True if allowed is None else allowed[ahead]
             found = np.where(goes_on, ahead, found)
@@ -174,11 +172,11 @@ class ByMetres(Movement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray
     ) -> IntArray:
         """Return the actions that lead to targets that are legal, and to others along nodes of the shortest path."""
-        table, limit, at = self.ways("length"), np.zeros(len(node), np.int64), node
+        table, limit, at = self.routes("length"), np.zeros(len(node), np.int64), node
         is_legal = self.action_to(self.choices(node, which), targets) >= 0
         goes_on = ~is_legal & (node != targets)
         while goes_on.any():
-            at = np.where(goes_on, table.following(at, targets, at=which[0]), at)
+            at = np.where(goes_on, table.following(at, targets), at)
             goes_on &= allowed[at]
             limit += goes_on
             goes_on &= at != targets

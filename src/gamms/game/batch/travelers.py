@@ -251,7 +251,7 @@ class MetreColumns:
         rows = state.node.size if self.roamers.exist else 0
         self._memories = Memories(by, by.terms.costs, rows, _LONGEST, self._longest)
         edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
-        backs = by.backs(edges, np.zeros_like(edges))
+        backs = by.backs(edges)
         self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
         self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
 
@@ -264,13 +264,13 @@ class MetreColumns:
 
     def _learner(self) -> tuple[travel.Ways, travel.Ways, travel.KnownReach]:
         """Return what one thread learns of the map: ways of agents that roam and of others, and what is legal."""
-        roads, reach = self._by.maps.of(None), Reach(self._by.streets.num_nodes)
+        roads, reach = self._by.map, Reach(self._by.streets.num_nodes)
         ways, near = self._memories.ways(roads, reach), self._memories.apart(self._slots, self._longest)
         return ways, near.ways(roads, reach), self._known()
 
     def thread(self, number: int, movers: moves.Movers, events: rules.Events) -> ThreadTravel:
         """Return what one thread plays with, of a number from 0; events get what agents cannot do."""
-        by, most, roads = self._by, self._most, self._by.maps.of(None)
+        by, most, roads = self._by, self._most, self._by.map
         if number == len(self._learned):
             self._learned.append(self._learner())
         trips = Trips(self._agents, most, max(self._memories.most, most))

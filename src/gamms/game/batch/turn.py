@@ -12,8 +12,7 @@ from gamms.game.batch.columns import kept_in, lock, once, places_of, put_locked,
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Paths
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.routes_of_maps import RoutesOfMaps
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -248,8 +247,7 @@ class ArrayTurn:
         if self._state.has_begun and not self._state.events.is_read_by(reader):
             raise NotTakenUp(f"it is not known which events of the turns before the batch were read by {shown(reader)}")
         number = places_of(self.games, len(self._state))
-        later = self._state.is_going & (number < 0) & self._state.roads.are_closed  # they are on other maps
-        found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader, later)]
+        found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader)]
         return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
@@ -398,9 +396,9 @@ class ArrayTurn:
         """Return what is the same in all games and turns of the batch: what `make()` gives at the first call."""
         return kept_in(self._shared, key, make)
 
-    def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
+    def routes(self, weight: str | None = "length") -> RouteTable:
         """Return how far it is between rows of nodes; `weight` as for `graph.distance`."""
-        return routes_of(self._state, self._movement, weight, self.games)
+        return self._movement.routes(weight)
 
     @property
     def facts(self) -> Mapping[str, Any]:

@@ -15,9 +15,8 @@ from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Movement, Places
 from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, reports
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.routes_of_maps import RoutesOfMaps
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
-from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, NotTakenUp, routes_of
+from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, noted_nodes, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ViewDraws
@@ -369,12 +368,12 @@ class ArrayView(Mapping[str, Any]):
         blocked: BoolArray = self._state.chosen(self._state.blocked, self.games, self.agents)
         return blocked
 
-    def routes(self, weight: str | None = "length") -> RouteTable | RoutesOfMaps:
+    def routes(self, weight: str | None = "length") -> RouteTable:
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`.
 
         All batches on equal graphs share these tables, and those of other graphs are kept up to 512 MB.
         """
-        return routes_of(self._state, self._movement, weight, self.games)
+        return self._movement.routes(weight)
 
     def flows(self) -> Flows:
         """Return what spreads along the edges: random walks, probabilities that diffuse, and which nodes are in reach.
