@@ -63,16 +63,6 @@ class Filter:
         assert (self.missed == 1.0).all()
         return totals.tolist()
 
-    def expected(self, counts=(1, 1), targets=(0, 1), looks=(), **finding):
-        """Return how many targets are expected on each node by evidence."""
-        out = np.zeros(self.nodes)
-        evidence, at = self.evidence(looks, **finding), (0, 0, len(looks), 0)
-        chosen = kernels.buffer(np.array(targets)), kernels.buffer(np.array(counts, np.uint8)), 0
-        belief.expect(
-            self.chain, evidence, self.work, kernels.buffer(self.values), *at, *chosen, kernels.buffer(out), 0
-        )
-        return out.tolist()
-
 
 def street(nodes):
     """The ways of a walker on a line of nodes that goes to either side, or stays, each as likely."""
@@ -142,14 +132,6 @@ def test_one_that_was_found_on_an_edge_is_in_the_nearest_part():
     assert filter.values.tolist() == [[0, 1, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0]]
     filter.observe(found=(0, -1))  # in any place there
     assert filter.values[0].tolist() == [0, 1, 0, 0, 0, 0]
-
-
-def test_targets_that_do_not_count_are_not_expected():
-    filter = Filter(2)
-    filter.observe(found=(0, -1))
-    assert filter.expected() == [1.5, 0.5]
-    assert filter.expected(counts=(0, 1)) == [0.5, 0.5]
-    assert filter.expected(targets=(0, 0), found=(1, -1)) == [0.0, 2.0]
 
 
 def test_of_equally_likely_nodes_the_first_is_gone_to():

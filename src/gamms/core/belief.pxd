@@ -46,8 +46,6 @@ cdef double begin_again(Chain c, Work w, double[::1] out, i64 to) except -1.0 no
 cdef double sum_of(Chain c, Work w, const double[::1] values, i64 at) except -1.0 nogil
 @cython.locals(node=i64, j=i32, total=double)
 cpdef int add_to_nodes(Chain c, const double[::1] values, i64 at, double[::1] out, i64 to) except -1 nogil
-@cython.locals(i=Py_ssize_t, target=i64, is_changed=bint)
-cpdef int expect(Chain c, Evidence e, Work w, const double[::1] values, i64 at, i64 begin, i64 end, i64 finding, const i64[::1] targets, const u8[::1] counts, i64 first, double[::1] out, i64 to) except -1 nogil
 @cython.locals(best=i64, most=double, node=i64, gain=double)
 cpdef i64 likeliest(const double[::1] chances, const double[::1] turns, i64 at, i64 nodes) except -2 nogil
 @cython.locals(is_changed=bint, i=i64, k=i32, most=double, offer=double)

@@ -354,47 +354,6 @@ def add_to_nodes(c: Chain, values: memoryview[float], at: int, out: memoryview[f
     return 0
 
 
-def expect(
-    c: Chain,
-    e: Evidence,
-    w: Work,
-    values: memoryview[float],
-    at: int,
-    begin: int,
-    end: int,
-    finding: int,
-    targets: memoryview[int],
-    counts: memoryview[int],
-    first: int,
-    out: memoryview[float],
-    to: int,
-) -> int:
-    """Add the expected number of targets on each node, after looks and one finding, to `out`; see `observe`.
-
-    Args:
-        c: the chain by which the targets move.
-        e: the observations.
-        w: working memory.
-        values: the beliefs before.
-        at: the index where they begin.
-        begin: the first look.
-        end: one past the last look.
-        finding: the number of the finding.
-        targets: the numbers of the targets.
-        counts: bytes, whether each target counts.
-        first: the index where the bytes of these targets begin.
-        out: the expected numbers of targets, by node.
-        to: the index where they begin.
-    """
-    for i in range(len(targets)):
-        target = targets[i]
-        if counts[first + target]:
-            is_changed = fill_likelihoods(c, e, w, target, begin, end, finding)
-            weigh(c, w, is_changed, values, at + target * c.states, w.weighed, 0)
-            add_to_nodes(c, w.weighed, 0, out, to)
-    return 0
-
-
 def likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nodes: int) -> int:
     """Return the node with the greatest chance per turn of travel, the first if several are equal; -1: all are 0.0.
 

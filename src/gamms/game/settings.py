@@ -30,7 +30,6 @@ from gamms.ir.game_state import GameState
 from gamms.plain import to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code, shown
-from gamms.typing import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import ChannelOptions, IConflicts, Rule
 
@@ -348,11 +347,8 @@ class RuleSpec:
         last_turn: the turn after which the rule ends the game, for windows to show how far it is.
         array_form: does the same in many games: called with a `batch.turn.ArrayTurn`; None: batches play one
             game after the other.
-        array_check: the same for `check`: called with the turn and where agents go, (games, agents), returns which
-            moves it refuses.
         core_form: called with a `batch.in_core.Making`, returns the rule as the core plays it in batches; None: the
             core does not.
-        why_not_in_arrays: called with the agents, returns in words why the array form cannot play them; None: it can.
         prepare_arrays: called with the state of a batch when it begins, to publish facts in the form that they have in
             arrays.
         begin_arrays: called with the context and the state of the batch, returns what the array form keeps of the game
@@ -373,9 +369,7 @@ class RuleSpec:
     brings_back: bool = False
     last_turn: int | None = None
     array_form: Callable[[Any], None] | None = None
-    array_check: Callable[[Any, Any], object] | None = None
     core_form: Callable[[Any], CoreRule] | None = None
-    why_not_in_arrays: Callable[[Sequence[IAgent]], str | None] | None = None
     prepare_arrays: Callable[[Any], object] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
     is_array_function: bool = False
@@ -402,8 +396,6 @@ def rule_spec_of(rule: object) -> RuleSpec:
     if spec is getattr(getattr(rule, "__wrapped__", None), _SPEC, None):
         spec = RuleSpec(**{name: getattr(spec, name) for name in (*_ATTRIBUTES, "brings_back", "last_turn")})
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
-    if own.get("check", spec.check) is not spec.check:
-        own["array_check"] = None
     return replace(spec, **own) if own else spec
 
 

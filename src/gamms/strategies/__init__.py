@@ -22,8 +22,8 @@ An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such
 `ctx.game` puts into the state what these read: `legal`, `draw`, `memory`, `team`. In a loop of your own, put it there
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
-**Arrays.** Most have an array form, which plays many games at once and follows its scalar form: `offer_form`.
-What one keeps of memories is in `memories.py`, for games that have begun, too: `Kept`.
+**Batches.** The core plays some of them in batches, by what `offer_steps` declares: `stay`, `random_walk`, `goto`,
+`follow_path`, `patrol`, `random_waypoints`, `chase`, `flee` and `first`. The others are called game by game.
 
 `travel.py` has those that need no enemies, `stops.py` how agents go along a list, `encounters.py` those that act on
 enemies, `assignment.py` the one by which a team shares them out, `sweeping.py` the one by which it visits all nodes;

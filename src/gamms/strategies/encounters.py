@@ -1,7 +1,6 @@
 """Strategies that act on the enemies in sight."""
 
 from collections.abc import Iterable, Sequence
-from functools import partial
 from math import inf
 
 import numpy as np
@@ -9,46 +8,30 @@ import numpy as np
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
-from gamms.belief.teams import BOARD, expected, why_not_believed
 from gamms.context import Context
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
-from gamms.game.batch.begun import begins_of
 from gamms.game.batch.forms import CoreStep
-from gamms.game.batch.sight import Seen
-from gamms.game.batch.view import ArrayStrategy, ArrayView, on_ground
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
-    asked,
     enemies_in_sight,
-    filled,
     known_nodes,
     legal_on_map,
     mates_in_sight,
     move_to,
     move_to_agent,
-    moves_to,
-    moves_to_agents,
-    nearest_seen,
-    no_actions,
     node_of,
-    offer_form,
     offer_steps,
-    runs_of,
     step_towards,
 )
-from gamms.strategies.memories import Kept
-from gamms.strategies.paces import ArrayPaces, Pace, by_pace, in_turns, pace_of, turns_for, turns_from, turns_to
+from gamms.strategies.paces import Pace, by_pace, in_turns, pace_of, turns_for, turns_from, turns_to
 from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
 from gamms.typing.routes import made_in_moment, made_last
-
-_MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
 
 _FEW = 8  # enemies: of more, the nearest is searched for
 _NEAR_TURNS = 8.0  # so far an agent looks first for where it meets an enemy
@@ -73,14 +56,8 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         nearest = ctx.graph.routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
-    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True)
     offer_steps(strategy, CoreStep("chase"), fallback)
     return strategy
-
-
-def _chase_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    seen = on_ground(view).enemies()
-    return moves_to_agents(view, seen, nearest_seen(view, seen), fallback)
 
 
 @shown_as_called
@@ -106,35 +83,8 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         else:
             fallback(state)
 
-    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True)
     offer_steps(strategy, CoreStep("flee"), fallback)
     return strategy
-
-
-def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    actions = _farthest_in_arrays(view)
-    return asked(view, actions, fallback, actions < 0)
-
-
-def _farthest_in_arrays(view: ArrayView) -> IntArray:
-    """Return the actions that lead to the legal nodes farthest from enemies in sight; -1: none is in sight."""
-    seen, actions = on_ground(view).enemies(), no_actions(view)
-    if len(seen.at):
-        starts, _ = runs_of(seen)
-        legal, is_legal = view.legal_rows((seen.at, seen.viewers))
-        far = np.full(legal.shape, -inf)
-        threats, at = (np.broadcast_to(one[:, None], legal.shape) for one in (seen.nodes, seen.at))
-        far[is_legal] = view.routes().distances(threats[is_legal], legal[is_legal], at=at[is_legal])
-        safety = np.minimum.reduceat(far, starts)
-        is_best = safety == safety.max(axis=1, keepdims=True)
-        actions[seen.at[starts], seen.viewers[starts]] = _lowest(view, legal[starts], is_best)
-    return actions
-
-
-def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
-    """Return the number of the legal node with the lowest id of those that are chosen, on the last axis."""
-    lowest: IntArray = np.where(is_chosen, view.streets.ids_of(legal), np.iinfo(np.int64).max).argmin(axis=-1)
-    return lowest
 
 
 @shown_as_called
@@ -169,21 +119,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
             step = step_towards(ctx, state, target, "guard", is_near)
             state["action"] = here if step is None else step
 
-    offer_form(strategy, _guard_in_arrays, post, reach, parts=[stay], looks=True)
     return strategy
-
-
-def _guard_in_arrays(post: int, reach: float, waits: ArrayStrategy, view: ArrayView) -> IntArray:
-    routes, place = view.routes(), view.streets.rows(post)
-    is_near = routes.distances(np.arange(view.streets.num_nodes), place) <= reach
-    seen = on_ground(view).enemies()
-    targets = nearest_seen(view, seen.of(is_near[seen.nodes]), is_near[view.node])
-    after, is_after = np.nonzero(targets >= 0), targets >= 0
-    actions = moves_to(view.only(~is_after), filled(view, int(place)), waits)
-    actions[after] = view.towards(targets[after], after, is_near)
-    lost = np.nonzero(is_after & (actions < 0))
-    actions[lost] = view.towards(view.node[lost], lost)
-    return actions
 
 
 @shown_as_called
@@ -222,19 +158,7 @@ def intercept(
             meeting = _meeting_node(ctx, state, enemies, ends or ()) if enemies else None
             move_to(ctx, state, meeting, fallback, "intercept")
 
-    offer_form(strategy, _intercept_in_arrays, ends, parts=[fallback], looks=True)
     return strategy
-
-
-def _intercept_in_arrays(goals: tuple[int, ...] | None, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    seen = on_ground(view).enemies()
-    if goals is not None:
-        return moves_to(view, _meeting_nodes(view, seen, np.sort(view.streets.ids(view.streets.rows(goals)))), fallback)
-    actions = no_actions(view)
-    if len(seen.at):
-        chased = seen.of(_first_to_come(view, seen))
-        actions[chased.at, chased.viewers] = _confining_actions(view, chased)
-    return asked(view, actions, fallback, actions < 0)
 
 
 @shown_as_called
@@ -279,34 +203,7 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
             legal = legal_on_map(ctx, state)
             state["action"] = max([node for node in legal if node not in reached] or legal, key=lead)
 
-    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True)
     return strategy
-
-
-def _exit_in_arrays(exits: tuple[int, ...], fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    ends, paces, actions = view.streets.rows(exits), ArrayPaces(view), no_actions(view)
-    seen = on_ground(view).enemies()
-    first = np.full((*view.node.shape, len(ends)), inf)  # turns until the first enemy in sight is there
-    np.minimum.at(first, (seen.at, seen.viewers), paces.turns_to(seen.others[:, None], seen.nodes[:, None], ends))
-    far = paces.turns_to(view.agents[:, None], view.node[..., None], ends)
-    is_there = np.isin(view.node, ends)
-    going = np.nonzero(view.mask & ~is_there & np.isfinite(far).any(axis=-1))
-    legal, is_legal = view.legal_rows(going)
-    number = no_actions(view)
-    number[going] = np.arange(len(legal))
-    seen = seen.of(number[seen.at, seen.viewers] >= 0)
-    is_open = is_legal & ~paces.reach(seen, number[seen.at, seen.viewers], legal)
-    options = np.where(is_open.any(axis=1, keepdims=True), is_open, is_legal)
-    far = paces.turns_to(view.agents[going[1], None, None], legal[..., None], ends)
-    with np.errstate(invalid="ignore"):
-        lead = np.where(options[..., None] & np.isfinite(far), first[going][:, None] - far, -inf)
-    is_best = options[..., None] & (lead == lead.max(axis=(1, 2), keepdims=True, initial=-inf))
-    rest = np.where(is_best, far, inf)
-    is_best &= rest == rest.min(axis=(1, 2), keepdims=True, initial=inf)
-    actions[going] = _lowest(view, legal, is_best.any(axis=-1))
-    there = np.nonzero(is_there)
-    actions[there] = view.towards(view.node[there], there)
-    return asked(view, actions, fallback, actions < 0)
 
 
 @shown_as_called
@@ -345,28 +242,7 @@ def follow_belief(
         node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")
 
-    offer_form(
-        strategy,
-        _follow_in_arrays,
-        model,
-        None if wanted is None else tuple(wanted),
-        parts=[fallback],
-        looks=True,
-        kept=Kept(begins_of(()), BOARD),
-        refuses=partial(why_not_believed, model),
-    )
     return strategy
-
-
-def _follow_in_arrays(
-    motion: belief.Motion, names: tuple[str, ...] | None, fallback: ArrayStrategy, view: ArrayView
-) -> IntArray:
-    targets, paces, rows = no_actions(view), ArrayPaces(view), np.arange(view.streets.num_nodes)
-    for places, column, chances in expected(view, motion, names):
-        turns = paces.turns_from(view.agents[[column]], view.node[places, column][:, None], rows)
-        both = kernels.buffer(chances), kernels.buffer(turns)
-        targets[places, column] = [likeliest(*both, at * len(rows), len(rows)) for at in range(len(places))]
-    return moves_to(view, targets, fallback)
 
 
 # -- where to ---------------------------------------------------------------------------------------------------------
@@ -445,76 +321,6 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
             near = graph.distances(node, weight=weight, cutoff=within)
             names += [name for name, at in group.items() if at in near]
     return min(sorted(names), key=lambda name: turns_to(ctx, name, node, enemies[name]))
-
-
-def _meeting_nodes(view: ArrayView, seen: Seen, goals: IntArray) -> IntArray:
-    """Return what `_meeting_node` returns for all agents of a view, as rows (games, agents); -1: none."""
-    paces, targets = ArrayPaces(view), no_actions(view)
-    ends, here, me = view.streets.rows(goals), view.node[seen.at, seen.viewers], view.agents[seen.viewers]
-    arrivals = paces.turns_to(seen.others[:, None], seen.nodes[:, None], ends)
-    goal = ends[arrivals.argmin(axis=1)] if len(seen.at) else ends[:0]  # of several, that with the lowest id
-    total = arrivals.min(axis=1, initial=inf)
-    options, pairs, node = [], np.arange(len(seen.at)), seen.nodes.copy()
-    while len(pairs):
-        far = paces.turns_to(seen.others[pairs], node[pairs], goal[pairs])
-        is_going = np.isfinite(total[pairs])
-        arrival = np.where(is_going, total[pairs], 0.0) - np.where(is_going, far, 0.0)
-        own = paces.turns_from(me[pairs], here[pairs], node[pairs])
-        options.append((pairs, np.maximum(0.0, own - arrival), own, node[pairs]))
-        pairs = pairs[is_going & (node[pairs] != goal[pairs])]
-        node[pairs] = paces.following(seen.others[pairs], node[pairs], goal[pairs])
-    if options:
-        pairs, late, own, node = (np.concatenate(columns) for columns in zip(*options, strict=True))
-        order = np.lexsort((view.streets.ids(node), own, late))
-        best = order[np.isfinite(late[order])][::-1]  # the best one is written last
-        targets[seen.at[pairs[best]], seen.viewers[pairs[best]]] = node[best]
-    return targets
-
-
-def _first_to_come(view: ArrayView, seen: Seen) -> IntArray:
-    """Return of the pairs of each agent the one with the enemy that comes there first; of several, the first name."""
-    here = view.node[seen.at, seen.viewers]
-    far = ArrayPaces(view).turns_to(seen.others, here, seen.nodes)
-    starts, viewer = runs_of(seen)
-    best = np.flatnonzero(far == np.minimum.reduceat(far, starts)[viewer])
-    return best[np.unique(viewer[best], return_index=True)[1]]
-
-
-def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
-    """Return what `_confining_node` returns for agents, each with the enemy that it goes after: numbers of nodes."""
-    me = view.agents[chased.viewers, None]
-    legal, is_legal = view.legal_rows((chased.at, chased.viewers))
-    far = ArrayPaces(view).turns_to(me, legal, chased.nodes[:, None])
-    far[~is_legal] = inf
-    is_nearest = is_legal & (far == far.min(axis=1, keepdims=True))
-    tied = np.flatnonzero(is_nearest.sum(axis=1) > 1)
-    sizes = np.zeros(legal.shape, np.int64)
-    most = max(1, _MOST_AT_ONCE // (view.streets.num_nodes * legal.shape[1]))
-    for first in range(0, len(tied), most):
-        some = tied[first : first + most]
-        lines, columns = np.nonzero(is_nearest[some])
-        sizes[some[lines], columns] = _sizes_of_cells(view, chased.of(some[lines]), legal[some[lines], columns])
-    sizes[~is_nearest] = np.iinfo(np.int64).max
-    return _lowest(view, legal, sizes == sizes.min(axis=1, keepdims=True))
-
-
-def _sizes_of_cells(view: ArrayView, chased: Seen, nodes: IntArray) -> IntArray:
-    """Return how many nodes enemies reach before agents that go to these nodes, and their mates in sight, (pairs,)."""
-    all_nodes, paces = np.arange(view.streets.num_nodes), ArrayPaces(view)
-    own = 1.0 + paces.turns_from(view.agents[chased.viewers, None], nodes[:, None], all_nodes)
-    theirs = paces.turns_from(chased.others[:, None], chased.nodes[:, None], all_nodes)
-    mates = on_ground(view).mates()
-    number = mates.at * len(view.agents) + mates.viewers  # ascending
-    begins, ends = (
-        np.searchsorted(number, chased.at * len(view.agents) + chased.viewers, side) for side in ("left", "right")
-    )
-    for rank in range(int((ends - begins).max(initial=0))):
-        has_more = np.flatnonzero(begins + rank < ends)
-        mate = (begins + rank)[has_more]
-        near = paces.turns_from(mates.others[mate, None], mates.nodes[mate, None], all_nodes)
-        own[has_more] = np.minimum(own[has_more], near)
-    sizes: IntArray = (theirs < own).sum(axis=1)
-    return sizes
 
 
 def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:

@@ -4,8 +4,7 @@ Strategies that act on enemies need `state["team"]`, and a sensor that shows age
 OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from inspect import iscoroutinefunction
 from itertools import takewhile
@@ -13,21 +12,12 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
-import numpy as np
-
 from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
-from gamms.game.batch.begun import Begins, begins_of
-from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import CoreStep, StrategySpec, declare, strategy_spec_of
-from gamms.game.batch.movement import NO_ACTION
-from gamms.game.batch.sight import Seen
-from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
-from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
-from gamms.strategies.memories import Kept
-from gamms.typing import IAgent, IContext
+from gamms.game.batch.strategy_steps import begin_steps
+from gamms.game.batch.travelers import Waypoints
+from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
 
@@ -35,7 +25,6 @@ if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
 F = TypeVar("F")
-Refusing = Callable[[PlayedGame, IAgent], str | None]  # returns in words why an agent cannot be asked in arrays
 
 # The kinds that those on the ground may carry; data: {name: node}
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
@@ -319,185 +308,23 @@ def _pass(_: object) -> None:
     """Set no action."""
 
 
-# -- array forms ----------------------------------------------------------------------------------------------
+# -- in the core ----------------------------------------------------------------------------------------------
 
 
-def offer_form(
-    strategy: Callable[..., None],
-    form: Callable[..., IntArray | FloatArray],
-    *values: Hashable,
-    parts: Collection[object] = (),
-    looks: bool = False,
-    may_skip: bool | None = None,
-    kept: Kept | None = None,
-    refuses: Refusing | None = None,
-    flies: bool = False,
+def offer_steps(
+    strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None], core_form: int | Waypoints | None = None
 ) -> None:
-    """Let a strategy be played in arrays, if the strategies that it calls can be.
+    """Let the core play a strategy by these steps and those of strategies that it calls, if all of these have some.
 
     Args:
-        strategy: the scalar form.
-        form: called with these values, then the forms of the parts, then the view.
-        values: numbers, names and the like.
-        parts: the strategies that it calls.
-        looks: whether it asks what sensors show, or have in view, besides its parts.
-        may_skip: whether it may set no action; None: where one of its parts may.
-        kept: what it remembers, besides its parts; None: nothing.
-        refuses: says in words why the form is not for an agent of a game; None: it is for all.
-        flies: whether the form is for agents that fly, too.
+        strategy: a function of the state.
+        steps: what the core tries, one after the other.
+        core_form: by what else the core plays it; see `StrategySpec`.
     """
-    specs = [strategy_spec_of(part) for part in parts]
-    forms = [spec.array_form for spec in specs]
-    boards = [one for spec in specs for one in spec.boards]
-    refusing = [one for spec in specs for one in spec.refuses]
-    begun: list[Begins] = [spec.begins for spec in specs if spec.begins is not None]
-    takes_up = len(begun) == len(specs)
-    if kept is not None:
-        begun.append(kept.begins)
-        boards += [] if kept.board is None else [kept.board]
-    if None in forms or len(set(boards)) < len(boards):
-        return
-    declare(
-        strategy,
-        StrategySpec(
-            array_form=partial(form, *values, *forms),
-            flies=flies,
-            looks=looks or any(spec.looks for spec in specs),
-            may_skip=any(spec.may_skip for spec in specs) if may_skip is None else may_skip,
-            boards=tuple(boards),
-            refuses=tuple(refusing if refuses is None else [*refusing, refuses]),
-            begins=begins_of(begun) if takes_up else None,
-        ),
-    )
+    several = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
+    if None not in several:
+        found = tuple(step for own in several for step in own or ())
+        declare(strategy, StrategySpec(core_form=core_form, core_steps=found, begins=partial(begin_steps, found)))
 
 
-def offer_steps(strategy: Callable[..., None], *steps: "CoreStep | Callable[[Any], None]") -> None:
-    """Let a strategy with an array form be played in the core, by these steps and those of strategies that it calls."""
-    spec = strategy_spec_of(strategy)
-    forms = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
-    if spec.array_form is not None and None not in forms:
-        found = tuple(step for form in forms for step in form or ())
-        declare(strategy, replace(spec, core_steps=found))
-
-
-def no_actions(view: ArrayView) -> IntArray:
-    """Return for all agents of a view that they set no action."""
-    return filled(view, NO_ACTION)
-
-
-def filled(view: ArrayView, number: int) -> IntArray:
-    """Return a number for each agent of a view."""
-    return np.full_like(view.node, number)
-
-
-offer_form(_pass, no_actions, may_skip=True)
 offer_steps(_pass)
-
-
-def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:
-    """Return the actions with those of a form for some agents, (games, agents); it is not asked if there are none."""
-    some = view.only(which)
-    return np.where(some.mask, form(some), actions) if some.mask.any() else actions
-
-
-def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy) -> IntArray:
-    """Return what `move_to` does for all agents of a view.
-
-    Args:
-        view: of the agents.
-        targets: rows of nodes (games, agents), -1: none.
-        fallback: decides where there is none, or no path.
-    """
-    actions, going = no_actions(view), np.nonzero(view.mask & (targets >= 0))
-    if len(going[0]):
-        actions[going] = view.towards(targets[going], going)
-    return asked(view, actions, fallback, actions < 0)
-
-
-def moves_to_agents(view: ArrayView, seen: Seen, targets: IntArray, fallback: ArrayStrategy) -> IntArray:
-    """Return what `move_to_agent` does: go to the first of the agents seen on the target, and along its edge.
-
-    Args:
-        view: of the agents.
-        seen: by them.
-        targets: rows of nodes (games, agents), -1: none.
-        fallback: decides where there is none, or no path.
-    """
-    by = movement_in(view)
-    if not isinstance(by, ByMetres):
-        return moves_to(view, targets, fallback)
-    pairs = np.flatnonzero(seen.nodes == targets[seen.at, seen.viewers])
-    _, first = np.unique(seen.at[pairs] * targets.shape[1] + seen.viewers[pairs], return_index=True)
-    pairs = pairs[first]
-    its = view.games[seen.at[pairs]], seen.others[pairs]
-    edge = by.on_edge(its)
-    on = (edge >= 0) & (by.columns.sources[edge] == seen.nodes[pairs])
-    pairs, its = pairs[on], (its[0][on], its[1][on])
-    which = seen.at[pairs], seen.viewers[pairs]
-    actions = no_actions(view)
-    nodes = targets.copy()
-    nodes[which] = -1
-    going = np.nonzero(view.mask & (nodes >= 0))
-    actions[going] = view.towards(nodes[going], going)
-    actions[which] = _actions_to_places(view, by, which, its)
-    return asked(view, actions, fallback, actions < 0)
-
-
-def _actions_to_places(
-    view: ArrayView, by: ByMetres, which: tuple[IntArray, IntArray], its: tuple[IntArray, IntArray]
-) -> IntArray:
-    """Return the actions that lead agents of a view to others that are on edges; -1: no path."""
-    columns, streets, me = by.columns, view.streets, numbers_in(view, which)
-    edge, own, here = by.on_edge(its), by.on_edge(me), view.node[which]
-    source, end, length, gone = columns.sources[edge], columns.targets[edge], columns.lengths[edge], by.offsets(its)
-    behind, ahead, offset = columns.sources[own], columns.targets[own], by.offsets(me)
-    is_same, is_opposite = (behind == source) & (ahead == end), (behind == end) & (ahead == source)
-    meets = (own >= 0) & (is_same | is_opposite)  # both are on one street
-    passed = np.where(behind == source, offset, length - offset)
-    leads, returns = by.all_roads.are_next(source, end, me[0]), by.all_roads.are_next(end, source, me[0])  # type: ignore[attr-defined] # in no batch any more
-    best = np.full((4, len(edge)), np.inf)  # metres; ids of where the way begins, and of where it comes to the edge
-    entries = np.zeros(len(edge), np.int64)
-    for start, begun, is_here in ((here, offset, True), (ahead, columns.lengths[own] - offset, False)):
-        for first, last, rest, is_open in ((source, end, gone, leads), (end, source, length - gone, returns)):
-            may = is_open & (is_here | (own >= 0))
-            far = np.where(may, begun + view.routes().distances(start, first, at=which[0]) + rest, np.inf)
-            option = np.stack((far, *(streets.ids(rows).astype(np.float64) for rows in (start, first, last))))
-            differs = option != best
-            at = differs.argmax(axis=0)
-            columns_of = np.arange(len(edge))
-            is_better = differs.any(axis=0) & (option[at, columns_of] < best[at, columns_of])
-            best[:, is_better] = option[:, is_better]
-            entries[is_better] = by.along(first, last, np.full(len(edge), is_here))[is_better]  # type: ignore[attr-defined] # in no batch any more
-    actions = np.where(best[0] < np.inf, entries, -1)
-    some = np.flatnonzero(meets)
-    there = which[0][some], which[1][some]
-    actions[some] = view.towards(np.where(passed < gone, end, source)[some], there)
-    return actions
-
-
-def nearest_seen(view: ArrayView, seen: Seen, chosen: BoolArray | None = None) -> IntArray:
-    """Return for each agent the row of the node that is nearest to it by road of those where agents are seen.
-
-    Args:
-        view: of the agents.
-        seen: by them.
-        chosen: (games, agents) which of them look for one; None: all.
-
-    Returns:
-        (games, agents) of several the first by the names; -1 where there is none, or no path.
-    """
-    seen = seen if chosen is None else seen.of(chosen[seen.at, seen.viewers])
-    targets = no_actions(view)
-    if len(seen.at):
-        far = view.routes().distances(view.node[seen.at, seen.viewers], seen.nodes, at=seen.at)
-        starts, viewer = runs_of(seen)
-        best = np.flatnonzero((far == np.minimum.reduceat(far, starts)[viewer]) & np.isfinite(far))[::-1]
-        targets[seen.at[best], seen.viewers[best]] = seen.nodes[best]  # the first of a viewer is written last
-    return targets
-
-
-def runs_of(seen: Seen) -> tuple[IntArray, IntArray]:
-    """Return where the pairs of each agent that sees one begin, and which of these agents each pair is of."""
-    is_first = np.ones(len(seen.at), np.bool_)
-    is_first[1:] = (seen.at[1:] != seen.at[:-1]) | (seen.viewers[1:] != seen.viewers[:-1])
-    return np.flatnonzero(is_first), np.cumsum(is_first) - 1

@@ -1,35 +1,23 @@
 """The strategy of an agent that goes from one stop of a list to the next, as far as each turn leads."""
 
-from collections.abc import Hashable, Iterable, Sequence
-from functools import lru_cache, partial
+from collections.abc import Iterable
 from math import floor, inf
-from typing import Any
 
-import numpy as np
-
-from gamms.arguments import as_context, as_int
+from gamms.arguments import as_context
 from gamms.context import Context
 from gamms.errors import NoPath
-from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import CoreStep
-from gamms.game.batch.state import Arrays, GameArrays
-from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in
-from gamms.ir.graph import IntArray
 from gamms.strategies.knowledge import (
     as_otherwise,
     has_speed,
     known_nodes,
     legal_on_map,
     move_to,
-    moves_to,
     node_of,
-    offer_form,
     offer_steps,
     required,
 )
-from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
 from gamms.strategies.paces import pace_of
-from gamms.typing import IAgent
 from gamms.typing.game import NodeId, State, Strategy
 
 Step = tuple[int, int, float]  # a node, the index of the next stop from there, and how far it is: edges or map units
@@ -73,12 +61,8 @@ def route(
         path = [node for node, *_ in way[1]]
         state["action"] = path if path[1] == here else path[1:]  # a path to turn round by names the node behind twice
 
-    values = key, stops, repeat, is_nearest_first
-    kept = Kept(partial(_route_begun, key, len(stops)))
-    parts = [fallback]
-    offer_form(strategy, _route_in_arrays, *values, parts=parts, kept=kept, refuses=_why_not)
-    following = tuple(_following(stops, repeat=repeat).tolist()[:-1])
-    offer_steps(strategy, CoreStep("follow", stops, int(is_nearest_first), following, key, (("at", -1),)), fallback)
+    following = tuple(_advanced(stops, at, node, repeat=repeat) for at, node in enumerate(stops))
+    offer_steps(strategy, CoreStep("follow", stops, int(is_nearest_first), following, key), fallback)
     return strategy
 
 
@@ -178,42 +162,3 @@ def _advanced(stops: tuple[int, ...], at: int, here: int, *, repeat: bool) -> in
 
 
 # -- in arrays ------------------------------------------------------------------------------------------------------
-
-
-def _why_not(game: PlayedGame, agent: IAgent) -> str | None:
-    """Return why an agent cannot be asked in arrays, in words; None: it can."""
-    settings = game.settings()
-    if agent.speed is None or settings["legal"] != "edges" or settings["decide"] != "turn":
-        return None
-    return "whose way leads beyond a stop within a turn"
-
-
-def _route_begun(key: str, stops: int, ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
-    def read(memory: dict[Any, Any]) -> Sequence[int]:
-        return [range(stops + 1)[as_int(memory[key], "the next stop")]] if key in memory else ()
-
-    return memories_in_arrays(ctx, arrays, key, {"at": -1}, read)
-
-
-def _route_in_arrays(
-    key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
-) -> IntArray:
-    known, rows = remembered(view, key, at=-1)["at"], movement_in(view).streets.rows(stops)
-    begins = np.nonzero(view.mask & (known < 0))
-    at = np.maximum(known, 0)
-    if is_nearest_first and len(begins[0]):
-        here, games = view.node[begins][:, None], begins[0][:, None]
-        at[begins] = view.routes().distances(here, rows, at=games).argmin(axis=1)
-    stop_rows = np.append(rows, -1)
-    at = np.where(stop_rows[at] == view.node, _following(stops, repeat=repeat)[at], at)
-    remember(view, key, at=at)
-    return moves_to(view, stop_rows[at], fallback)
-
-
-@lru_cache(maxsize=256)
-def _following(stops: tuple[int, ...], *, repeat: bool) -> IntArray:
-    """Return of each stop the number of the next one at another node, and behind the last one their number."""
-    found = [_advanced(stops, at, node, repeat=repeat) for at, node in enumerate(stops)]
-    following = np.array([*found, len(stops)])
-    following.setflags(write=False)
-    return following

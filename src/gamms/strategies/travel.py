@@ -1,49 +1,34 @@
 """Strategies that need no enemies: they go somewhere, or are made of others."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
-from math import cos, frexp, inf, ldexp, pi, sin
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import cos, inf, pi, sin
 from typing import Any, TypeVar, overload
-
-import numpy as np
 
 from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.core import moves
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import CoreStep, declare, strategy_spec_of
-from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.travelers import Waypoints
-from gamms.game.batch.view import ArrayStrategy, ArrayView, movement_in, numbers_in
-from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
     as_strategy,
-    asked,
     drawn_below,
     drawn_fraction,
-    filled,
     is_aerial,
     known_nodes,
     legal_nodes,
     move_to,
-    moves_to,
-    no_actions,
     node_of,
-    offer_form,
     offer_steps,
     required,
 )
-from gamms.strategies.memories import Kept, memories_in_arrays, remember, remembered
 from gamms.strategies.stops import route
 from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
 
-_MOST_BITS = 1023  # of a float
 F = TypeVar("F", bound=Callable[..., None])
 
 
@@ -102,40 +87,8 @@ def _no_state(given: object, name: str) -> BadType:
     )
 
 
-def _stay_in_arrays(view: ArrayView) -> IntArray | FloatArray:
-    return np.zeros((*view.node.shape, 3)) if view.flies else filled(view, movement_in(view).idle)
-
-
-def _fly_in_arrays(view: ArrayView) -> FloatArray:
-    angles = (2.0 * pi * view.draw.random()).ravel().tolist()
-    # NOTE: `math` and NumPy differ in the last bit.
-    ways = np.array([(cos(angle), sin(angle), 0.0) for angle in angles]).reshape(*view.node.shape, 3)
-    speeds = [view.roster.agents[number].speed or 0.0 for number in view.agents.tolist()]
-    return ways * [[[ldexp(1.0, min(frexp(speed)[1] + 1, _MOST_BITS))] for speed in speeds]]  # farther than they fly
-
-
-def _walk_in_arrays(view: ArrayView) -> IntArray | FloatArray:
-    if view.flies:
-        return _fly_in_arrays(view)
-    by, agents = movement_in(view), np.s_[:, :]
-    if not by.leaves_nodes or not (on_edge := by.on_edge(numbers_in(view, agents)) >= 0).any():
-        return view.draw.below(view.counts)
-    which, off = np.nonzero(on_edge), np.nonzero(~on_edge)
-    actions, counts = np.zeros(on_edge.shape, np.int64), np.ones(on_edge.shape, np.int64)
-    counts[off] = by.counts(by.choices(view.node[off], numbers_in(view, off)))
-    actions[off] = view.only(~on_edge).draw.below(counts)[off]
-    actions[which] = view.towards(by.columns.targets[by.on_edge(numbers_in(view, which))], which)
-    return actions
-
-
-for _strategy, _form, _core_form in (
-    (stay, _stay_in_arrays, moves.STAY),
-    (random_walk, _walk_in_arrays, moves.RANDOM_WALK),
-):
-    offer_form(_strategy, _form, flies=True)
-    declare(_strategy, replace(strategy_spec_of(_strategy), core_form=_core_form))
-offer_steps(stay, CoreStep("stay"))
-offer_steps(random_walk, CoreStep("walk"))
+offer_steps(stay, CoreStep("stay"), core_form=moves.STAY)
+offer_steps(random_walk, CoreStep("walk"), core_form=moves.RANDOM_WALK)
 
 
 @shown_as_called
@@ -161,14 +114,8 @@ def goto(
         move_to(ctx, state, None if node is None else as_known_node(ctx, node, "target of goto"), fallback, "goto")
 
     if fixed is not None:
-        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback])
         offer_steps(strategy, CoreStep("go", (fixed,)), fallback)
     return strategy
-
-
-def _go_in_arrays(target: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    row = movement_in(view).streets.rows([target])
-    return moves_to(view, filled(view, int(row[0])), fallback)
 
 
 @shown_as_called
@@ -244,44 +191,9 @@ def random_waypoints(
             memory["random_waypoints"] = target, turns
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    kept = Kept(_waypoints_begun)
-    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], kept=kept)
-    step = CoreStep("wander", chosen, turns, key="random_waypoints", remembers=tuple(_NO_WAYPOINT.items()))
-    offer_steps(strategy, step, fallback)
-    if fallback is stay:
-        declare(strategy, replace(strategy_spec_of(strategy), core_form=Waypoints(chosen, turns)))
+    step = CoreStep("wander", chosen, turns, key="random_waypoints")
+    offer_steps(strategy, step, fallback, core_form=Waypoints(chosen, turns) if fallback is stay else None)
     return strategy
-
-
-_NO_WAYPOINT = {"target": -1, "left": 0}  # a row, turns
-
-
-def _waypoints_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
-    def read(memory: dict[Any, Any]) -> Sequence[int]:
-        if "random_waypoints" not in memory:
-            return ()
-        target, left = memory["random_waypoints"]
-        return int(arrays.streets.rows(target)), as_int(left, "left")
-
-    return memories_in_arrays(ctx, arrays, "random_waypoints", _NO_WAYPOINT, read)
-
-
-def _waypoints_in_arrays(
-    chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
-) -> IntArray:
-    streets, known = movement_in(view).streets, remembered(view, "random_waypoints", **_NO_WAYPOINT)
-    target, left = known["target"], known["left"]
-    is_there = target == view.node
-    going = np.nonzero(view.mask & ~is_there & (target >= 0))
-    draws = view.mask & ((target < 0) | (is_there & (left <= 0)))
-    draws[going] |= view.routes().distances(view.node[going], target[going], at=going[0]) == inf
-    left = np.where(is_there & (left > 0), left - 1, left)
-    if draws.any():
-        options = np.arange(streets.num_nodes) if chosen is None else streets.rows(chosen)
-        drawn = options[view.only(draws).draw.below(len(options))]
-        target, left = np.where(draws, drawn, target), np.where(draws, turns, left)
-    remember(view, "random_waypoints", target=target, left=left)
-    return moves_to(view, target, fallback)
 
 
 # -- combinations -------------------------------------------------------------------------------------------------
@@ -311,22 +223,8 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
             if "action" in state:
                 return
 
-    specs = [strategy_spec_of(option) for option in options]
-    may_skip = all(spec.may_skip for spec in specs)
-    offer_form(strategy, _first_in_arrays, parts=options, may_skip=may_skip, flies=all(spec.flies for spec in specs))
     offer_steps(strategy, *options)
     return strategy
-
-
-def _first_in_arrays(*forms_and_view: Any) -> IntArray | FloatArray:
-    *forms, view = forms_and_view
-    if view.flies:  # those for agents that fly always set an action
-        flights: FloatArray = forms[0](view)
-        return flights
-    actions = no_actions(view)
-    for form in forms:
-        actions = asked(view, actions, form, actions < 0)
-    return actions
 
 
 @overload
@@ -348,18 +246,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
-    offer_form(
-        strategy, _mix_in_arrays, chance, parts=options, flies=all(strategy_spec_of(one).flies for one in options)
-    )
     return strategy
-
-
-def _mix_in_arrays(chance: float, b: ArrayStrategy, a: ArrayStrategy, view: ArrayView) -> IntArray | FloatArray:
-    is_a = view.draw.random() < chance
-    if view.flies:
-        flights: tuple[FloatArray, FloatArray] = a(view.only(is_a)), b(view.only(~is_a))
-        return np.where(is_a[..., None], *flights)
-    return asked(view, asked(view, no_actions(view), a, is_a), b, ~is_a)
 
 
 @overload
@@ -420,67 +307,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], kept=Kept(_unblock_begun))
     return unblock
-
-
-_IN_ARRAYS_AT_EASE = {"blocked": 0, "calm": 0, "often": 0, "left": 0, "ahead": -1}  # turns, turns, times, turns, a row
-
-
-def _unblock_begun(ctx: Context, arrays: GameArrays) -> dict[Hashable, Arrays]:
-    def read(memory: dict[Any, Any]) -> Sequence[int]:
-        if "unblock" not in memory:
-            return ()
-        *numbers, ahead = (memory["unblock"][name] for name in _AT_EASE)
-        is_node = ahead is not None and ctx.graph.graph.has_node(ahead)  # an action may have named any
-        return *(as_int(one, "a number") for one in numbers), int(arrays.streets.rows(ahead)) if is_node else -1
-
-    return memories_in_arrays(ctx, arrays, "unblock", _IN_ARRAYS_AT_EASE, read)
-
-
-def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -> IntArray:
-    known = remembered(view, "unblock", **_IN_ARRAYS_AT_EASE)
-    is_blocked = view["blocked"]
-    blocked, calm = np.where(is_blocked, known["blocked"] + 1, 0), np.where(is_blocked, 0, known["calm"] + 1)
-    often = np.where(calm > _powers_of_2(known["often"]), 0, known["often"])
-    left, waits = np.where(known["left"] > 0, known["left"] - 1, 0), view.only(blocked >= patience)
-    if waits.mask.any():
-        yields = view.only(waits.mask & (waits.draw.random() < 0.5))
-        often = np.where(yields.mask, np.where(often < _MOST_OFTEN, often + 1, _MOST_OFTEN), often)
-        blocked, calm = np.where(yields.mask, 0, blocked), np.where(yields.mask, 0, calm)
-        if yields.mask.any():
-            turns = 1 + yields.draw.below(_powers_of_2(np.where(often > 0, often - 1, 0)))
-            left = np.where(yields.mask, turns, left)
-    noted = {"blocked": blocked, "calm": calm, "often": often, "left": left}
-    actions = asked(view, no_actions(view), partial(_drawn_aside, known["ahead"]), left > 0)
-    remember(view, "unblock", **noted, ahead=known["ahead"])  # for another `unblock` in the strategy
-    actions = asked(view, actions, goes_on, left <= 0)
-    follows, going = no_actions(view), np.nonzero(view.mask & (actions >= 0))
-    follows[going] = movement_in(view).first_nodes(view.node[going], actions[going], numbers_in(view, going))  # type: ignore[attr-defined] # in no batch any more
-    ahead = np.where(view.mask & (left > 0), view.node, follows)
-    remember(view, "unblock", **noted, ahead=ahead)
-    return actions
-
-
-def _powers_of_2(numbers: IntArray) -> IntArray:
-    return np.left_shift(1, numbers)
-
-
-def _drawn_aside(ahead: IntArray, view: ArrayView) -> IntArray:
-    """Return actions to legal nodes that are neither the own ones nor those ahead, or to any where there are none."""
-    at, actions, counts = np.nonzero(view.mask), no_actions(view), filled(view, 1)
-    options = _options_aside(view, at, ahead)
-    counts[at] = options.sum(axis=1)
-    drawn = view.draw.below(counts)[at]
-    actions[at] = (np.cumsum(options, axis=1) > drawn[:, None]).argmax(axis=1)
-    return actions
-
-
-def _options_aside(view: ArrayView, at: Any, ahead: IntArray) -> BoolArray:
-    """Return to which of their legal nodes the agents of an index may step aside."""
-    nodes, is_legal = view.legal_rows(at)
-    is_free = is_legal & (nodes != view.node[at][..., None]) & (nodes != ahead[at][..., None])
-    return np.where(is_free.any(axis=-1, keepdims=True), is_free, is_legal)
 
 
 # -- steps ---------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.game.batch.begun import Beginning
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns
-from gamms.game.batch.forms import is_array_function, key_of, strategy_spec_of
+from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import CoreGames
 from gamms.game.batch.movement import Movement
@@ -240,7 +240,7 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
         spec = strategy_spec_of(decider_of(agent, plans))
-        if is_array_function(spec):
+        if spec.array_form is not None:
             found.setdefault(key_of(spec.array_form), []).append(number)
     groups = []
     for numbers in found.values():

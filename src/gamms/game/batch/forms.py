@@ -17,8 +17,7 @@ class CoreStep(NamedTuple):
         kind: one of `gamms.core.strategies.KINDS`.
         nodes: ids of those to go to; None: all.
         number, following: see `gamms.core.strategies.Steps`.
-        key: under which the agent remembers something in `state["memory"]`, and the array form in `view.keep`.
-        remembers: the names of the arrays there, each with the number at first.
+        key: under which the agent remembers something in `state["memory"]`.
     """
 
     kind: str
@@ -26,7 +25,6 @@ class CoreStep(NamedTuple):
     number: int = 0
     following: tuple[int, ...] = ()
     key: str = ""
-    remembers: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,18 +32,16 @@ class StrategySpec:
     """How batches play a strategy, or the plan of a team.
 
     Attributes:
-        array_form: returns the actions of all agents of an `ArrayView`; None: batches play one game after the other.
+        array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
         core_form: the number by which `gamms.core.moves` knows the strategy, or its `travelers.Waypoints`; None: the
             core does not play it.
         core_steps: what the core tries, one after the other, for agents along one edge in a turn whose `core_form` is
             no number; None: it does not play it.
-        flies: whether it decides for agents that fly, too; the array form returns how far they fly then.
-        looks: whether it asks what sensors show or have in view. Agents may carry any sensor if it does not.
-        may_skip: whether it may set no action, for which the array form returns `NO_ACTION`.
-        boards: the keys under which it writes into the memory of the team.
-        refuses: functions of a game and an agent that say in words why the agent cannot be asked; None: it can.
-        begins: returns what the array form keeps of agents in a game that has begun, see `array_strategy`; None: it
-            takes up no memories.
+        flies: whether the array form decides for agents that fly, too, and returns how far they fly.
+        looks: whether the array form asks what sensors show or have in view. Agents may carry any sensor if it does
+            not.
+        begins: returns what is kept of agents in a game that has begun, see `array_strategy`; None: memories are not
+            taken up.
         takes_up_all: whether agents that come later begin with what `begins` returns, or with nothing.
     """
 
@@ -54,9 +50,6 @@ class StrategySpec:
     core_steps: tuple[CoreStep, ...] | None = None
     flies: bool = False
     looks: bool = True
-    may_skip: bool = False
-    boards: tuple[str, ...] = ()
-    refuses: tuple[Callable[..., str | None], ...] = ()
     begins: Callable[..., Any] | None = None
     takes_up_all: bool = False
 
@@ -77,13 +70,6 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
     spec: StrategySpec = getattr(strategy, _SPEC, _UNDECLARED)
     wrapped = getattr(strategy, "__wrapped__", None)
     return _UNDECLARED if spec is getattr(wrapped, _SPEC, None) else spec
-
-
-def is_array_function(spec: StrategySpec) -> bool:
-    """Whether a strategy is a function of an `ArrayView`, which batches ask once a turn for all games."""
-    form = spec.array_form
-    is_ours = isinstance(form, partial) and form.func.__module__.startswith(("gamms.strategies", "gamms.belief"))
-    return form is not None and not is_ours
 
 
 def key_of(form: Any) -> Hashable:

@@ -18,7 +18,7 @@ from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import CoreEvents, GameArrays
-from gamms.game.batch.strategy_steps import StrategySteps
+from gamms.game.batch.strategy_steps import ALWAYS_ACT, StrategySteps
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints
 from gamms.game.conflicts import Table, flat
@@ -233,8 +233,7 @@ def core_form_of(decider: object, *, is_plain: bool) -> int | Waypoints | None:
     if not is_plain or isinstance(spec.core_form, int):
         form: int | Waypoints | None = spec.core_form
         return form
-    has_steps = bool(spec.core_steps) and not spec.may_skip
-    return moves.BY_STEPS if has_steps else None
+    return moves.BY_STEPS if any(step.kind in ALWAYS_ACT for step in spec.core_steps or ()) else None
 
 
 class CoreGames:

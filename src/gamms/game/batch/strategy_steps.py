@@ -1,22 +1,25 @@
 """What agents along edges decide by in the core: the steps of strategies, sensors, memories, and tables of ways."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
+from functools import partial
 from itertools import accumulate, chain
 from typing import Any
 
 import numpy as np
 
+from gamms.arguments import as_int
 from gamms.core import rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
 from gamms.game.batch.sight import look_of
-from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
+from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import ON_GROUND
 
 _MOST_BYTES = 128 * 2**20  # of the tables of ways between all nodes; on larger maps arrays play
@@ -26,6 +29,8 @@ _MOST_ASKED = 1 << 14  # ways that a thread asks for at once
 _UNKNOWN = -3  # an action that `gamms.core.strategies` asks for
 _LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
 _LOOKING = ("chase", "flee")
+ALWAYS_ACT = ("stay", "walk")  # kinds of steps: the others may give no action
+_REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
 
 
 def why_not_by_steps(game: PlayedGame, roster: Roster, streets: Streets) -> Iterator[str]:
@@ -62,6 +67,40 @@ def _is_plain(look: AgentLook | None) -> bool:
     return look.what == AgentLook(look.radius, teams=look.teams, others=look.others)
 
 
+def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it.
+
+    Raises:
+        NotTakenUp: a memory has something else there, or a node that is not on the map any more.
+    """
+    found: dict[Hashable, Arrays] = {}
+    names = state.roster.names
+    for step in [step for step in steps if step.key]:
+        columns = found["memory", step.key] = _unremembered(step.kind, len(names), 1)
+        known = {name: memory[step.key] for name, memory in ctx.game.memories.items() if step.key in memory}
+        for number, name in [(number, name) for number, name in enumerate(names) if name in known]:
+            try:
+                values = _numbers_of(step, known[name], state)
+            except (TypeError, ValueError, LookupError) as error:
+                raise NotTakenUp(f"the memory of agent {shown(name)} has what no strategy reads: {error}") from error
+            for column, value in zip(columns.values(), values, strict=True):
+                column[0, number] = value
+    return found
+
+
+def _unremembered(kind: str, agents: int, games: int) -> Arrays:
+    """Return what is kept of agents that remember nothing yet."""
+    return {name: np.full((games, agents), first) for name, first in _REMEMBERED[kind].items()}
+
+
+def _numbers_of(step: CoreStep, known: Any, state: GameArrays) -> tuple[int, ...]:
+    """Return what an agent remembers of a step, as its columns have it."""
+    if step.kind == "follow":
+        return (range(len(step.nodes or ()) + 1)[as_int(known, "the next stop")],)
+    target, left = known
+    return int(state.streets.rows(target)), as_int(left, "left")
+
+
 class StrategySteps:
     """What all threads share that play the strategies of a batch by steps.
 
@@ -76,6 +115,8 @@ class StrategySteps:
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
         self._steps = self._made_steps(steps)
         self._looks = self._made_looks([_looks(one) for one in steps])
+        for key in self._remembered:
+            self._kept(key)
         self._memory = np.zeros((len(self._columns), state.node.size), np.int64)
         self._tables, self._count = np.full(nodes, -1), 0
         self._far, self._actions = np.zeros((0, nodes)), np.zeros((0, nodes), np.int32)
@@ -92,7 +133,7 @@ class StrategySteps:
         for step in listed:
             if step.key and step.key not in self._remembered:
                 self._remembered[step.key] = step
-                self._columns += [(step.key, name) for name, _ in step.remembers]
+                self._columns += [(step.key, name) for name in _REMEMBERED[step.kind]]
             slots.append([key for key, _ in self._columns].index(step.key) if step.key else 0)
             if (step.nodes, step.following) not in first:
                 first[step.nodes, step.following] = sum(map(len, nodes))
@@ -165,8 +206,7 @@ class StrategySteps:
             known[:] = self._memory[column].reshape(known.shape)
 
     def _kept(self, key: str) -> Arrays:
-        agents, remembers = len(self._state.roster.names), self._remembered[key].remembers
-        make = lambda games: {name: np.full((games, agents), first) for name, first in remembers}  # noqa: E731
+        make = partial(_unremembered, self._remembered[key].kind, len(self._state.roster.names))
         return self._state.keep(("memory", key), make)
 
     def find_ways(self) -> bool:

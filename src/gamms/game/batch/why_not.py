@@ -6,7 +6,7 @@ from typing import Any
 
 from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
-from gamms.game.batch.forms import is_array_function, strategy_spec_of
+from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent, why_not_seen
@@ -118,7 +118,7 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
     form = core_form_of(decider, is_plain=is_plain)
-    if form is None and not is_array_function(spec):
+    if form is None and spec.array_form is None:
         yield f"the {kind} {as_code(decider)}"
     if may_forget(game, agent):
         yield f"the {kind} {as_code(decider)}, which remembers something"
@@ -126,7 +126,7 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
         yield f"the {kind} {as_code(decider)}, of agents that go along one edge in a turn among others"
     if isinstance(form, Waypoints) and settings["on_illegal"] == "raise":
         yield f"the {kind} {as_code(decider)}, of which illegal actions are raised"
-    for name in getattr(agent, "sensors", {}) if is_array_function(spec) and spec.looks else ():
+    for name in getattr(agent, "sensors", {}) if spec.array_form is not None and spec.looks else ():
         why = why_not_seen(agent, name)
         if why is not None:
             yield why
