@@ -1,10 +1,9 @@
 """What the games of a batch begin with: where their game is, which may have begun, and what was noted of it."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from itertools import chain
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from gamms.ir.progress import Motion
 from gamms.ir.schema import NUMBERS
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
-from gamms.typing.context import HostContext
 
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 """Returns what an array form keeps of the game of a context: key -> name -> an array of one game."""
@@ -134,23 +132,6 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
         raise BadType(f"begins of {named} returns key -> name -> array, what is kept of one game, not {shown(found)}.")
     state.first |= {key: dict(arrays) for key, arrays in found.items()}
     state.first_by |= dict.fromkeys(found, named)
-
-
-def begins_of(several: Iterable[Begins]) -> Begins:
-    """Return a function that says what several say, of which it calls each once."""
-    parts = chain.from_iterable(one.args[0] if _is_of_several(one) else [one] for one in several)
-    return partial(_begin_each, tuple({key_of(one): one for one in parts}.values()))
-
-
-def _is_of_several(begins: Begins) -> TypeGuard["partial[Any]"]:
-    return isinstance(begins, partial) and begins.func is _begin_each
-
-
-def _begin_each(parts: tuple[Begins, ...], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
-    found: dict[Hashable, Arrays] = {}
-    for begins in parts:
-        found |= begins(ctx, state)
-    return found
 
 
 def why_not_begun(game: PlayedGame) -> Iterator[str]:

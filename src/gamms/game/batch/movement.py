@@ -17,7 +17,6 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.typing.on_edges import Lines
 
-NO_ACTION = -1  # of agents for which the scalar form of a strategy sets none
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
 LIMITED = 2  # how many `AIMS` an action has from where on the rest says how many nodes of the way are gone to

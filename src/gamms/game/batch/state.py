@@ -28,7 +28,6 @@ from gamms.text import shown
 
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # by events of the core, beside an agent
-PUT_BACK = "put back"  # the key under which it is kept when and where agents were put back, if that is asked for
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
@@ -480,12 +479,3 @@ class GameArrays:
         if purpose not in self._draw_keys:
             self._draw_keys[purpose] = kernels.first_key_rows(self.purposes(purpose)[:, None], self.roster.keys[None])
         return self._draw_keys[purpose]
-
-    def note_put_back(self, events: Emitted) -> None:
-        """Note when and where agents were put back, if these events say so and that is kept."""
-        if PUT_BACK in self.kept and events.kind == "respawned" and {"agent", "node"} <= events.fields.keys():
-            is_known = np.array([name in self.roster.names for name in events.fields["agent"]], np.bool_)
-            events = events.those(is_known)  # rules may emit such events of others
-            numbers = np.searchsorted(self.roster.names, events.fields["agent"])
-            for name, values in {"turn": events.turns, "node": self.streets.rows(events.fields["node"])}.items():
-                self.kept[PUT_BACK][name][events.games, numbers] = values

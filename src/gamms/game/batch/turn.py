@@ -231,7 +231,7 @@ class ArrayTurn:
     def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Note events in the logs of their games."""
         when = self.games[at], self.turn[at] + self._is_moving
-        self._state.note_put_back(self._state.events.add(kind, *when, fields))
+        self._state.events.add(kind, *when, fields)
 
     def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
         """Note that agents went out or came back where they are."""

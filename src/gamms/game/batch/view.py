@@ -16,7 +16,7 @@ from gamms.game.batch.movement import STOP, Movement, Places
 from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, reports
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
-from gamms.game.batch.state import PUT_BACK, Arrays, Emitted, GameArrays, NotTakenUp
+from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, noted_nodes, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ViewDraws
@@ -31,7 +31,6 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
-MOMENTS = 1 << 24  # in a turn, more than there are
 
 
 class ArrayView(Mapping[str, Any]):
@@ -58,7 +57,6 @@ class ArrayView(Mapping[str, Any]):
     _outboxes: list[Outbox] | None = None  # what they send, likewise
     _channels: Iterable[str] = ()  # by which messages may have come
     _may_aim = False  # whether actions may lead towards nodes that are not legal
-    _kinds = SHOWING_AGENTS  # of the sensors that show agents here
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
@@ -255,26 +253,21 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): no agent carries such a sensor that shows agents.
             BadValue: a sensor has no array form.
         """
-        key = as_key(names, "The name of a sensor"), self._kinds
+        key = as_key(names, "The name of a sensor")
         if key not in self._sights:
             self._sights[key] = self._looked(names)
         found = self._sights[key]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
-    def _on_ground(self) -> Self:
-        narrowed = copy(self)
-        narrowed._kinds = ON_GROUND
-        return narrowed
-
     def _looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        state, key = self._state, ("seen", self.agents.tobytes(), names, self._kinds)
+        state, key = self._state, ("seen", self.agents.tobytes(), names)
         are_all = len(self.games) == len(state)
         known: Seen | None = state.now.get(key)
         if known is not None:
             return known if are_all else known.in_games(self.games)
         if key not in state.shared:
-            state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted, kinds=self._kinds)
+            state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted, kinds=SHOWING_AGENTS)
         found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
         if state.sighted:
             found = found.with_sights(state.sighted, names, (self.games, self.agents), self._whole)
@@ -469,12 +462,6 @@ def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
         yield places, view.in_games(places)
 
 
-def moment_of(view: ArrayView) -> IntArray:
-    """Return a number for each game that differs whenever its agents are asked, at arrivals several times in a turn."""
-    found: IntArray = view.turn * MOMENTS
-    return found
-
-
 def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Reports]]]:
     """Yield what the sensors on the ground of the agents in the mask of a view show; for the strategies of GAMMS."""
     state, key, world = view._state, ("covers", view.agents.tobytes()), World(view._state, view.games)
@@ -482,27 +469,6 @@ def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Repor
         state.shared[key] = lookouts(view.roster, view.agents, (), kinds=ON_GROUND)
     for one in state.shared[key]:
         yield one, covered(world, one, view.mask), reports(world, one, view.mask, with_own=True)
-
-
-def put_back(view: ArrayView) -> Arrays:
-    """Return in which turns agents were put back last, -1: none, and on which nodes, (games of the batch, agents)."""
-    state, shape, names = view._state, view._state.node.shape[1:], ("turn", "node")
-    is_noted = PUT_BACK in state.kept
-    found = state.keep(PUT_BACK, lambda games: {name: np.full((games, *shape), -1) for name in names}, is_new=True)
-    for game in () if is_noted else range(len(state)):
-        for event in state.events.of(game):
-            state.note_put_back(Emitted.of(game, event))
-    return found
-
-
-def parts_of(view: ArrayView) -> IntArray:
-    """Return in which parts of a turn agents move, by the order of play, (all agents,)."""
-    return np.zeros(len(view.roster.names), np.int64)
-
-
-def on_ground(view: V) -> V:
-    """Return a view without what sensors show from the air, at which the strategies of GAMMS do not look."""
-    return view._on_ground()  # what this function names itself is looked at with the forms that call it
 
 
 class _ByName(Mapping[str, T]):
