@@ -74,7 +74,7 @@ class Individual:
         self.agent = agent
         self.strategy = strategy
         self.template = template
-        self.team = None if template is None else template["team"]
+        self.team = agent.team
         self.sensors = sensors
         self.last = last
 
@@ -142,8 +142,8 @@ def ask_each(
     deciding for the phase.
 
     Args:
-        answers: takes the answers: `ask`, `take`, `fail`, `wait_for`, `note` and `team_memory` do what is not plain;
-            `make` makes a state of a template.
+        answers: takes the answers: `observe`, `take`, `fail`, `wait_for`, `note` and `team_memory` do what is not
+            plain; `make` makes a state of a template.
         phase: its `agent` says who decides, its `moment` changes where the world may have changed.
         individuals: the agents.
         sensors: those of each.
@@ -162,17 +162,22 @@ def ask_each(
         i = slots[place]
         here = moves.starts[i]
         if one.template is None:
-            answers.ask(i, None)
-            continue
-        legal = near[here]
-        sensed = sense_all(sensors[place], phase, moment, alike, here, legal)
-        state = as_dict(make(one.template))
-        one.last[0] = state
-        state["curr_pos"] = here
-        state["sensor"] = sensed
-        state["turn"] = turn
-        state["legal"] = legal
-        state["team_memory"] = answers.team_memory(one.team) if has_memories else {}
+            phase.agent = None
+            legal = ()
+            state = as_dict(answers.observe(answers.slots[i]))
+            one.last[0] = state
+            if one.strategy is None:
+                continue
+        else:
+            legal = near[here]
+            sensed = sense_all(sensors[place], phase, moment, alike, here, legal)
+            state = as_dict(make(one.template))
+            one.last[0] = state
+            state["curr_pos"] = here
+            state["sensor"] = sensed
+            state["turn"] = turn
+            state["legal"] = legal
+            state["team_memory"] = answers.team_memory(one.team) if has_memories else {}
         phase.agent = one.agent
         try:
             answer = one.strategy(state)
