@@ -152,7 +152,8 @@ class AgentSlot:
 
     def show_blocked(self) -> None:
         """Let its state say why its last action was not done, as the game knows it now."""
-        self.set_blocked(self._why_blocked())
+        if self._template is not None:
+            self._template["blocked"] = self._why_blocked()
 
     def set_blocked(self, why: str | None) -> None:
         """Let its state say why its last action was not done."""

@@ -135,8 +135,7 @@ class SnapshotTaker(NamedTuple):
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }
-        values = state.taken_out() if is_left else state.copies()
-        return Snapshot(state.turn, ctx.seed, state, values, parts)
+        return Snapshot(state.turn, ctx.seed, state, state.copies(is_left=is_left), parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot is of this game."""

@@ -180,9 +180,8 @@ class TurnEngine:
             return
         order.restart_counts()
         self._slots.forget_draws()
-        blocked = self._state.blocked
         for slot in made_slots(order.slots):
-            slot.set_blocked(blocked.get(slot.name) if blocked else None)
+            slot.show_blocked()
         for name, marks in drawn.items():
             if name in order.index_of:
                 order.slots[order.index_of[name]].go_to(marks)

@@ -446,22 +446,18 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
-    def copies(self) -> dict[str, Any]:
-        """Return what snapshots hold of a game, but for its logs."""
-        values = dict(zip(_SHARED, _shared_of(self), strict=True))
-        for name, copy in _COPIED:
-            values[name] = copy(getattr(self, name), None)
-        return values
+    def copies(self, *, is_left: bool = False) -> dict[str, Any]:
+        """Return what snapshots hold of a game, but for its logs.
 
-    def taken_out(self) -> dict[str, Any]:
-        """Return what snapshots hold of a game that another takes the place of; what agents remember is not copied."""
+        Of a game that is left, because another takes its place, what agents and rules remember is not copied.
+        """
         values = dict(zip(_SHARED, _shared_of(self), strict=True))
-        for name, copy in _TAKEN_OUT:
+        for name, copy in _TAKEN_OUT if is_left else _COPIED:
             values[name] = copy(getattr(self, name), None)
         return values
 
     def restore(self, values: dict[str, Any]) -> None:
-        """Set the fields to copies of what `copies` or `taken_out` gave."""
+        """Set the fields to copies of what `copies` gave."""
         for name in _SHARED:
             setattr(self, name, values[name])
         for name, copy in _REPLACED:
