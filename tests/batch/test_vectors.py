@@ -56,6 +56,61 @@ def test_a_vector_says_what_the_state_says(speed, unit):
             ctx.game.step()
 
 
+def expected_of(ctx, name, others, radii):
+    """The numbers of a vector, worked out one by one from where agents are; `radii` are those of the sensors."""
+    graph, agents = ctx.graph.graph, ctx.agent.agents
+    nodes = [graph.get_node(node) for node in graph.get_nodes()]
+    widths = [[getattr(node, axis) for node in nodes] for axis in "xy"]
+    low, high = [[choose(axis) for axis in widths] for choose in (min, max)]
+    scale = max(high[0] - low[0], high[1] - low[1]) / 2.0
+
+    def placed(node):
+        there = graph.get_node(node)
+        return [
+            (at - (least + most) / 2.0) / scale for at, least, most in zip((there.x, there.y), low, high, strict=True)
+        ]
+
+    agent = agents[name]
+    here = graph.get_node(agent.current_node_id)
+    own = placed(agent.current_node_id)
+    numbers = [*own]
+    for node in ctx.game.observation(name)["legal"]:
+        numbers += [1.0, *(to - at for to, at in zip(placed(node), own, strict=True))]
+    numbers += [0.0] * (2 + 3 * 5 - len(numbers))  # a node of the grid has four neighbors
+    seen = []
+    for other in sorted(agents.values(), key=lambda one: one.name):
+        there = graph.get_node(other.current_node_id)
+        far = (there.x - here.x) ** 2 + (there.y - here.y) ** 2
+        if other.name != name and other.alive and any(far <= radius**2 for radius in radii):
+            dx, dy = (to - at for to, at in zip(placed(other.current_node_id), own, strict=True))
+            seen.append((dx * dx + dy * dy, [1.0, float(other.team == agent.team), dx, dy]))
+    nearest = sorted(seen, key=lambda one: one[0])[:others]  # of several as far away, the first by name
+    for _, entries in nearest:
+        numbers += entries
+    return np.float32([*numbers, *[0.0] * (4 * (others - len(nearest)))])
+
+
+@pytest.mark.parametrize("radii", [(25.0,), (0.0, 15.0), (float("inf"),), (10.0, 30.0, 20.0)])
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_a_vector_has_the_numbers_that_follow_from_where_agents_are(radii, one_by_one):
+    sensors = {f"s{number}": {"type": "AGENT_RANGE", "sensor_range": one} for number, one in enumerate(radii)}
+    carrying = {**WALKS, "sensors": [*sensors]}
+    scenario = scene([TAG], teams={"red": carrying, "blue": carrying}, sensors=sensors)
+    with scenario.build(seed=2) as ctx, scenario.batch(seeds=[5, 2], one_by_one=one_by_one) as games:
+        for _ in range(10):
+            for team in ("red", "blue"):
+                found = games.observe(team).vector(others=3)
+                for number in range(3):
+                    name = f"{team}_{number}"
+                    values = found.values[1, number]
+                    if ctx.agent.agents[name].alive:
+                        assert values.tolist() == expected_of(ctx, name, 3, radii).tolist()
+                    else:
+                        assert not values.any()
+            games.step()
+            ctx.game.step()
+
+
 @pytest.mark.parametrize("others", [10**8, 10**15])
 def test_vectors_that_do_not_fit_into_memory_are_refused(others):
     with scene().batch(2) as games, pytest.raises(TooLarge, match=f"ectors of {others} others would take about"):

@@ -62,16 +62,19 @@ def scenario_of(number):
 
 
 def results_of(number):
-    """Return what becomes of a random game alone, and of two in a batch, as text."""
+    """Return what becomes of a random game alone, and of two in a batch, and what agents observe in these, as text."""
     scenario = scenario_of(number)
     talking = {"blue": talk} if number % 2 and scenario.to_dict().get("channels") else {}
     with scenario.batch(2, seed=number, strategies=talking) as games:
+        first = games.observe("red").vector().values
         games.run()
         results = [scenario.play(number, strategies=talking), *map(games.result, range(2))]
+        last = games.observe("blue").vector().values
     told = [result.to_dict() for result in results]
     for one in told:
         del one["timings"], one["provenance"]["strategies"]
-    return json.dumps(told, default=str, sort_keys=True)
+    observed = [one.tolist() for one in (first, last)]
+    return json.dumps([told, observed], default=str, sort_keys=True)
 
 
 def all_results():

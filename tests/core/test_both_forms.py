@@ -86,6 +86,7 @@ PLAYED = {
         "contacts",
         "messages",
         "moves",
+        "observe",
         "rules",
         "sight",
     ),

@@ -31,6 +31,7 @@ cdef class Looks:
     cdef const i64[::1] begins
     cdef const double[::1] squares, x, y
     cdef const u8[::1] shows
+    cdef i64 teams
 
 
 @cython.final
@@ -73,8 +74,10 @@ cdef int _note(Strategies p, i64 agent, i64 column, i64 number) except -1 nogil
 cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(slot=i64, target=i64, left=i64)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
-@cython.locals(at=i64, dx=double, dy=double, square=double, sensor=i64)
+@cython.locals(at=i64)
 cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
+@cython.locals(dx=double, dy=double, square=double, sensor=i64)
+cdef bint shows(Looks looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
 @cython.locals(found=i64, greatest=double, at=i64, action=i64, legal=i64, safety=double, is_seen=bint, other=i64, is_lower=bint)

@@ -58,6 +58,7 @@ class Looks:
         begins: (agents + 1,) the sensors of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
         squares: (sensors,) of the radius; may be infinite.
         shows: (sensors * teams,) 1: it shows the agents of a team.
+        teams: how many there are.
         x, y: (nodes,) where nodes are, map units.
     """
 
@@ -66,12 +67,14 @@ class Looks:
         begins: memoryview[int],
         squares: memoryview[float],
         shows: memoryview[int],
+        teams: int,
         x: memoryview[float],
         y: memoryview[float],
     ) -> None:
         self.begins = begins
         self.squares = squares
         self.shows = shows
+        self.teams = teams
         self.x = x
         self.y = y
 
@@ -284,11 +287,16 @@ def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool
     at = game * games.agents
     if not games.alive[at + other] or games.team[other] == games.team[agent]:
         return False
-    dx = looks.x[games.start[at + other]] - looks.x[games.start[at + agent]]
-    dy = looks.y[games.start[at + other]] - looks.y[games.start[at + agent]]
+    return shows(looks, agent, games.team[other], games.start[at + agent], games.start[at + other])
+
+
+def shows(looks: Looks, agent: int, team: int, here: int, there: int) -> bool:
+    """Whether a sensor of an agent on a node shows an agent of a team on another node."""
+    dx = looks.x[there] - looks.x[here]
+    dy = looks.y[there] - looks.y[here]
     square = dx * dx + dy * dy
     for sensor in range(looks.begins[agent], looks.begins[agent + 1]):
-        if looks.shows[sensor * games.teams + games.team[other]] and square <= looks.squares[sensor]:
+        if looks.shows[sensor * looks.teams + team] and square <= looks.squares[sensor]:
             return True
     return False
 

@@ -13,7 +13,7 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
-from gamms.game.batch.view import movement_in
+from gamms.game.batch.view import movement_in, vectors_in
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -492,12 +492,12 @@ def default_observation(view: ArrayView) -> Float32Array:
     These are the entries of `ArrayView.vector`, of up to 8 other agents; where an agent of the game flies, `z`; and as
     the last one `turn`: the share n / (n + 100) after n turns.
     """
-    vectors = view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
-    turn = np.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)[..., None]
-    if not any(agent.type is AgentType.AERIAL for agent in view.roster.agents):
-        return np.concatenate((vectors.values, turn), axis=2, dtype=np.float32)
-    z = np.where(view.mask, view["z"] * (2.0 / _longer_side(view.streets.columns.xy)), 0.0)[..., None]
-    return np.concatenate((vectors.values, z, turn), axis=2, dtype=np.float32).clip(-2.0, 2.0)
+    has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
+    values = vectors_in(view, min(len(view.roster.names) - 1, _MOST_OTHERS), 1 + has_z).values
+    if has_z:
+        values[..., -2] = np.where(view.mask, view["z"] * (2.0 / _longer_side(view.streets.columns.xy)), 0.0)
+        values.clip(-2.0, 2.0, out=values)
+    return values
 
 
 def _longer_side(xy: FloatArray) -> float:

@@ -299,6 +299,9 @@ class _ViewOfOne(ArrayView):
         known, done = self._state.deeds, [one for one in self._deeds or () if len(one.at)]
         return {one.kind: {key: known.plain(one, key)[0] for key in one.values} for one in done}
 
+    def _plain_looks(self) -> None:
+        """Return nothing: `state["sensor"]` says what is seen."""
+
     def _looked(self, names: tuple[str, ...]) -> Seen:
         """Return what `state["sensor"]` shows."""
         found: dict[str, int] = {}

@@ -12,7 +12,7 @@ from gamms.core import rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
-from gamms.game.batch.sight import look_of
+from gamms.game.batch.sight import SHOWING_AGENTS, look_of
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -67,6 +67,29 @@ def _is_plain(look: AgentLook | None) -> bool:
     return look.what == AgentLook(look.radius, teams=look.teams, others=look.others)
 
 
+def are_plain_looks(agents: Sequence[IAgent]) -> bool:
+    """Whether `made_looks` has all that the sensors of agents show."""
+    sensors = [(one, agent) for agent in agents for one in getattr(agent, "sensors", {}).values()]
+    looks = [look_of(sensor, agent) for sensor, agent in sensors if sensor.type in SHOWING_AGENTS]
+    return len(agents) <= _MOST_LOOKING and all(map(_is_plain, looks))
+
+
+def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.Looks:
+    """Return the plain sensors of the agents of the roster that look, for the core."""
+    roster = state.roster
+    looks = [_looks_on_ground(one) if looks else [] for one, looks in zip(roster.agents, looking, strict=True)]
+    listed = [look for of_agent in looks for look in of_agent if look is not None]
+    x, y = state.streets.axes
+    return strategies.Looks(
+        _column([0, *accumulate(map(len, looks))], np.int64),
+        _column([look.radius * look.radius for look in listed], np.float64),
+        _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
+        len(roster.teams),
+        _column(x, np.float64),
+        _column(y, np.float64),
+    )
+
+
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it.
 
@@ -114,7 +137,7 @@ class StrategySteps:
         self._remembered: dict[str, CoreStep] = {}
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
         self._steps = self._made_steps(steps)
-        self._looks = self._made_looks([_looks(one) for one in steps])
+        self._looks = made_looks(state, [_looks(one) for one in steps])
         for key in self._remembered:
             self._kept(key)
         self._memory = np.zeros((len(self._columns), state.node.size), np.int64)
@@ -149,19 +172,6 @@ class StrategySteps:
             _column(slots, np.int64),
             _column(np.concatenate(nodes), np.int64),
             _column([*chain.from_iterable(following)], np.int64),
-        )
-
-    def _made_looks(self, looking: Sequence[bool]) -> strategies.Looks:
-        roster = self._state.roster
-        looks = [_looks_on_ground(one) if looks else [] for one, looks in zip(roster.agents, looking, strict=True)]
-        listed = [look for of_agent in looks for look in of_agent if look is not None]
-        x, y = self._state.streets.axes
-        return strategies.Looks(
-            _column([0, *accumulate(map(len, looks))], np.int64),
-            _column([look.radius * look.radius for look in listed], np.float64),
-            _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
-            _column(x, np.float64),
-            _column(y, np.float64),
         )
 
     def strategies(self, games: rules.Games) -> strategies.Strategies:

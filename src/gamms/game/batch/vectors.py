@@ -3,11 +3,12 @@
 Lengths and offsets are shares of the map: of half of the longer side of the box around its nodes.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.game.batch.sight import Seen
+from gamms.core import observe
+from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -37,110 +38,99 @@ class Vectors(NamedTuple):
     legal: BoolArray
 
 
+class Legal(NamedTuple):
+    """The legal nodes of agents.
+
+    Attributes:
+        choice: (games, agents) those of an agent are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
+        offsets, targets: rows of nodes.
+    """
+
+    choice: IntArray
+    offsets: IntArray
+    targets: IntArray
+
+    @classmethod
+    def of(cls, rows: IntArray, is_legal: BoolArray) -> "Legal":
+        """Return legal nodes given as rows, (games, agents, most), and which of them count, the first ones."""
+        counts = is_legal.sum(axis=-1)
+        offsets = np.concatenate(([0], np.cumsum(counts)))
+        return cls(np.arange(counts.size).reshape(counts.shape), offsets, rows[is_legal])
+
+
 class Encoder:
-    """Makes vectors for agents on some streets; what does not change is worked out once, 4 bytes for a node and entry.
+    """Makes vectors for agents on some streets.
 
     Args:
         streets: the graph.
         others: how many of the agents that one sees are in a vector: the nearest.
         actions: how many actions are in a vector.
-        is_plain: whether agents may go along one edge; else what is legal is given with where they are.
     """
 
-    def __init__(self, streets: Streets, others: int, actions: int, *, is_plain: bool) -> None:
+    def __init__(self, streets: Streets, others: int, actions: int) -> None:
         xy = streets.columns.xy
         low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
-        self._scale, self._centre = float((high - low).max()) / 2.0 or 1.0, (low + high) / 2.0
-        self._others, self._actions = others, actions
+        self._scale = float((high - low).max()) / 2.0 or 1.0
+        self._centre = (low + high) / 2.0
+        self._others = others
+        self._actions = actions
         refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
-        self._places = self._placed(xy)  # (nodes, 2)
+        self._x, self._y = self._placed(xy)
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
             *(f"other_{number}.{name}" for number in range(others) for name in OTHER),
         )
-        if is_plain:
-            self._refuse_too_many(len(xy))
-            is_legal = np.arange(streets.legal.shape[1]) < streets.counts[:, None]
-            self._of_node = self._moving(self._places, streets.legal, is_legal)
-            self._is_legal: BoolArray = self._of_node[:, self._legal_entries] > 0.0
 
     def encode(
         self,
         node: IntArray,
         mask: BoolArray,
-        seen: Seen,
-        is_mate: BoolArray,
-        legal: tuple[IntArray, BoolArray] | None = None,
+        turn: IntArray,
+        legal: Legal,
+        seen: observe.Seen,
+        *,
         xy: FloatArray | None = None,
+        more: int = 0,
     ) -> Vectors:
         """Return the vectors of some agents.
 
         Args:
             node: rows, (games, agents).
             mask: (games, agents) which are alive.
-            seen: by them.
-            is_mate: (pairs,) which of those that are seen are of the team of the agent that sees them.
-            legal: rows of the nodes where they may go, (games, agents, most), and which of them count; None: along one
-                edge.
+            turn: (games,) how many turns were played.
+            legal: where they may go.
+            seen: whom they see.
             xy: (games, agents, 2) where they are; None: on their nodes.
+            more: how many further entries the vectors have: 0, but the last one the share n / (n + 100) after n turns.
         """
-        self._refuse_too_many(node.size)
-        own = None if xy is None else self._placed(xy)
-        if legal is None:
-            values, is_legal = self._of_node[node], self._is_legal[node]
-        else:
-            values = self._moving(self._places[node] if own is None else own, *legal)
-            is_legal = values[..., self._legal_entries] > 0.0
-        if self._others and len(seen.at):
-            here = self._places[node[seen.at, seen.viewers]] if own is None else own[seen.at, seen.viewers]
-            dx, dy = (axis[seen.nodes] - start for axis, start in zip(self._places.T, here.T, strict=True))
-            pairs, rank = _nearest(seen, dx * dx + dy * dy, self._others)
-            rows = seen.at[pairs] * node.shape[1] + seen.viewers[pairs]
-            first = (rows + 1) * len(self.names) + (rank - self._others) * len(OTHER)
-            flat = values.reshape(-1)
-            for place, entry in enumerate((1.0, is_mate[pairs], dx[pairs], dy[pairs])):
-                flat[first + place] = entry
-        if not mask.all():
-            values[~mask] = 0.0
-            is_legal[..., 1:] &= mask[..., None]
+        entries = len(self.names) + more
+        bytes_ = 4.0 * node.size * entries
+        if bytes_ > max_memory():
+            refuse_above(bytes_, f"{node.size} vectors of {self._others} others")
+        values = np.empty((*node.shape, entries), np.float32)
+        is_legal = np.empty((*node.shape, self._actions), np.bool_)
+        own_x, own_y = (flat(np.zeros(0), np.float64),) * 2 if xy is None else self._placed(xy.reshape(-1, 2))
+        observers = observe.Observers(
+            node.shape[1],
+            flat(node, np.int64),
+            flat(mask, np.uint8),
+            flat(legal.choice, np.int64),
+            flat(legal.offsets, np.int32),
+            flat(legal.targets, np.int32),
+            turn=flat(turn, np.int64),
+            own_x=own_x,
+            own_y=own_y,
+            seen=seen,
+        )
+        written: Any = values.reshape(-1).data, is_legal.view(np.uint8).reshape(-1).data
+        vectors = observe.Vectors(self._x, self._y, self._actions, self._others, entries, *written)
+        room: Any = [np.zeros(self._others, kind).data for kind in (np.float64, np.int64, np.uint8)]
+        near = observe.Nearest(*room)
+        observe.observe_aside(observers, vectors, near, 0, len(node))
         return Vectors(values, self.names, mask, is_legal)
 
-    def _refuse_too_many(self, vectors: int) -> None:
-        """Refuse vectors that would not fit into memory."""
-        bytes_ = 4.0 * vectors * len(self.names)
-        if bytes_ > max_memory():
-            refuse_above(bytes_, f"{vectors} vectors of {self._others} others")
-
-    @property
-    def _legal_entries(self) -> slice:
-        """The entries that say which actions are legal."""
-        return slice(len(OWN), len(OWN) + self._actions * len(MOVE), len(MOVE))
-
-    def _placed(self, xy: FloatArray) -> FloatArray:
-        return (xy - self._centre) / self._scale
-
-    def _moving(self, own: FloatArray, rows: IntArray, is_legal: BoolArray) -> Vectors32:
-        """Return vectors of agents that are there, (…, 2), and may go to nodes, (…, most); they see no others."""
-        wide, shape = min(rows.shape[-1], self._actions), own.shape[:-1]
-        moves = np.zeros((*shape, self._actions, len(MOVE)), np.float32)
-        offsets, counts = self._places[rows[..., :wide]] - own[..., None, :], is_legal[..., :wide]
-        moves[..., :wide, 0], moves[..., :wide, 1:] = counts, np.where(counts[..., None], offsets, 0.0)
-        empty = np.zeros((*shape, self._others * len(OTHER)), np.float32)
-        return np.concatenate((own.astype(np.float32), moves.reshape(*shape, -1), empty), axis=-1)
-
-
-def _nearest(seen: Seen, far: FloatArray, most: int) -> tuple[IntArray, IntArray]:
-    """Return the pairs of the nearest of those that each agent sees, so many at most, and how many are nearer.
-
-    Of several that are equally far the first by name is the nearer one.
-    """
-    is_first = np.ones(len(far), np.bool_)
-    is_first[1:] = (seen.at[1:] != seen.at[:-1]) | (seen.viewers[1:] != seen.viewers[:-1])
-    starts = np.flatnonzero(is_first)
-    viewer, order = np.cumsum(is_first) - 1, np.arange(len(far))
-    among = np.flatnonzero(~(is_first & np.append(is_first[1:], True)))  # those that see several
-    order[among] = among[np.lexsort((far[among], viewer[among]))]
-    rank = np.arange(len(far)) - starts[viewer]
-    kept = rank < most
-    return order[kept], rank[kept]
+    def _placed(self, xy: FloatArray) -> tuple[Any, Any]:
+        """Return x and y of places, (…, 2), in shares of the map from its centre, as the core takes them."""
+        x, y = ((xy - self._centre) / self._scale).T
+        return flat(x, np.float64), flat(y, np.float64)

@@ -7,6 +7,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
+from gamms.core import observe, strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.columns import kept_in
@@ -17,8 +18,10 @@ from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, 
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
+from gamms.game.batch.strategy_steps import are_plain_looks, made_looks
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, noted_nodes, seen_nodes
-from gamms.game.batch.vectors import Encoder, Vectors
+from gamms.game.batch.vectors import Encoder, Legal, Vectors
+from gamms.game.conflicts import flat
 from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -329,21 +332,59 @@ class ArrayView(Mapping[str, Any]):
             BadValue: an agent may go to more than 4096 nodes.
             TooLarge: vectors of so many others would not fit into memory.
         """
-        return self._encoded(as_count(others, "others", least=0), None)
+        return self._encoded(as_count(others, "others", least=0), 0)
 
-    def _encoded(self, others: int, actions: int | None) -> Vectors:
-        """Return vectors of a number of actions; None: of the most that are legal anywhere."""
+    def _encoded(self, others: int, more: int) -> Vectors:
+        """Return vectors, with so many more entries, 0 but the last one: the share n / (n + 100) after n turns."""
         shared, movement = self._shared, self._movement
-        width = movement.width if actions is None else actions
-        is_plain = movement.are_plain(self.agents)
-        key = "encoder", others, width, is_plain
+        key = "encoder", others, movement.width
         if key not in shared:
-            shared[key] = Encoder(self.streets, others, width, is_plain=is_plain)
-        found, encoder = self.seen(), shared[key]
-        legal = None if is_plain else self.legal_rows()
+            shared[key] = Encoder(self.streets, others, movement.width)
+        if movement.are_plain(self.agents):
+            legal = Legal(self.node, self.streets.offsets, self.streets.targets)
+        else:
+            legal = Legal.of(*self.legal_rows())
         xy = self._places().xy if movement.leaves_nodes else None
-        made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found), legal, xy)
+        seen = self._seen_in_core(others > 0)
+        made: Vectors = shared[key].encode(self.node, self.mask, self.turn, legal, seen, xy=xy, more=more)
         return made
+
+    def _seen_in_core(self, is_asked: bool) -> observe.Seen:
+        """Return who is seen as the core takes it; nobody where that is not asked."""
+        roster, state, shape = self.roster, self._state, self.node.shape
+        looks = self._plain_looks() if is_asked else None
+        first = nodes = np.zeros(shape[0] * shape[1] + 1, np.int64)
+        mates: BoolArray = np.zeros(0, np.bool_)
+        if is_asked and looks is None:
+            found = self.seen()
+            counts = np.bincount(found.at * shape[1] + found.viewers, minlength=shape[0] * shape[1])
+            first = np.concatenate(([0], np.cumsum(counts)))
+            nodes = found.nodes
+            mates = self._are_mates(found)
+        return observe.Seen(
+            looks,
+            viewers=flat(self.agents, np.int64),
+            node=flat(state.node if len(self.games) == len(state) else state.node[self.games], np.int64),
+            alive=flat(state.alive if len(self.games) == len(state) else state.alive[self.games], np.uint8),
+            team=flat(roster.team_of, np.int64),
+            are_mates=flat(np.array([team is not None for team in roster.teams], np.bool_), np.uint8),
+            first=flat(first, np.int64),
+            nodes=flat(nodes, np.int64),
+            mates=flat(mates, np.uint8),
+        )
+
+    def _plain_looks(self) -> strategies.Looks | None:
+        """Return the sensors of all agents, if the core has all that they show; else None."""
+        state, movement, places = self._state, self._movement, self._state.places
+        if movement.leaves_nodes or state.noted or self._kinds is not SHOWING_AGENTS:
+            return None
+        if places is not None and (places.edge[..., 0] >= 0).any():
+            return None
+        if "looks" not in state.shared:
+            agents = self.roster.agents
+            state.shared["looks"] = made_looks(state, [True] * len(agents)) if are_plain_looks(agents) else None
+        found: strategies.Looks | None = state.shared["looks"]
+        return found
 
     @property
     def living(self) -> BoolArray:
@@ -460,6 +501,11 @@ def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
     """Yield the views of games with the same roads, and their places in a view."""
     for _, places in view._state.roads.by_map(view.games):
         yield places, view.in_games(places)
+
+
+def vectors_in(view: ArrayView, others: int, more: int) -> Vectors:
+    """Return the vectors of a view with further entries; see `Encoder.encode`."""
+    return view._encoded(others, more)
 
 
 def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Reports]]]:
