@@ -24,14 +24,14 @@ cdef class Observers:
     cdef const i64[::1] node, choice, turn
     cdef const i32[::1] offsets, targets
     cdef const u8[::1] is_asked
-    cdef const double[::1] own_x, own_y
+    cdef const double[::1] own
     cdef bint are_on_nodes
     cdef Seen seen
 
 
 @cython.final
 cdef class Vectors:
-    cdef const double[::1] x, y
+    cdef const double[::1] places
     cdef i64 actions, others, entries
     cdef float[::1] values
     cdef u8[::1] legal

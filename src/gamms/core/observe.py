@@ -27,28 +27,28 @@ class Seen:
 
     Attributes:
         looks: the sensors of all agents of a game.
+        first: (rows + 1,) the pairs of a row are `first[row]` to `first[row + 1] - 1`.
+        nodes: (pairs,) where an agent is seen.
+        mates: (pairs,) 1: it is a mate.
         viewers: (agents that observe,) their numbers among all agents.
         agents: how many these are.
         node, alive: (games * agents,) of all.
         team: (agents,) the number of the team of each.
         are_mates: (teams,) 1: agents of this team are mates.
-        first: (rows + 1,) the pairs of a row are `first[row]` to `first[row + 1] - 1`.
-        nodes: (pairs,) where an agent is seen.
-        mates: (pairs,) 1: it is a mate.
     """
 
     def __init__(
         self,
         looks: strategies.Looks | None,
+        first: memoryview[int],
+        nodes: memoryview[int],
+        mates: memoryview[int],
         *,
         viewers: memoryview[int],
         node: memoryview[int],
         alive: memoryview[int],
         team: memoryview[int],
         are_mates: memoryview[int],
-        first: memoryview[int],
-        nodes: memoryview[int],
-        mates: memoryview[int],
     ) -> None:
         self.looks = looks
         self.has_looks = looks is not None
@@ -72,7 +72,7 @@ class Observers:
         is_asked: (rows,) 1: the agent is alive; else all of its numbers are 0.
         choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
         turn: (games,) how many turns were played.
-        own_x, own_y: (rows,) where they are, if they may be elsewhere than on nodes; else (0,).
+        own: (2 * rows,) x and y of where they are, if they may be elsewhere than on nodes; else (0,).
         seen: whom they see.
     """
 
@@ -86,8 +86,7 @@ class Observers:
         targets: memoryview[int],
         *,
         turn: memoryview[int],
-        own_x: memoryview[float],
-        own_y: memoryview[float],
+        own: memoryview[float],
         seen: Seen,
     ) -> None:
         self.agents = agents
@@ -97,9 +96,8 @@ class Observers:
         self.offsets = offsets
         self.targets = targets
         self.turn = turn
-        self.own_x = own_x
-        self.own_y = own_y
-        self.are_on_nodes = len(own_x) == 0
+        self.own = own
+        self.are_on_nodes = len(own) == 0
         self.seen = seen
 
 
@@ -107,7 +105,7 @@ class Vectors:
     """The vectors that are written.
 
     Attributes:
-        x, y: (nodes,) where nodes are.
+        places: (2 * nodes,) x and y of each node.
         actions: how many actions a vector has.
         others: how many other agents it has.
         entries: how many numbers it has; behind those of the others 0, but the last one the share n / (n + 100) after
@@ -118,16 +116,14 @@ class Vectors:
 
     def __init__(
         self,
-        x: memoryview[float],
-        y: memoryview[float],
+        places: memoryview[float],
         actions: int,
         others: int,
         entries: int,
         values: memoryview[float],
         legal: memoryview[int],
     ) -> None:
-        self.x = x
-        self.y = y
+        self.places = places
         self.actions = actions
         self.others = others
         self.entries = entries
@@ -172,8 +168,8 @@ def observe(o: Observers, v: Vectors, near: Nearest, game: int) -> int:
 def _write(o: Observers, v: Vectors, near: Nearest, game: int, agent: int) -> int:
     """Write the vector of an agent that is alive, where all is 0."""
     row = game * o.agents + agent
-    own_x = v.x[o.node[row]] if o.are_on_nodes else o.own_x[row]
-    own_y = v.y[o.node[row]] if o.are_on_nodes else o.own_y[row]
+    own_x = v.places[2 * o.node[row]] if o.are_on_nodes else o.own[2 * row]
+    own_y = v.places[2 * o.node[row] + 1] if o.are_on_nodes else o.own[2 * row + 1]
     at = row * v.entries
     v.values[at] = own_x
     v.values[at + 1] = own_y
@@ -185,8 +181,8 @@ def _write(o: Observers, v: Vectors, near: Nearest, game: int, agent: int) -> in
         entry = at + action * OF_ACTION
         v.legal[row * v.actions + action] = 1
         v.values[entry] = 1.0
-        v.values[entry + 1] = v.x[node] - own_x
-        v.values[entry + 2] = v.y[node] - own_y
+        v.values[entry + 1] = v.places[2 * node] - own_x
+        v.values[entry + 2] = v.places[2 * node + 1] - own_y
     at += v.actions * OF_ACTION
     near.count = 0
     if v.others > 0:
@@ -195,8 +191,8 @@ def _write(o: Observers, v: Vectors, near: Nearest, game: int, agent: int) -> in
         entry = at + other * OF_OTHER
         v.values[entry] = 1.0
         v.values[entry + 1] = near.mates[other]
-        v.values[entry + 2] = v.x[near.nodes[other]] - own_x
-        v.values[entry + 3] = v.y[near.nodes[other]] - own_y
+        v.values[entry + 2] = v.places[2 * near.nodes[other]] - own_x
+        v.values[entry + 3] = v.places[2 * near.nodes[other] + 1] - own_y
     at += v.others * OF_OTHER
     if at < (row + 1) * v.entries:
         v.values[(row + 1) * v.entries - 1] = o.turn[game] / (o.turn[game] + 100.0)
@@ -224,8 +220,8 @@ def _look(o: Observers, v: Vectors, near: Nearest, game: int, agent: int, own_x:
 
 def _take(v: Vectors, near: Nearest, node: int, is_mate: int, own_x: float, own_y: float) -> int:
     """Take an agent among the nearest, if it is one."""
-    dx = v.x[node] - own_x
-    dy = v.y[node] - own_y
+    dx = v.places[2 * node] - own_x
+    dy = v.places[2 * node + 1] - own_y
     far = dx * dx + dy * dy
     place = near.count
     if place == v.others:

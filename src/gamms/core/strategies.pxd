@@ -29,7 +29,7 @@ cdef class Ways:
 @cython.final
 cdef class Looks:
     cdef const i64[::1] begins
-    cdef const double[::1] squares, x, y
+    cdef const double[::1] squares, places
     cdef const u8[::1] shows
     cdef i64 teams
 

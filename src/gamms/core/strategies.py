@@ -59,7 +59,7 @@ class Looks:
         squares: (sensors,) of the radius; may be infinite.
         shows: (sensors * teams,) 1: it shows the agents of a team.
         teams: how many there are.
-        x, y: (nodes,) where nodes are, map units.
+        places: (2 * nodes,) x and y of each node, map units.
     """
 
     def __init__(
@@ -68,15 +68,13 @@ class Looks:
         squares: memoryview[float],
         shows: memoryview[int],
         teams: int,
-        x: memoryview[float],
-        y: memoryview[float],
+        places: memoryview[float],
     ) -> None:
         self.begins = begins
         self.squares = squares
         self.shows = shows
         self.teams = teams
-        self.x = x
-        self.y = y
+        self.places = places
 
 
 class Steps:
@@ -292,8 +290,8 @@ def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool
 
 def shows(looks: Looks, agent: int, team: int, here: int, there: int) -> bool:
     """Whether a sensor of an agent on a node shows an agent of a team on another node."""
-    dx = looks.x[there] - looks.x[here]
-    dy = looks.y[there] - looks.y[here]
+    dx = looks.places[2 * there] - looks.places[2 * here]
+    dy = looks.places[2 * there + 1] - looks.places[2 * here + 1]
     square = dx * dx + dy * dy
     for sensor in range(looks.begins[agent], looks.begins[agent + 1]):
         if looks.shows[sensor * looks.teams + team] and square <= looks.squares[sensor]:

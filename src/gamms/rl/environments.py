@@ -140,11 +140,12 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     actions: "ActionForm" = "pair",
     autoreset_mode: "AutoresetMode | str" = "SAME_STEP",
     workers: int = 1,
+    threads: int = 1,
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
-    They are played in arrays where everything in the scenario has an array form (docs/batches.md), and are the same
-    games as those of `parallel_env` with the same seeds.
+    The core plays them where it has all parts of the scenario (docs/batches.md), and they are the same games as those
+    of `parallel_env` with the same seeds.
 
     Args:
         scenario: see `parallel_env`.
@@ -163,6 +164,8 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         workers: how many processes play, each a share of the games; 1: this one. They are the same games. Functions
             are given to the processes by the names of their modules, and get the games of one process. What one
             raises is raised here and closes the environment, as does the end of a process (`gamms.workers.WorkerDied`).
+        threads: how many threads of each process play its games, where all parts of these are in the core
+            (docs/batches.md). Any number gives the same games.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -186,6 +189,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         "observation": observation,
         "reward": reward,
         "most_agents": most_agents,
+        "threads": as_count(threads, "threads"),
     }
     learners = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, **games)
     options: dict[str, Any] = {"team": team, **games, "mask": mask, "actions": actions, "autoreset_mode": mode}
@@ -239,6 +243,7 @@ def torchrl_env(
     reward: Reward | None = None,
     seed: int = 0,
     most_agents: MostAgents | None = None,
+    threads: int = 1,
 ) -> "TensorEnv":
     """Return many games of a scenario as an `EnvBase` of TorchRL.
 
@@ -254,6 +259,7 @@ def torchrl_env(
         reward: see `parallel_env`.
         seed: of the first game; those of the others follow.
         most_agents: see `parallel_env`.
+        threads: see `vector_env`.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -272,5 +278,6 @@ def torchrl_env(
             reward=reward,
             seed=seed,
             most_agents=most_agents,
+            threads=threads,
         )
     )

@@ -13,6 +13,8 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
+from gamms.game.batch.arrays import Numbers
+from gamms.game.batch.games import step_numbers
 from gamms.game.batch.view import movement_in, vectors_in
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
@@ -77,6 +79,7 @@ class Learners:
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.
+        threads: how many threads play games of which all parts are in the core; other games are played by one.
 
     Attributes:
         games: the batch.
@@ -115,6 +118,7 @@ class Learners:
         vis_engine: Engine | None = None,
         record: bool = False,
         most_agents: MostAgents | None = None,
+        threads: int = 1,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -122,6 +126,8 @@ class Learners:
             if function is not None:
                 as_function_of(function, name, given)
         self.scenario, self.observation, self._reward = scenario, observation or default_observation, reward
+        self._threads = min(as_count(threads, "threads"), as_count(num_games, "num_games"))
+        self._observe = observation or partial(default_observation, threads=self._threads)
         strategies, self._hand = dict(as_mapping(others or {}, "others")), None
         if agent is not None:
             strategies[agent] = self._hand = Hand()
@@ -157,12 +163,15 @@ class Learners:
         self.agent = agent
         views = self._views()
         self.num_actions = movement_in(views[0]).width
-        self._numbers = np.arange(self.num_actions)
+        self._masks_of = np.tri(self.num_actions + 1, self.num_actions, -1, np.bool_)  # by how many actions are legal
         declared = self.games.game.settings()["deeds"].items()
         fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
         self.deeds = choices_of(views[0], fields)
         if self._hand is not None:
             self._hand.begin(self.games, self.deeds)
+        self._members = np.concatenate([view.agents for view in views])  # their numbers in the roster
+        agents = np.arange(len(views[0].roster.names))
+        self._numbers = Numbers(np.zeros((len(self.games), len(agents)), np.int64), np.isin(agents, self._members))
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
@@ -213,7 +222,7 @@ class Learners:
         return joined([self._observed(view.in_games(which)) for view in self._now])
 
     def _observed(self, view: ArrayView) -> Any:
-        return self._checked(self.observation(view), view, "observation")
+        return self._checked(self._observe(view), view, "observation")
 
     def step(self, actions: ActionArray, deeds: ActionArray | None = None, flights: FloatArray | None = None) -> Played:
         """Play one turn of the games that are not over.
@@ -225,45 +234,51 @@ class Learners:
                 turn. One that is longer than 1 is shortened to 1, and one that is not finite hovers. None: all hover.
         """
         self._refuse_closed()
-        was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
-        chosen = given_moves = self._numbers_of(actions)
+        was_over = self._of_games(self.is_over)
+        plays = self.alive & ~was_over
+        before = self._now
+        scores = self._scores
+        moves = self._numbers_of(actions)
         done = flown = None
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
             done = np.where(are_in(self.deed_masks, done), done, 0)
         if flights is not None and self.flies.any():
             flown = within_reach(np.asarray(flights), self.reach_m, self._shape)
-        if self._hand is None:
-            self.games.step(self._given(chosen, done, flown), on_illegal="stay")
-        else:
-            chosen = np.where(self.are_legal(chosen), chosen, 0)
-            self._hand.take(self.games.turn, chosen, done, flown)
-            self.games.step()
-        self._prefix.add(~was_over, [given_moves] if done is None else [given_moves, done], flights)
+        self._play(moves, done, flown)
+        self._prefix.add(~self.is_over, [moves] if done is None else [moves, done], flights)
         self._remember()
-        gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
-        none = np.zeros(self._shape)
-        outcomes = Outcomes(self.games)
-        turns = [Turn(*given, gains, outcomes) for given in zip(self.teams, before, self._now, strict=True)]
-        earned = []
-        for turn, column in zip(turns, self._by_team(none), strict=True):
-            if self._reward is None:
-                given = turn.gains[turn.team][:, None] if turn.team in turn.gains else column
-            else:
-                given = self._checked(self._reward(turn), turn.after, "reward")
-            earned.append(column + given)
-        plays = was_alive & ~was_over[:, None]
-        rewards = np.where(plays, joined(earned), 0.0)
+        rewards = np.where(plays, self._earned(before, scores), 0.0)
         if self._reward is not None:
             self._refuse_no_numbers(rewards)
-        counts = plays | ~was_over[:, None] if self.may_return else plays
-        is_out = ~self.alive & (not self.may_return)
-        truncated = self.games.truncated[:, None]
-        return Played(
-            rewards,
-            counts & ((self.is_over[:, None] & ~truncated) | is_out),
-            counts & truncated & ~is_out,
-        )
+        counts = plays | ~was_over if self.may_return else plays
+        is_out = np.zeros_like(plays) if self.may_return else ~self.alive
+        truncated = self._of_games(self.games.truncated)
+        terminated = self._of_games(self.is_over) & ~truncated
+        return Played(rewards, counts & (terminated | is_out), counts & truncated & ~is_out)
+
+    def _play(self, moves: ActionArray, done: IntArray | None, flown: FloatArray | None) -> None:
+        """Play one turn; moves that are not legal stay."""
+        chosen = np.where(self.are_legal(moves), moves, 0)
+        self._numbers.actions[:, self._members] = chosen
+        if self._hand is not None:
+            self._hand.take(self.games.turn, chosen, done, flown)
+        if step_numbers(self.games, self._numbers, self._threads):
+            return
+        self.games.step({} if self._hand is not None else self._given(moves, done, flown), on_illegal="stay")
+
+    def _earned(self, before: Sequence[ArrayView], scores: Mapping[Any, FloatArray]) -> FloatArray:
+        """Return the rewards of a turn, also of agents that have none."""
+        gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
+        earned = np.zeros(self._shape)
+        outcomes = Outcomes(self.games)
+        for team, was, now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
+            if self._reward is not None:
+                turn = Turn(team, was, now, gains, outcomes)
+                earned[:, columns] += self._checked(self._reward(turn), now, "reward")
+            elif team in gains:
+                earned[:, columns] += gains[team][:, None]
+        return earned
 
     def are_legal(self, actions: ActionArray) -> BoolArray:
         """Return which actions are legal, (games, agents)."""
@@ -385,9 +400,14 @@ class Learners:
         self.alive: BoolArray = joined([view.mask for view in self._now])
         if self._can_come:
             self.is_there = np.concatenate([view.is_there[:, view.agents] for view in self._now], axis=1)
-        plays = self.alive & ~self.is_over[:, None]
+        plays = self.alive & ~self._of_games(self.is_over)
         self._counts = np.where(plays, joined([view.counts for view in self._now]), 1)
-        self.masks: BoolArray = self._numbers < self._counts[..., None]
+        self.masks: BoolArray = self._masks_of.take(self._counts, axis=0)
+
+    def _of_games(self, column: BoolArray) -> BoolArray:
+        """Return a column (games,) for each agent, (games, agents)."""
+        # NOTE: arrays of one shape are combined five times as fast as one with a column (benchmarks: learners).
+        return column.repeat(self._shape[1]).reshape(self._shape)
 
     @property
     def deed_masks(self) -> BoolArray:
@@ -401,7 +421,7 @@ class Learners:
         masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
-    def _given(self, chosen: IntArray, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
+    def _given(self, chosen: ActionArray, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
         """Return what the agents of each team do, as `Batch.step` takes it."""
         given: dict[Hashable, Any] = dict(zip(self.teams, self._by_team(chosen), strict=True))
         if done is None and flown is None:
@@ -486,14 +506,18 @@ def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
     return found
 
 
-def default_observation(view: ArrayView) -> Float32Array:
+def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
     """Return what agents observe unless a function is given: (games, agents, entries).
 
     These are the entries of `ArrayView.vector`, of up to 8 other agents; where an agent of the game flies, `z`; and as
     the last one `turn`: the share n / (n + 100) after n turns.
+
+    Args:
+        view: of the agents.
+        threads: how many threads write them; the numbers are the same with any number.
     """
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
-    values = vectors_in(view, min(len(view.roster.names) - 1, _MOST_OTHERS), 1 + has_z).values
+    values = vectors_in(view, min(len(view.roster.names) - 1, _MOST_OTHERS), 1 + has_z, threads).values
     if has_z:
         values[..., -2] = np.where(view.mask, view["z"] * (2.0 / _longer_side(view.streets.columns.xy)), 0.0)
         values.clip(-2.0, 2.0, out=values)

@@ -1,11 +1,13 @@
 """Turns of learners: what agents do in them, what rewards are made of, and what they came to."""
 
 from collections.abc import Hashable
+from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from gamms.core import moves
 from gamms.game.batch import ArrayView, Batch
 from gamms.game.batch.forms import StrategySpec
 from gamms.game.batch.given import flown
@@ -103,41 +105,47 @@ class Prefix:
 
     def __init__(self, shape: tuple[int, int], heads: int, *, flies: bool) -> None:
         self.steps: IntArray = np.zeros(shape[0], np.int64)
-        self._heads = np.zeros((1, *shape, heads), np.int16)
-        self._flights = np.zeros((1, *shape, 3)) if flies else None
+        self._first: IntArray = np.zeros(shape[0], np.int64)  # the turn, of those that are kept, in which each began
+        self._heads: list[list[IntArray]] = []  # by turn and head, (games, agents)
+        self._flights: list[FloatArray | None] = []
+        self._none = [np.zeros(shape, np.int64)] * heads, np.zeros((*shape, 3)) if flies else None
 
     def begin(self, which: IntArray) -> None:
         """Forget the actions of games, by their numbers."""
         self.steps[which] = 0
+        self._first[which] = len(self._heads)
+        forgotten = int(self._first.min())
+        del self._heads[:forgotten], self._flights[:forgotten]
+        self._first -= forgotten
 
     def add(self, games: BoolArray, heads: list[Any], flights: FloatArray | None) -> None:
         """Add what agents do in a turn of some games, each head (games, agents)."""
-        if self.steps.max() >= len(self._heads):
-            self._heads = np.concatenate((self._heads, np.zeros_like(self._heads)))
-            if self._flights is not None:
-                self._flights = np.concatenate((self._flights, np.zeros_like(self._flights)))
-        at = self.steps[games], np.flatnonzero(games)
-        for number, head in enumerate(heads):
-            self._heads[(*at, slice(None), number)] = np.clip(head[games], _LEAST, _MOST)
-        if self._flights is not None and flights is not None:
-            self._flights[at] = flights[games]
-        self.steps[games] += 1
+        self._heads.append([np.clip(head, _LEAST, _MOST).astype(np.int16) for head in heads])
+        self._flights.append(None if flights is None else flights.copy())
+        self.steps += games
 
     def cut(self) -> "Prefix":
-        """Return a copy without the room for further turns."""
-        copy = Prefix(self._heads.shape[1:3], self._heads.shape[3], flies=False)
-        last = max(1, int(self.steps.max()))
-        copy.steps, copy._heads = self.steps.copy(), self._heads[:last].copy()
-        copy._flights = None if self._flights is None else self._flights[:last].copy()
-        return copy
+        """Return a copy, to which nothing is added."""
+        copied = copy(self)
+        copied.steps = self.steps.copy()
+        copied._first = self._first.copy()
+        copied._heads = [*self._heads]
+        copied._flights = [*self._flights]
+        return copied
 
     def at(self, turns: IntArray) -> tuple[IntArray, IntArray | None, FloatArray | None]:
         """Return the moves, deeds and flights of these turns of the games, (games,); before the first turn all stay."""
-        there = turns >= 0
-        at = np.maximum(turns, 0), np.arange(len(turns))
-        heads = np.where(there[:, None, None], self._heads[at], 0).astype(np.int64)
-        flights = None if self._flights is None else np.where(there[:, None, None], self._flights[at], 0.0)
-        return heads[..., 0], heads[..., 1] if heads.shape[2] > 1 else None, flights
+        stay, hover = self._none
+        heads = [one.copy() for one in stay]
+        flights = None if hover is None else hover.copy()
+        for game in np.flatnonzero(turns >= 0).tolist():
+            turn = int(self._first[game] + turns[game])
+            for head, given in zip(heads, self._heads[turn], strict=False):
+                head[game] = given[game]
+            flown = self._flights[turn]
+            if flights is not None and flown is not None:
+                flights[game] = flown[game]
+        return heads[0], heads[1] if len(heads) > 1 else None, flights
 
 
 class Hand:
@@ -177,12 +185,5 @@ class Hand:
 
     @property
     def strategy_spec(self) -> StrategySpec:
-        """How batches play it."""
-        return StrategySpec(array_form=self._decide, looks=False)
-
-    def _decide(self, view: ArrayView) -> IntArray:
-        """Return what it is given for each game."""
-        moves, deeds = np.moveaxis(self._taken[view.turn, view.games, None, :2].astype(np.int64), -1, 0)
-        if self._choices is not None:
-            self._choices.do(deeds, view)
-        return np.where(moves < view.counts, moves, 0)
+        """How the core plays it: what it is given stands in place of what it decides."""
+        return StrategySpec(core_form=moves.STAY, looks=False)

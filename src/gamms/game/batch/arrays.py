@@ -31,6 +31,18 @@ class Group(NamedTuple):
     form: ArrayStrategy
 
 
+class Numbers(NamedTuple):
+    """What some agents do in a turn of all games.
+
+    Attributes:
+        actions: (games, agents of the roster) numbers of legal nodes; those of dead agents do not count.
+        is_given: (agents,) which agents take them.
+    """
+
+    actions: IntArray
+    is_given: BoolArray
+
+
 class ArrayEngine:
     """Plays the games of a batch in the core.
 
@@ -102,8 +114,13 @@ class ArrayEngine:
         self._core.play(last if self._last is None else np.minimum(last, self._last), threads=threads)
         return int((self.state.turn - before).max())
 
-    def step(self, given: Mapping[Hashable, Given]) -> None:
+    def step(self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1) -> None:
         """Play one turn of all games that are not over.
+
+        Args:
+            given: team -> what its agents do, in place of what their strategies decide.
+            numbers: what agents do that follow neither these nor their strategies.
+            threads: how many play.
 
         Raises:
             NotTakenUp: an array function asks for what the core does not have.
@@ -118,13 +135,17 @@ class ArrayEngine:
             return
         until = np.zeros_like(state.turn)
         until[games] = state.turn[games] + 1
-        self._core.play(until, self._decided(games, given, self._groups))
+        self._core.play(until, self._decided(games, given, self._groups, numbers), threads)
         if self._core.has_functions:
             for named in self._core.play_rules(games):
                 self._call(named, games)
 
     def _decided(
-        self, games: IntArray, given: Mapping[Hashable, Given], groups: Sequence[Group]
+        self,
+        games: IntArray,
+        given: Mapping[Hashable, Given],
+        groups: Sequence[Group],
+        numbers: Numbers | None = None,
     ) -> tuple[IntArray, BoolArray] | None:
         """Return the actions of agents that do not decide in the core, (games of the batch, agents), and which do not.
 
@@ -132,12 +153,18 @@ class ArrayEngine:
             games: that are played.
             given: team -> what its agents do, in place of what their strategies decide.
             groups: of array strategies.
+            numbers: see `step`.
         """
         state = self.state
-        if not given and not groups:
-            return None
+        if not given and not groups and not self._before:
+            return numbers
         actions = np.zeros(state.node.shape, np.int64)
         is_given = np.zeros(len(state.roster.names), np.bool_)
+        if numbers is not None:
+            counts = self._asked(games, np.arange(len(is_given))).counts
+            actions[games] = numbers.actions[games]
+            actions[games] *= (actions[games] >= 0) & (actions[games] < counts)  # a rule may have moved the agent
+            is_given |= numbers.is_given
         for team, wanted in given.items():
             agents = state.roster.members(team)
             view = self._asked(games, agents)

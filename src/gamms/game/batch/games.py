@@ -10,10 +10,10 @@ import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
-from gamms.game.batch.arrays import ArrayEngine
+from gamms.game.batch.arrays import ArrayEngine, Numbers
 from gamms.game.batch.begun import movement_of
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
-from gamms.game.batch.given import Acting, Given, as_given
+from gamms.game.batch.given import Acting, Given, as_given, as_kept
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, NotTakenUp
 from gamms.game.batch.view import ArrayView
@@ -147,7 +147,11 @@ class Batch(Fixed):
     # -- playing ------------------------------------------------------------------------------------------------
 
     def step(
-        self, actions: Mapping[Hashable, Any] | None = None, *, on_illegal: Literal["raise", "stay"] = "raise"
+        self,
+        actions: Mapping[Hashable, Any] | None = None,
+        *,
+        on_illegal: Literal["raise", "stay"] = "raise",
+        threads: int = 1,
     ) -> BoolArray:
         """Play one turn of all games that are not over; return which go on, (games,).
 
@@ -163,6 +167,7 @@ class Batch(Fixed):
                 `view.do` and `view.send`: one value for all, or arrays (games, agents).
             on_illegal: "stay": where a rule before the turn leaves fewer nodes legal than `observe` has said, actions
                 that are not legal any more stay, as do all others that are not; "raise": they are refused.
+            threads: how many threads play; see `run`.
 
         Raises:
             UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
@@ -176,20 +181,43 @@ class Batch(Fixed):
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
         if not self.is_in_arrays:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
+        self._step(given, None, min(as_count(threads, "threads"), len(self)))
+        return ~self._engine.is_over
+
+    def _step(self, given: dict[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
+        """Play one turn, and note what was given."""
         before, is_played = self._engine.turns(), False
         with self._playing(), uninterrupted(at_most_once=True):
             try:
                 with self._watched():
-                    self._play_turn(given)
+                    self._play_turn(given, numbers, threads)
                 is_played = True
             finally:
                 if is_played or (self._engine.turns() > before).any():  # or a rule has raised when all had moved
                     self._note(given)
-        return ~self._engine.is_over
+                    self._was_given |= self._log is None and numbers is not None
 
-    def _play_turn(self, given: Mapping[Hashable, Given]) -> None:
+    def _step_numbers(self, numbers: Numbers, threads: int) -> bool:
+        """Play a turn; see `step_numbers`."""
+        self._refuse_closed()
+        if not isinstance(self._engine, ArrayEngine):
+            return False
+        given = dict[Hashable, Given]()
+        if self._log is not None:  # for the turn engine, if it plays these games again
+            for team in self._roster.teams:
+                members = self._roster.members(team)
+                if numbers.is_given[members].all():
+                    given[team] = Given(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
+        self._step(given, numbers, threads)
+        return True
+
+    def _play_turn(self, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
+        engine = self._engine
         try:
-            self._engine.step(given)
+            if isinstance(engine, ArrayEngine):
+                engine.step({} if numbers is not None else given, numbers, threads)
+            else:
+                engine.step(given)
         except NotTakenUp as error:
             self._leave_arrays(" ".join((f"{error}.", *getattr(error, "__notes__", ()))))
             self._engine.step(given)
@@ -559,3 +587,14 @@ class Batch(Fixed):
         nodes = starts(seeds)
         some = next(iter(nodes.values()))  # for names that are reserved, any will do
         return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
+
+
+def step_numbers(games: Batch, numbers: Numbers, threads: int) -> bool:
+    """Play one turn of all games that are not over, where the core plays them; return whether it does.
+
+    Args:
+        games: the batch.
+        numbers: what learners do.
+        threads: how many threads play.
+    """
+    return games._step_numbers(numbers, threads)

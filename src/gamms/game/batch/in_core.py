@@ -4,8 +4,7 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Collection, Hashable, Iterable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import ALWAYS_ACT, StrategySteps
+from gamms.game.batch.threads import in_threads
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints
 from gamms.game.conflicts import Table, flat
@@ -294,7 +294,7 @@ class CoreGames:
             given: actions, (games, agents), and which agents take them, (agents,); the others decide themselves.
             threads: how many play.
         """
-        state, games = self._state, len(self._until)
+        state = self._state
         is_given = np.zeros(len(self._decides_by), np.bool_) if given is None else given[1]
         while len(self._made) < threads:
             self._made.append(self._player())
@@ -306,13 +306,12 @@ class CoreGames:
         self._until[:] = until
         self._over[:] = ~state.is_going
         put_scores(state, self._score)
-        bounds = [games * part // threads for part in range(threads + 1)]
         if self._by_steps is not None:
             self._by_steps.take_memories()
-        self._play_parts(bounds)
+        self._play_parts(threads)
         if self._by_steps is not None:
             while self._by_steps.find_ways():
-                self._play_parts(bounds)
+                self._play_parts(threads)
             self._by_steps.give_memories()
         self._take_in()
 
@@ -339,15 +338,10 @@ class CoreGames:
                 self._take(noted)
         state.now.clear()
 
-    def _play_parts(self, bounds: Sequence[int]) -> None:
-        """Play the games between two bounds by one thread each."""
-        parts = zip(self._made, bounds, bounds[1:], strict=False)
-        if len(bounds) == 2:
-            turn.play_aside(self._made[0][0], *bounds)
-            return
-        with ThreadPoolExecutor(len(bounds) - 1) as pool:
-            for one in [pool.submit(turn.play_aside, player, *ends) for (player, _), *ends in parts]:
-                one.result()
+    def _play_parts(self, threads: int) -> None:
+        """Play all games, each thread some of them."""
+        players = [player for player, _ in self._made]
+        in_threads(lambda number, *ends: turn.play_aside(players[number], *ends), len(self._until), threads)
 
     def _refuse_unknown_nodes(self) -> None:
         """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""

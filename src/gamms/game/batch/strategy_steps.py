@@ -14,6 +14,7 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
 from gamms.game.batch.sight import SHOWING_AGENTS, look_of
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
+from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.sensed import AgentLook
@@ -79,14 +80,12 @@ def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.Looks:
     roster = state.roster
     looks = [_looks_on_ground(one) if looks else [] for one, looks in zip(roster.agents, looking, strict=True)]
     listed = [look for of_agent in looks for look in of_agent if look is not None]
-    x, y = state.streets.axes
     return strategies.Looks(
         _column([0, *accumulate(map(len, looks))], np.int64),
         _column([look.radius * look.radius for look in listed], np.float64),
         _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
         len(roster.teams),
-        _column(x, np.float64),
-        _column(y, np.float64),
+        flat(state.streets.columns.xy, np.float64),
     )
 
 

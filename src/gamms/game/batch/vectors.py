@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core import observe
+from gamms.game.batch.threads import in_threads
 from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
@@ -39,23 +40,23 @@ class Vectors(NamedTuple):
 
 
 class Legal(NamedTuple):
-    """The legal nodes of agents.
+    """The legal nodes of agents, as the core takes them.
 
     Attributes:
-        choice: (games, agents) those of an agent are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
+        choice: (games * agents,) those of an agent are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
         offsets, targets: rows of nodes.
     """
 
-    choice: IntArray
-    offsets: IntArray
-    targets: IntArray
+    choice: Any
+    offsets: Any
+    targets: Any
 
     @classmethod
     def of(cls, rows: IntArray, is_legal: BoolArray) -> "Legal":
         """Return legal nodes given as rows, (games, agents, most), and which of them count, the first ones."""
-        counts = is_legal.sum(axis=-1)
+        counts = is_legal.sum(axis=-1).reshape(-1)
         offsets = np.concatenate(([0], np.cumsum(counts)))
-        return cls(np.arange(counts.size).reshape(counts.shape), offsets, rows[is_legal])
+        return cls(flat(np.arange(len(counts)), np.int64), flat(offsets, np.int32), flat(rows[is_legal], np.int32))
 
 
 class Encoder:
@@ -75,7 +76,8 @@ class Encoder:
         self._others = others
         self._actions = actions
         refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
-        self._x, self._y = self._placed(xy)
+        self._places = self._placed(xy)
+        self._along_edges = flat(streets.offsets, np.int32), flat(streets.targets, np.int32)
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
@@ -87,11 +89,12 @@ class Encoder:
         node: IntArray,
         mask: BoolArray,
         turn: IntArray,
-        legal: Legal,
+        legal: Legal | None,
         seen: observe.Seen,
         *,
         xy: FloatArray | None = None,
         more: int = 0,
+        threads: int = 1,
     ) -> Vectors:
         """Return the vectors of some agents.
 
@@ -99,10 +102,11 @@ class Encoder:
             node: rows, (games, agents).
             mask: (games, agents) which are alive.
             turn: (games,) how many turns were played.
-            legal: where they may go.
+            legal: where they may go; None: along one edge.
             seen: whom they see.
             xy: (games, agents, 2) where they are; None: on their nodes.
             more: how many further entries the vectors have: 0, but the last one the share n / (n + 100) after n turns.
+            threads: how many write them, each those of some games.
         """
         entries = len(self.names) + more
         bytes_ = 4.0 * node.size * entries
@@ -110,27 +114,29 @@ class Encoder:
             refuse_above(bytes_, f"{node.size} vectors of {self._others} others")
         values = np.empty((*node.shape, entries), np.float32)
         is_legal = np.empty((*node.shape, self._actions), np.bool_)
-        own_x, own_y = (flat(np.zeros(0), np.float64),) * 2 if xy is None else self._placed(xy.reshape(-1, 2))
+        rows = flat(node, np.int64)
+        choice, offsets, targets = (rows, *self._along_edges) if legal is None else legal
         observers = observe.Observers(
             node.shape[1],
-            flat(node, np.int64),
-            flat(mask, np.uint8),
-            flat(legal.choice, np.int64),
-            flat(legal.offsets, np.int32),
-            flat(legal.targets, np.int32),
+            rows,
+            flat(mask.view(np.uint8), np.uint8),
+            choice,
+            offsets,
+            targets,
             turn=flat(turn, np.int64),
-            own_x=own_x,
-            own_y=own_y,
+            own=self._placed(np.zeros((0, 2)) if xy is None else xy),
             seen=seen,
         )
         written: Any = values.reshape(-1).data, is_legal.view(np.uint8).reshape(-1).data
-        vectors = observe.Vectors(self._x, self._y, self._actions, self._others, entries, *written)
-        room: Any = [np.zeros(self._others, kind).data for kind in (np.float64, np.int64, np.uint8)]
-        near = observe.Nearest(*room)
-        observe.observe_aside(observers, vectors, near, 0, len(node))
+        vectors = observe.Vectors(self._places, self._actions, self._others, entries, *written)
+
+        def observe_part(_: int, begin: int, end: int) -> None:
+            room: Any = [np.zeros(self._others, kind).data for kind in (np.float64, np.int64, np.uint8)]
+            observe.observe_aside(observers, vectors, observe.Nearest(*room), begin, end)
+
+        in_threads(observe_part, len(node), threads)
         return Vectors(values, self.names, mask, is_legal)
 
-    def _placed(self, xy: FloatArray) -> tuple[Any, Any]:
-        """Return x and y of places, (…, 2), in shares of the map from its centre, as the core takes them."""
-        x, y = ((xy - self._centre) / self._scale).T
-        return flat(x, np.float64), flat(y, np.float64)
+    def _placed(self, xy: FloatArray) -> Any:
+        """Return places, (…, 2), in shares of the map from its centre, as the core takes them."""
+        return flat((xy - self._centre) / self._scale, np.float64)

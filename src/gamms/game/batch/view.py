@@ -34,6 +34,7 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
+_NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
 
 
 class ArrayView(Mapping[str, Any]):
@@ -332,45 +333,40 @@ class ArrayView(Mapping[str, Any]):
             BadValue: an agent may go to more than 4096 nodes.
             TooLarge: vectors of so many others would not fit into memory.
         """
-        return self._encoded(as_count(others, "others", least=0), 0)
+        return self._encoded(as_count(others, "others", least=0), 0, 1)
 
-    def _encoded(self, others: int, more: int) -> Vectors:
+    def _encoded(self, others: int, more: int, threads: int) -> Vectors:
         """Return vectors, with so many more entries, 0 but the last one: the share n / (n + 100) after n turns."""
         shared, movement = self._shared, self._movement
         key = "encoder", others, movement.width
         if key not in shared:
             shared[key] = Encoder(self.streets, others, movement.width)
-        if movement.are_plain(self.agents):
-            legal = Legal(self.node, self.streets.offsets, self.streets.targets)
-        else:
-            legal = Legal.of(*self.legal_rows())
+        is_plain = movement.are_plain(self.agents)
+        legal = None if is_plain else Legal.of(*self.legal_rows())
         xy = self._places().xy if movement.leaves_nodes else None
         seen = self._seen_in_core(others > 0)
-        made: Vectors = shared[key].encode(self.node, self.mask, self.turn, legal, seen, xy=xy, more=more)
-        return made
+        encoder: Encoder = shared[key]
+        return encoder.encode(self.node, self.mask, self.turn, legal, seen, xy=xy, more=more, threads=threads)
 
     def _seen_in_core(self, is_asked: bool) -> observe.Seen:
         """Return who is seen as the core takes it; nobody where that is not asked."""
-        roster, state, shape = self.roster, self._state, self.node.shape
+        roster, state = self.roster, self._state
         looks = self._plain_looks() if is_asked else None
-        first = nodes = np.zeros(shape[0] * shape[1] + 1, np.int64)
-        mates: BoolArray = np.zeros(0, np.bool_)
+        pairs = _NO_PAIRS
         if is_asked and looks is None:
-            found = self.seen()
-            counts = np.bincount(found.at * shape[1] + found.viewers, minlength=shape[0] * shape[1])
+            seen, number = self.seen(), self.node.size
+            counts = np.bincount(seen.at * self.node.shape[1] + seen.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
-            nodes = found.nodes
-            mates = self._are_mates(found)
+            pairs = flat(first, np.int64), flat(seen.nodes, np.int64), flat(self._are_mates(seen), np.uint8)
+        are_all = len(self.games) == len(state)
         return observe.Seen(
             looks,
+            *pairs,
             viewers=flat(self.agents, np.int64),
-            node=flat(state.node if len(self.games) == len(state) else state.node[self.games], np.int64),
-            alive=flat(state.alive if len(self.games) == len(state) else state.alive[self.games], np.uint8),
+            node=flat(state.node if are_all else state.node[self.games], np.int64),
+            alive=flat((state.alive if are_all else state.alive[self.games]).view(np.uint8), np.uint8),
             team=flat(roster.team_of, np.int64),
-            are_mates=flat(np.array([team is not None for team in roster.teams], np.bool_), np.uint8),
-            first=flat(first, np.int64),
-            nodes=flat(nodes, np.int64),
-            mates=flat(mates, np.uint8),
+            are_mates=flat(roster.are_teams, np.uint8),
         )
 
     def _plain_looks(self) -> strategies.Looks | None:
@@ -503,9 +499,9 @@ def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
         yield places, view.in_games(places)
 
 
-def vectors_in(view: ArrayView, others: int, more: int) -> Vectors:
+def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors:
     """Return the vectors of a view with further entries; see `Encoder.encode`."""
-    return view._encoded(others, more)
+    return view._encoded(others, more, threads)
 
 
 def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Reports]]]:
