@@ -6,7 +6,7 @@ ctypedef unsigned char u8
 ctypedef int i32
 ctypedef long long i64
 
-cdef i64 OWN, OF_ACTION, OF_OTHER
+cdef i64 OWN, OF_ACTION, OF_OTHER, AROUND, ON_MAP
 
 
 @cython.final
@@ -24,35 +24,51 @@ cdef class Observers:
     cdef const i64[::1] node, choice, turn
     cdef const i32[::1] offsets, targets
     cdef const u8[::1] is_asked
-    cdef const double[::1] own
-    cdef bint are_on_nodes
     cdef Seen seen
 
 
 @cython.final
 cdef class Vectors:
-    cdef const double[::1] places
+    cdef const double[::1] places, own
+    cdef bint are_on_nodes
     cdef i64 actions, others, entries
     cdef float[::1] values
     cdef u8[::1] legal
 
 
 @cython.final
-cdef class Nearest:
+cdef class Found:
     cdef i64 count
-    cdef double[::1] far
-    cdef i64[::1] nodes
+    cdef i64[::1] nodes, nearest
     cdef u8[::1] mates
+    cdef double[::1] far
 
 
-@cython.locals(i=i64, row=i64, at=i64, entry=i64, place=i64, action=i64)
-cpdef int observe(Observers o, Vectors v, Nearest near, i64 game) except -1 nogil
-@cython.locals(row=i64, own_x=double, own_y=double, at=i64, first=i64, count=i64, action=i64, node=i64, entry=i64, other=i64)
-cdef int _write(Observers o, Vectors v, Nearest near, i64 game, i64 agent) except -1 nogil
-@cython.locals(row=i64, pair=i64, at=i64, viewer=i64, other=i64, node=i64, is_mate=bint)
-cdef int _look(Observers o, Vectors v, Nearest near, i64 game, i64 agent, double own_x, double own_y) except -1 nogil
-@cython.locals(dx=double, dy=double, far=double, place=i64)
-cdef int _take(Vectors v, Nearest near, i64 node, u8 is_mate, double own_x, double own_y) except -1 nogil
+@cython.final
+cdef class Nodes:
+    cdef i64 most, hops
+    cdef const i64[::1] near, far
+    cdef const double[::1] places
+    cdef float[::1] values
+
+
+@cython.locals(i=i64, row=i64, entry=i64, place=i64, action=i64)
+cpdef int observe(Observers o, Vectors v, Found found, i64 game) except -1 nogil
+@cython.locals(row=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
+cdef int _write(Observers o, Vectors v, Found found, i64 game, i64 agent) except -1 nogil
+@cython.locals(row=i64, pair=i64, at=i64, viewer=i64, own=i64, other=i64, node=i64)
+cpdef int look(Observers o, Found found, i64 game, i64 agent) except -1 nogil
+@cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)
+cdef i64 _choose_nearest(Vectors v, Found found, double own_x, double own_y) except -1 nogil
+@cython.locals(size=i64, i=i64, row=i64, entry=i64, other=i64, at=i64)
+cpdef int observe_nodes(Observers o, Nodes n, Found found, i64 game) except -1 nogil
+@cython.locals(node=i64, k=i64, at=i64, place=i64, near=i64, entry=i64, first=i64, action=i64)
+cdef int _write_around(Observers o, Nodes n, i64 row) except -1 nogil
+@cython.locals(other=i64, k=i64, place=i64)
+cdef int _count_around(Observers o, Nodes n, Found found, i64 row) except -1 nogil
+@cython.locals(node=i64, at=i64, first=i64, action=i64)
+cdef int _write_map(Observers o, Nodes n, i64 row) except -1 nogil
 @cython.locals(game=i64)
-cpdef int observe_games(Observers o, Vectors v, Nearest near, i64 begin, i64 end) except -1 nogil
-cpdef int observe_aside(Observers o, Vectors v, Nearest near, i64 begin, i64 end) except -1
+cpdef int observe_aside(Observers o, Vectors v, Found found, i64 begin, i64 end) except -1
+@cython.locals(game=i64)
+cpdef int observe_nodes_aside(Observers o, Nodes n, Found found, i64 begin, i64 end) except -1

@@ -1,8 +1,8 @@
-"""What agents of one game observe as numbers, written into the arrays of the caller: vectors of one length.
+"""What agents of one game observe as numbers, written into the arrays of the caller: vectors, or entries of nodes.
 
 A vector has the own place, `actions` times whether an action is legal and how far away the node is to which it leads,
-and of the nearest `others` in sight whether there is one, whether it is a mate, and how far away it is. Lengths are
-shares of the map.
+and of the nearest `others` in sight whether there is one, whether it is a mate, and how far away it is. Entries of
+nodes say which action leads there, and how many agents are seen there. Lengths are shares of the map.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ except ImportError:  # Cython is not needed to run the text
 OWN = 2  # entries of the own place,
 OF_ACTION = 3  # of an action,
 OF_OTHER = 4  # and of another agent
+AROUND = 7  # entries of a node around an agent,
+ON_MAP = 6  # and of a node of the whole map
 
 
 class Seen:
@@ -72,7 +74,6 @@ class Observers:
         is_asked: (rows,) 1: the agent is alive; else all of its numbers are 0.
         choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
         turn: (games,) how many turns were played.
-        own: (2 * rows,) x and y of where they are, if they may be elsewhere than on nodes; else (0,).
         seen: whom they see.
     """
 
@@ -86,7 +87,6 @@ class Observers:
         targets: memoryview[int],
         *,
         turn: memoryview[int],
-        own: memoryview[float],
         seen: Seen,
     ) -> None:
         self.agents = agents
@@ -96,8 +96,6 @@ class Observers:
         self.offsets = offsets
         self.targets = targets
         self.turn = turn
-        self.own = own
-        self.are_on_nodes = len(own) == 0
         self.seen = seen
 
 
@@ -106,6 +104,7 @@ class Vectors:
 
     Attributes:
         places: (2 * nodes,) x and y of each node.
+        own: (2 * rows,) x and y of each agent, if they may be elsewhere than on nodes; else (0,).
         actions: how many actions a vector has.
         others: how many other agents it has.
         entries: how many numbers it has; behind those of the others 0, but the last one the share n / (n + 100) after
@@ -117,6 +116,7 @@ class Vectors:
     def __init__(
         self,
         places: memoryview[float],
+        own: memoryview[float],
         actions: int,
         others: int,
         entries: int,
@@ -124,6 +124,8 @@ class Vectors:
         legal: memoryview[int],
     ) -> None:
         self.places = places
+        self.own = own
+        self.are_on_nodes = len(own) == 0
         self.actions = actions
         self.others = others
         self.entries = entries
@@ -131,46 +133,80 @@ class Vectors:
         self.legal = legal
 
 
-class Nearest:
-    """The nearest agents that one sees, the nearest first; of several as far away, the first by name.
+class Found:
+    """The agents that one sees, and the nearest of them first; of several as far away, the first by name.
 
     Attributes:
         count: how many there are.
-        far: (others,) the squares of how far away they are.
-        nodes: (others,) where they are.
-        mates: (others,) 1: it is a mate.
+        nodes: (all agents,) where they are.
+        mates: (all agents,) 1: it is a mate.
+        far: (others + 1,) the squares of how far away the nearest are.
+        nearest: (others + 1,) which they are.
     """
 
-    def __init__(self, far: memoryview[float], nodes: memoryview[int], mates: memoryview[int]) -> None:
+    def __init__(
+        self, nodes: memoryview[int], mates: memoryview[int], far: memoryview[float], nearest: memoryview[int]
+    ) -> None:
         self.count = 0
-        self.far = far
         self.nodes = nodes
         self.mates = mates
+        self.far = far
+        self.nearest = nearest
 
 
-def observe(o: Observers, v: Vectors, near: Nearest, game: int) -> int:
+class Nodes:
+    """The entries of nodes that are written, of those around agents, or of the whole map.
+
+    Attributes:
+        most: how many nodes an agent has entries of.
+        hops: how many edges away the last ones are; 0: the nodes are those of the whole map.
+        near: (nodes * most,) the nodes around each node.
+        far: (nodes * most,) how many edges away they are; -1: there is none.
+        places: (2 * nodes,) x and y of each node.
+        values: (rows * most * entries,)
+    """
+
+    def __init__(
+        self,
+        most: int,
+        hops: int,
+        near: memoryview[int],
+        far: memoryview[int],
+        places: memoryview[float],
+        values: memoryview[float],
+    ) -> None:
+        self.most = most
+        self.hops = hops
+        self.near = near
+        self.far = far
+        self.places = places
+        self.values = values
+
+
+def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
     """Write the vectors of the agents of one game."""
     for i in range(o.agents):
         row = game * o.agents + i
-        at = row * v.entries
-        for entry in range(at, at + v.entries):
-            v.values[entry] = 0.0
         place = row * v.actions
         for action in range(place, place + v.actions):
             v.legal[action] = 0
         if o.is_asked[row]:
-            _write(o, v, near, game, i)
-        elif v.actions > 0:
+            _write(o, v, found, game, i)
+            continue
+        for entry in range(row * v.entries, (row + 1) * v.entries):
+            v.values[entry] = 0.0
+        if v.actions > 0:
             v.legal[place] = 1
     return 0
 
 
-def _write(o: Observers, v: Vectors, near: Nearest, game: int, agent: int) -> int:
-    """Write the vector of an agent that is alive, where all is 0."""
+def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int:
+    """Write the vector of an agent that is alive."""
     row = game * o.agents + agent
-    own_x = v.places[2 * o.node[row]] if o.are_on_nodes else o.own[2 * row]
-    own_y = v.places[2 * o.node[row] + 1] if o.are_on_nodes else o.own[2 * row + 1]
+    own_x = v.places[2 * o.node[row]] if v.are_on_nodes else v.own[2 * row]
+    own_y = v.places[2 * o.node[row] + 1] if v.are_on_nodes else v.own[2 * row + 1]
     at = row * v.entries
+    last = at + v.entries
     v.values[at] = own_x
     v.values[at + 1] = own_y
     at += OWN
@@ -178,78 +214,159 @@ def _write(o: Observers, v: Vectors, near: Nearest, game: int, agent: int) -> in
     count = min(v.actions, o.offsets[o.choice[row] + 1] - first)
     for action in range(count):
         node = o.targets[first + action]
-        entry = at + action * OF_ACTION
         v.legal[row * v.actions + action] = 1
-        v.values[entry] = 1.0
-        v.values[entry + 1] = v.places[2 * node] - own_x
-        v.values[entry + 2] = v.places[2 * node + 1] - own_y
-    at += v.actions * OF_ACTION
-    near.count = 0
+        v.values[at] = 1.0
+        v.values[at + 1] = v.places[2 * node] - own_x
+        v.values[at + 2] = v.places[2 * node + 1] - own_y
+        at += OF_ACTION
+    for entry in range(at, at + (v.actions - count) * OF_ACTION):
+        v.values[entry] = 0.0
+    at += (v.actions - count) * OF_ACTION
+    count = 0
     if v.others > 0:
-        _look(o, v, near, game, agent, own_x, own_y)
-    for other in range(near.count):
-        entry = at + other * OF_OTHER
-        v.values[entry] = 1.0
-        v.values[entry + 1] = near.mates[other]
-        v.values[entry + 2] = v.places[2 * near.nodes[other]] - own_x
-        v.values[entry + 3] = v.places[2 * near.nodes[other] + 1] - own_y
-    at += v.others * OF_OTHER
-    if at < (row + 1) * v.entries:
-        v.values[(row + 1) * v.entries - 1] = o.turn[game] / (o.turn[game] + 100.0)
+        look(o, found, game, agent)
+        count = _choose_nearest(v, found, own_x, own_y)
+    for place in range(count):
+        other = found.nearest[place]
+        node = found.nodes[other]
+        v.values[at] = 1.0
+        v.values[at + 1] = found.mates[other]
+        v.values[at + 2] = v.places[2 * node] - own_x
+        v.values[at + 3] = v.places[2 * node + 1] - own_y
+        at += OF_OTHER
+    is_timed = last > row * v.entries + OWN + v.actions * OF_ACTION + v.others * OF_OTHER
+    for entry in range(at, last):
+        v.values[entry] = 0.0
+    if is_timed:
+        v.values[last - 1] = o.turn[game] / (o.turn[game] + 100.0)
     return 0
 
 
-def _look(o: Observers, v: Vectors, near: Nearest, game: int, agent: int, own_x: float, own_y: float) -> int:
-    """Find the nearest agents that an agent sees."""
+def look(o: Observers, found: Found, game: int, agent: int) -> int:
+    """Find the agents that an agent sees."""
     row = game * o.agents + agent
+    found.count = 0
     if not o.seen.has_looks:
         for pair in range(o.seen.first[row], o.seen.first[row + 1]):
-            _take(v, near, o.seen.nodes[pair], o.seen.mates[pair], own_x, own_y)
+            found.nodes[found.count] = o.seen.nodes[pair]
+            found.mates[found.count] = o.seen.mates[pair]
+            found.count += 1
         return 0
     at = game * o.seen.agents
     viewer = o.seen.viewers[agent]
+    own = o.seen.team[viewer]
     for other in range(o.seen.agents):
-        node = o.seen.node[at + other]
         if other == viewer or not o.seen.alive[at + other]:
             continue
+        node = o.seen.node[at + other]
         if strategies.shows(o.seen.looks, viewer, o.seen.team[other], o.node[row], node):  # type: ignore[arg-type]
-            is_mate = o.seen.team[other] == o.seen.team[viewer] and o.seen.are_mates[o.seen.team[viewer]]
-            _take(v, near, node, is_mate, own_x, own_y)
+            found.nodes[found.count] = node
+            found.mates[found.count] = o.seen.team[other] == own and o.seen.are_mates[own]
+            found.count += 1
     return 0
 
 
-def _take(v: Vectors, near: Nearest, node: int, is_mate: int, own_x: float, own_y: float) -> int:
-    """Take an agent among the nearest, if it is one."""
-    dx = v.places[2 * node] - own_x
-    dy = v.places[2 * node + 1] - own_y
-    far = dx * dx + dy * dy
-    place = near.count
-    if place == v.others:
-        if far >= near.far[place - 1]:
-            return 0
-        place -= 1
-    else:
-        near.count += 1
-    while place > 0 and far < near.far[place - 1]:
-        near.far[place] = near.far[place - 1]
-        near.nodes[place] = near.nodes[place - 1]
-        near.mates[place] = near.mates[place - 1]
-        place -= 1
-    near.far[place] = far
-    near.nodes[place] = node
-    near.mates[place] = is_mate
+def _choose_nearest(v: Vectors, found: Found, own_x: float, own_y: float) -> int:
+    """Choose the nearest of the agents that are seen; return how many these are."""
+    count = 0
+    for other in range(found.count):
+        dx = v.places[2 * found.nodes[other]] - own_x
+        dy = v.places[2 * found.nodes[other] + 1] - own_y
+        far = dx * dx + dy * dy
+        place = count
+        while place > 0 and far < found.far[place - 1]:
+            found.far[place] = found.far[place - 1]
+            found.nearest[place] = found.nearest[place - 1]
+            place -= 1
+        found.far[place] = far
+        found.nearest[place] = other
+        count = min(count + 1, v.others)
+    return count
+
+
+def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
+    """Write the entries of nodes for the agents of one game."""
+    size = n.most * (AROUND if n.hops > 0 else ON_MAP)
+    for i in range(o.agents):
+        row = game * o.agents + i
+        if not o.is_asked[row]:
+            for entry in range(row * size, (row + 1) * size):
+                n.values[entry] = 0.0
+        elif n.hops > 0:
+            _write_around(o, n, row)
+            look(o, found, game, i)
+            _count_around(o, n, found, row)
+        else:
+            _write_map(o, n, row)
+            look(o, found, game, i)
+            for other in range(found.count):
+                at = (row * n.most + found.nodes[other] + 1) * ON_MAP
+                n.values[at - 2 + (not found.mates[other])] += 1.0
     return 0
 
 
-def observe_games(o: Observers, v: Vectors, near: Nearest, begin: int, end: int) -> int:
-    """Write the vectors of the games from `begin` to `end - 1`."""
-    for game in range(begin, end):
-        observe(o, v, near, game)
+def _write_around(o: Observers, n: Nodes, row: int) -> int:
+    """Write the entries of the nodes around an agent, on which nobody is seen."""
+    node = o.node[row]
+    for k in range(n.most):
+        at = (row * n.most + k) * AROUND
+        place = node * n.most + k
+        near = n.near[place]
+        for entry in range(at, at + AROUND):
+            n.values[entry] = 0.0
+        n.values[at + 4] = -1.0
+        if n.far[place] < 0:
+            continue
+        n.values[at] = 1.0
+        n.values[at + 1] = n.places[2 * near] - n.places[2 * node]
+        n.values[at + 2] = n.places[2 * near + 1] - n.places[2 * node + 1]
+        n.values[at + 3] = n.far[place] / (n.hops * 1.0)
+        first = o.offsets[o.choice[row]]
+        for action in range(o.offsets[o.choice[row] + 1] - first):
+            if o.targets[first + action] == near:
+                n.values[at + 4] = action
+                break
     return 0
 
 
-def observe_aside(o: Observers, v: Vectors, near: Nearest, begin: int, end: int) -> int:
-    """Do what `observe_games` does, and let other threads of Python go on meanwhile."""
+def _count_around(o: Observers, n: Nodes, found: Found, row: int) -> int:
+    """Count the agents that are seen on the nodes around an agent."""
+    for other in range(found.count):
+        for k in range(n.most):
+            place = o.node[row] * n.most + k
+            if n.far[place] >= 0 and n.near[place] == found.nodes[other]:
+                n.values[(row * n.most + k) * AROUND + 5 + (not found.mates[other])] += 1.0
+    return 0
+
+
+def _write_map(o: Observers, n: Nodes, row: int) -> int:
+    """Write the entries of all nodes, on which nobody is seen."""
+    for node in range(n.most):
+        at = (row * n.most + node) * ON_MAP
+        n.values[at] = n.places[2 * node]
+        n.values[at + 1] = n.places[2 * node + 1]
+        n.values[at + 2] = 0.0
+        n.values[at + 3] = -1.0
+        n.values[at + 4] = 0.0
+        n.values[at + 5] = 0.0
+    n.values[(row * n.most + o.node[row]) * ON_MAP + 2] = 1.0
+    first = o.offsets[o.choice[row]]
+    for action in range(o.offsets[o.choice[row] + 1] - first - 1, -1, -1):  # of several, the first one counts
+        n.values[(row * n.most + o.targets[first + action]) * ON_MAP + 3] = action
+    return 0
+
+
+def observe_aside(o: Observers, v: Vectors, found: Found, begin: int, end: int) -> int:
+    """Write the vectors of the games from `begin` to `end - 1`, and let other threads of Python go on meanwhile."""
     with cython.nogil:
-        observe_games(o, v, near, begin, end)
+        for game in range(begin, end):
+            observe(o, v, found, game)
+    return 0
+
+
+def observe_nodes_aside(o: Observers, n: Nodes, found: Found, begin: int, end: int) -> int:
+    """Do the same with entries of nodes."""
+    with cython.nogil:
+        for game in range(begin, end):
+            observe_nodes(o, n, found, game)
     return 0

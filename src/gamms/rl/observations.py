@@ -3,15 +3,19 @@
 Both are functions for `observation=`, of a view to numbers, and give an agent the same in one game and in a batch.
 """
 
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from gamms.arguments import as_count
+from gamms.core import observe
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView
 from gamms.game.batch.roads import StreetsOfMaps
-from gamms.game.batch.view import views_by_map
+from gamms.game.batch.vectors import room_for
+from gamms.game.batch.view import observers_in, views_by_map
+from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
@@ -38,7 +42,7 @@ class Neighbourhood:
 
     def __init__(self, hops: int, nodes: int | None) -> None:
         self.hops, self._most = hops, nodes
-        self._tables: WeakKeyDictionary[Streets, tuple[IntArray, IntArray, Float32Array]] = WeakKeyDictionary()
+        self._tables: WeakKeyDictionary[Streets, tuple[IntArray, IntArray, FloatArray]] = WeakKeyDictionary()
 
     def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of the nodes around the agents of a view."""
@@ -48,24 +52,13 @@ class Neighbourhood:
             most = max(part.shape[2] for _, part in parts)
             padded = [np.pad(part, ((0, 0), (0, 0), (0, most - part.shape[2]), (0, 0))) for _, part in parts]
             return np.concatenate(padded)[order]
-        streets = view.streets
-        if streets not in self._tables:
-            self._tables[streets] = self._table(streets)
-        rows, far, offsets = self._tables[streets]
-        near, is_there = rows[view.node], far[view.node] >= 0  # (games, agents, nodes)
-        found = np.zeros((*near.shape, len(NEAR)), np.float32)
-        found[..., 0] = is_there
-        found[..., 1:3] = offsets[view.node]
-        found[..., 3] = np.maximum(far[view.node], 0) / self.hops
-        found[..., 4] = np.where(is_there, _actions(view, near), -1)
-        for entry, (at, viewers, nodes) in zip((5, 6), _mates_and_enemies(view), strict=True):
-            pairs, places = np.nonzero((near[at, viewers] == nodes[:, None]) & is_there[at, viewers])
-            np.add.at(found[..., entry], (at[pairs], viewers[pairs], places), 1)
-        found[~view.mask] = 0.0
-        return found
+        if view.streets not in self._tables:
+            self._tables[view.streets] = self._table(view.streets)
+        near, far, places = self._tables[view.streets]
+        return _observed(view, self.hops, near, far, places)
 
-    def _table(self, streets: Streets) -> tuple[IntArray, IntArray, Float32Array]:
-        """Return of each node the rows of those around it, how far they are, -1 behind the last one, and offsets."""
+    def _table(self, streets: Streets) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return of each node the rows of those around it, how far they are, -1 behind the last one; and places."""
         source, node, far = _around(streets, self.hops)
         counts = np.bincount(source, minlength=len(streets.counts))
         most = int(counts.max(initial=1)) if self._most is None else self._most
@@ -75,9 +68,7 @@ class Neighbourhood:
         source, node, far, rank = source[kept], node[kept], far[kept], rank[kept]
         rows, hops = np.zeros((len(counts), most), np.int64), np.full((len(counts), most), -1)
         rows[source, rank], hops[source, rank] = node, far
-        places, offsets = _places(streets), np.zeros((len(counts), most, 2), np.float32)
-        offsets[source, rank] = places[node] - places[source]
-        return rows, hops, offsets
+        return rows, hops, _places(streets)
 
 
 class MapGraph:
@@ -110,18 +101,8 @@ class MapGraph:
         self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
         nodes = len(columns.node_ids)
         refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")
-        found = np.zeros((games, agents, nodes, len(NODE)), np.float32)
-        found[..., :2] = _places(view.streets)
-        game, agent = np.indices((games, agents))
-        found[game, agent, view.node, 2] = 1.0
-        found[..., 3] = -1.0
-        legal, is_legal = view.legal_rows()
-        at, who, action = (column[::-1] for column in np.nonzero(is_legal))  # of several, the first one counts
-        found[at, who, legal[at, who, action], 3] = action
-        for entry, (at, viewers, rows) in zip((4, 5), _mates_and_enemies(view), strict=True):
-            np.add.at(found[..., entry], (at, viewers, rows), 1)
-        found[~view.mask] = 0.0
-        return found
+        none = np.zeros((nodes, 0), np.int64)
+        return _observed(view, 0, none, none, _places(view.streets))
 
     def data(self, observation: Float32Array) -> dict[str, Float32Array | IntArray]:
         """Return graphs as PyTorch Geometric has them: `Data(**graph.data(observation))`, after `torch.as_tensor`.
@@ -207,14 +188,11 @@ def _places(streets: Streets) -> FloatArray:
     return places
 
 
-def _actions(view: ArrayView, near: IntArray) -> IntArray:
-    """Return the numbers of the actions that lead to nodes, (games, agents, nodes); -1: none does."""
-    found, (legal, is_legal) = np.full(near.shape, -1), view.legal_rows()
-    for action in reversed(range(legal.shape[2])):
-        found[(near == legal[..., action, None]) & is_legal[..., action, None]] = action
+def _observed(view: ArrayView, hops: int, near: IntArray, far: IntArray, places: FloatArray) -> Float32Array:
+    """Return the entries of the nodes around the agents of a view, (games, agents, nodes, entries); 0 hops: of all."""
+    most, entries = (near.shape[1], len(NEAR)) if hops else (len(near), len(NODE))
+    found = np.empty((*view.node.shape, most, entries), np.float32)
+    columns: Any = flat(near, np.int64), flat(far, np.int64), flat(places, np.float64), found.reshape(-1).data
+    nodes = observe.Nodes(most, hops, *columns)
+    observe.observe_nodes_aside(observers_in(view), nodes, room_for(len(view.roster.names), 0), 0, len(found))
     return found
-
-
-def _mates_and_enemies(view: ArrayView) -> list[tuple[IntArray, IntArray, IntArray]]:
-    """Return who sees where mates, and where enemies: games, agents of the view, and rows of nodes."""
-    return [(one.at, one.viewers, one.nodes) for one in (view.mates(), view.enemies())]

@@ -39,45 +39,26 @@ class Vectors(NamedTuple):
     legal: BoolArray
 
 
-class Legal(NamedTuple):
-    """The legal nodes of agents, as the core takes them.
-
-    Attributes:
-        choice: (games * agents,) those of an agent are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
-        offsets, targets: rows of nodes.
-    """
-
-    choice: Any
-    offsets: Any
-    targets: Any
-
-    @classmethod
-    def of(cls, rows: IntArray, is_legal: BoolArray) -> "Legal":
-        """Return legal nodes given as rows, (games, agents, most), and which of them count, the first ones."""
-        counts = is_legal.sum(axis=-1).reshape(-1)
-        offsets = np.concatenate(([0], np.cumsum(counts)))
-        return cls(flat(np.arange(len(counts)), np.int64), flat(offsets, np.int32), flat(rows[is_legal], np.int32))
-
-
 class Encoder:
     """Makes vectors for agents on some streets.
 
     Args:
         streets: the graph.
-        others: how many of the agents that one sees are in a vector: the nearest.
+        agents: how many agents there are in a game.
+        others: how many of those that one sees are in a vector: the nearest.
         actions: how many actions are in a vector.
     """
 
-    def __init__(self, streets: Streets, others: int, actions: int) -> None:
+    def __init__(self, streets: Streets, agents: int, others: int, actions: int) -> None:
         xy = streets.columns.xy
         low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
         self._scale = float((high - low).max()) / 2.0 or 1.0
         self._centre = (low + high) / 2.0
+        self._agents = agents
         self._others = others
         self._actions = actions
         refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
         self._places = self._placed(xy)
-        self._along_edges = flat(streets.offsets, np.int32), flat(streets.targets, np.int32)
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
@@ -86,11 +67,8 @@ class Encoder:
 
     def encode(
         self,
-        node: IntArray,
+        observers: observe.Observers,
         mask: BoolArray,
-        turn: IntArray,
-        legal: Legal | None,
-        seen: observe.Seen,
         *,
         xy: FloatArray | None = None,
         more: int = 0,
@@ -99,44 +77,40 @@ class Encoder:
         """Return the vectors of some agents.
 
         Args:
-            node: rows, (games, agents).
+            observers: they.
             mask: (games, agents) which are alive.
-            turn: (games,) how many turns were played.
-            legal: where they may go; None: along one edge.
-            seen: whom they see.
             xy: (games, agents, 2) where they are; None: on their nodes.
             more: how many further entries the vectors have: 0, but the last one the share n / (n + 100) after n turns.
             threads: how many write them, each those of some games.
         """
         entries = len(self.names) + more
-        bytes_ = 4.0 * node.size * entries
+        bytes_ = 4.0 * mask.size * entries
         if bytes_ > max_memory():
-            refuse_above(bytes_, f"{node.size} vectors of {self._others} others")
-        values = np.empty((*node.shape, entries), np.float32)
-        is_legal = np.empty((*node.shape, self._actions), np.bool_)
-        rows = flat(node, np.int64)
-        choice, offsets, targets = (rows, *self._along_edges) if legal is None else legal
-        observers = observe.Observers(
-            node.shape[1],
-            rows,
-            flat(mask.view(np.uint8), np.uint8),
-            choice,
-            offsets,
-            targets,
-            turn=flat(turn, np.int64),
-            own=self._placed(np.zeros((0, 2)) if xy is None else xy),
-            seen=seen,
-        )
+            refuse_above(bytes_, f"{mask.size} vectors of {self._others} others")
+        values = np.empty((*mask.shape, entries), np.float32)
+        is_legal = np.empty((*mask.shape, self._actions), np.bool_)
+        own = self._placed(np.zeros((0, 2)) if xy is None else xy)
         written: Any = values.reshape(-1).data, is_legal.view(np.uint8).reshape(-1).data
-        vectors = observe.Vectors(self._places, self._actions, self._others, entries, *written)
+        vectors = observe.Vectors(self._places, own, self._actions, self._others, entries, *written)
 
         def observe_part(_: int, begin: int, end: int) -> None:
-            room: Any = [np.zeros(self._others, kind).data for kind in (np.float64, np.int64, np.uint8)]
-            observe.observe_aside(observers, vectors, observe.Nearest(*room), begin, end)
+            observe.observe_aside(observers, vectors, room_for(self._agents, self._others), begin, end)
 
-        in_threads(observe_part, len(node), threads)
+        in_threads(observe_part, len(mask), threads)
         return Vectors(values, self.names, mask, is_legal)
 
     def _placed(self, xy: FloatArray) -> Any:
         """Return places, (…, 2), in shares of the map from its centre, as the core takes them."""
         return flat((xy - self._centre) / self._scale, np.float64)
+
+
+def legal_of(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
+    """Return the legal nodes of agents, or of nodes, as the core takes them; see `core.observe.Observers`."""
+    return flat(offsets, np.int32), flat(targets, np.int32)
+
+
+def room_for(agents: int, others: int) -> observe.Found:
+    """Return what a thread notes those in that an agent sees, of so many agents, and so many of them the nearest."""
+    seen: Any = np.zeros(agents, np.int64).data, np.zeros(agents, np.uint8).data
+    nearest: Any = np.zeros(others + 1).data, np.zeros(others + 1, np.int64).data
+    return observe.Found(*seen, *nearest)

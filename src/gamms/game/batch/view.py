@@ -20,7 +20,7 @@ from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, see
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.strategy_steps import are_plain_looks, made_looks
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, noted_nodes, seen_nodes
-from gamms.game.batch.vectors import Encoder, Legal, Vectors
+from gamms.game.batch.vectors import Encoder, Vectors, legal_of
 from gamms.game.conflicts import flat
 from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
@@ -338,28 +338,33 @@ class ArrayView(Mapping[str, Any]):
     def _encoded(self, others: int, more: int, threads: int) -> Vectors:
         """Return vectors, with so many more entries, 0 but the last one: the share n / (n + 100) after n turns."""
         shared, movement = self._shared, self._movement
-        key = "encoder", others, movement.width
+        key = "encoder", len(self.roster.names), others, movement.width
         if key not in shared:
-            shared[key] = Encoder(self.streets, others, movement.width)
-        is_plain = movement.are_plain(self.agents)
-        legal = None if is_plain else Legal.of(*self.legal_rows())
+            shared[key] = Encoder(self.streets, *key[1:])
         xy = self._places().xy if movement.leaves_nodes else None
-        seen = self._seen_in_core(others > 0)
         encoder: Encoder = shared[key]
-        return encoder.encode(self.node, self.mask, self.turn, legal, seen, xy=xy, more=more, threads=threads)
+        return encoder.encode(self._observers(others > 0), self.mask, xy=xy, more=more, threads=threads)
 
-    def _seen_in_core(self, is_asked: bool) -> observe.Seen:
-        """Return who is seen as the core takes it; nobody where that is not asked."""
-        roster, state = self.roster, self._state
-        looks = self._plain_looks() if is_asked else None
+    def _observers(self, are_looking: bool) -> observe.Observers:
+        """Return the agents as the core takes them; they see nobody if they are not looking."""
+        roster, state, streets = self.roster, self._state, self.streets
+        node = choice = flat(self.node, np.int64)
+        if self._movement.are_plain(self.agents):
+            offsets, targets = kept_in(self._shared, "along edges", lambda: legal_of(streets.offsets, streets.targets))
+        else:
+            rows, is_legal = self.legal_rows()
+            counts = is_legal.sum(axis=-1).reshape(-1)
+            choice = flat(np.arange(len(counts)), np.int64)
+            offsets, targets = legal_of(np.concatenate(([0], np.cumsum(counts))), rows[is_legal])
+        looks = self._plain_looks()
         pairs = _NO_PAIRS
-        if is_asked and looks is None:
-            seen, number = self.seen(), self.node.size
-            counts = np.bincount(seen.at * self.node.shape[1] + seen.viewers, minlength=number)
+        if are_looking and looks is None:
+            found, number = self.seen(), self.node.size
+            counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
-            pairs = flat(first, np.int64), flat(seen.nodes, np.int64), flat(self._are_mates(seen), np.uint8)
+            pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
         are_all = len(self.games) == len(state)
-        return observe.Seen(
+        seen = observe.Seen(
             looks,
             *pairs,
             viewers=flat(self.agents, np.int64),
@@ -368,6 +373,9 @@ class ArrayView(Mapping[str, Any]):
             team=flat(roster.team_of, np.int64),
             are_mates=flat(roster.are_teams, np.uint8),
         )
+        is_asked = flat(self.mask.view(np.uint8), np.uint8)
+        turn = flat(self.turn, np.int64)
+        return observe.Observers(len(self.agents), node, is_asked, choice, offsets, targets, turn=turn, seen=seen)
 
     def _plain_looks(self) -> strategies.Looks | None:
         """Return the sensors of all agents, if the core has all that they show; else None."""
@@ -502,6 +510,11 @@ def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
 def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors:
     """Return the vectors of a view with further entries; see `Encoder.encode`."""
     return view._encoded(others, more, threads)
+
+
+def observers_in(view: ArrayView) -> observe.Observers:
+    """Return the agents of a view as the core takes them."""
+    return view._observers(are_looking=True)
 
 
 def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Reports]]]:
