@@ -380,7 +380,7 @@ class ArrayView(Mapping[str, Any]):
     def _plain_looks(self) -> strategies.Looks | None:
         """Return the sensors of all agents, if the core has all that they show; else None."""
         state, movement, places = self._state, self._movement, self._state.places
-        if movement.leaves_nodes or state.noted or self._kinds is not SHOWING_AGENTS:
+        if movement.leaves_nodes or state.noted:
             return None
         if places is not None and (places.edge[..., 0] >= 0).any():
             return None
