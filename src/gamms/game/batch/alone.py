@@ -16,7 +16,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, kept_in, put_locked
-from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
+from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, StrategySpec, declare
 from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.last_turn import LastTurn
@@ -424,11 +424,6 @@ class _TurnOfOne(ArrayTurn):
             put_locked(self.node, (0, number), self.streets.rows(self.roster.agents[number].current_node_id))
             put_locked(self.alive, (0, number), values=True)
             self._state.placed[0, number] = True
-
-    def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
-        """Refuse these deeds, which is for the check of a rule."""
-        for number, reason in zip(deeds.agents.tolist(), why, strict=True):
-            self._game.refuse(self.roster.names[number], reason, deeds.kind)
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and where they are, (1, these, 3)."""

@@ -265,7 +265,6 @@ class Roster(NamedTuple):
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
         return is_in[self.team_of]
 
-    @property
     def are_teams(self) -> BoolArray:
         """Which teams have mates, (teams,): all but those of no team (None)."""
         return np.array([team is not None for team in self.teams], np.bool_)
@@ -273,7 +272,7 @@ class Roster(NamedTuple):
     def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
         """Return which agents are of the same team as others, by numbers that broadcast; of no team (None), none."""
         own = self.team_of[agents]
-        found: BoolArray = (own == self.team_of[others]) & self.are_teams[own]
+        found: BoolArray = (own == self.team_of[others]) & self.are_teams()[own]
         return found
 
     def name(self, number: int) -> str:

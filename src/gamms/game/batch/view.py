@@ -371,7 +371,7 @@ class ArrayView(Mapping[str, Any]):
             node=flat(state.node if are_all else state.node[self.games], np.int64),
             alive=flat((state.alive if are_all else state.alive[self.games]).view(np.uint8), np.uint8),
             team=flat(roster.team_of, np.int64),
-            are_mates=flat(roster.are_teams, np.uint8),
+            are_mates=flat(roster.are_teams(), np.uint8),
         )
         is_asked = flat(self.mask.view(np.uint8), np.uint8)
         turn = flat(self.turn, np.int64)
