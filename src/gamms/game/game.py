@@ -502,7 +502,7 @@ class Game(RuleVerbs):
             )
         chosen = as_seeds(num_games, seed, seeds)
         self._ruleset.warn()
-        return Batch(BatchSource(self.fork(0), None, None, None), chosen, record=False, most_agents=most_agents)
+        return Batch([BatchSource(self.fork(0), None, None, None)], chosen, record=False, most_agents=most_agents)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -141,6 +141,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     autoreset_mode: "AutoresetMode | str" = "SAME_STEP",
     workers: int = 1,
     threads: int = 1,
+    maps: Sequence[Any] | None = None,
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
@@ -166,6 +167,8 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
             raises is raised here and closes the environment, as does the end of a process (`gamms.workers.WorkerDied`).
         threads: how many threads of each process play its games, where all parts of these are in the core
             (docs/batches.md). Any number gives the same games.
+        maps: several maps in place of that of the scenario, of which the seed of each game draws one; see
+            `Scenario.batch`. `observation` and `reward` are called for the games of each map.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -190,6 +193,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         "reward": reward,
         "most_agents": most_agents,
         "threads": as_count(threads, "threads"),
+        "maps": maps,
     }
     learners = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, **games)
     options: dict[str, Any] = {"team": team, **games, "mask": mask, "actions": actions, "autoreset_mode": mode}

@@ -20,7 +20,7 @@ from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rl.deeds import choices_of
+from gamms.rl.deeds import DeedChoices, choices_of
 from gamms.rl.turns import Hand, Outcomes, Played, Prefix, Turn
 from gamms.scenario import Scenario
 from gamms.text import shown
@@ -80,6 +80,8 @@ class Learners:
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.
         threads: how many threads play games of which all parts are in the core; other games are played by one.
+        maps: several maps in place of that of the scenario; see `Scenario.batch`. The functions of observations and
+            rewards are called for the games of each map.
 
     Attributes:
         games: the batch.
@@ -100,7 +102,8 @@ class Learners:
 
     Raises:
         UnknownName (KeyError): there is no such team.
-        BadValue: an agent may go to more than 4096 nodes in a turn, or no rule gives scores and no reward is given.
+        BadValue: an agent may go to more than 4096 nodes in a turn, no rule gives scores and no reward is given, or
+            there are several maps and deeds.
     """
 
     def __init__(  # noqa: PLR0913 - what the environments are given
@@ -119,6 +122,7 @@ class Learners:
         record: bool = False,
         most_agents: MostAgents | None = None,
         threads: int = 1,
+        maps: Sequence[Any] | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -140,6 +144,7 @@ class Learners:
             one_by_one=one_by_one,
             vis_engine=vis_engine,
             most_agents=most_agents,
+            maps=maps,
         )
         self._first, self._episodes, self.stride = first + np.arange(number), np.zeros(number, np.int64), number
         try:
@@ -155,18 +160,16 @@ class Learners:
             if not self.teams:
                 raise BadValue("team names no team: give one, several, or None for all.")
         else:
-            self.teams = self.games.observe_agent(agent)["team"]
+            self.teams = self.games.observe_agent(agent, map=0)["team"]
             if teams is not None and tuple(teams) != self.teams:
                 raise BadValue(
                     f"Agent {shown(agent)} is of the team {shown(self.teams[0])}: give agent= without team=."
                 )
         self.agent = agent
-        views = self._views()
-        self.num_actions = movement_in(views[0]).width
+        views = self._views(0)
+        self.num_actions = self._most_actions()
         self._masks_of = np.tri(self.num_actions + 1, self.num_actions, -1, np.bool_)  # by how many actions are legal
-        declared = self.games.game.settings()["deeds"].items()
-        fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
-        self.deeds = choices_of(views[0], fields)
+        self.deeds = self._deeds_in(views[0])
         if self._hand is not None:
             self._hand.begin(self.games, self.deeds)
         self._members = np.concatenate([view.agents for view in views])  # their numbers in the roster
@@ -179,7 +182,7 @@ class Learners:
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
         self._remember()
-        self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
+        self.names: tuple[str, ...] = tuple(name for view in views for name in view["name"])
         game = self.games.game
         members = [views[0].roster.agents[number] for view in views for number in view.agents]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
@@ -193,6 +196,22 @@ class Learners:
                 "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
             )
+
+    def _deeds_in(self, view: ArrayView) -> DeedChoices | None:
+        """Return what agents may do besides moving; None: the scenario declares no deeds."""
+        declared = self.games.game.settings()["deeds"].items()
+        fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
+        if fields and self.games.num_maps > 1:
+            raise BadValue("Deeds of learners are for games on one map: leave maps= out, or declare no deeds.")
+        return choices_of(view, fields)
+
+    def _most_actions(self) -> int:
+        """Return how many actions there are at most on all maps, and let observations have as many on each."""
+        movements = [movement_in(self._views(number)[0]) for number in range(self.games.num_maps)]
+        most = max(one.width for one in movements)
+        for movement in movements:
+            movement.width = most
+        return most
 
     def close(self) -> None:
         """End the games."""
@@ -215,11 +234,22 @@ class Learners:
     def observe(self, which: IntArray | None = None) -> Any:
         """Return what all agents observe, (games, agents, …); of some games, by their numbers, or of all."""
         if which is None:
-            return joined([self._observed(view) for view in self._now])
-        are_alike = all(type(view) is ArrayView for view in self._now)  # on one map
+            return joined([self._observed_by(views) for views in self._now])
+        are_alike = all(type(view) is ArrayView for views in self._now for view in views)  # with the same roads
         if not are_alike or not getattr(self.observation, "of_each", False):  # it may need all games
             return self.observe()[which]
-        return joined([self._observed(view.in_games(which)) for view in self._now])
+        return joined([self._observed_by(_in_games(views, which)) for views in self._now])
+
+    def _observed_by(self, views: Sequence[ArrayView]) -> Any:
+        """Return what agents of views observe, one view for each map, in the order of the games."""
+        found = [self._observed(view) for view in views]
+        shapes = {one.shape[2:] for one in found}
+        if len(shapes) > 1:
+            raise BadValue(
+                f"observation must give arrays of one shape on all maps, not {shown(sorted(shapes))} for an agent: "
+                "let it not depend on the map, as rl.neighbourhood(hops, nodes) with a number of nodes does not."
+            )
+        return _in_order(found, views)
 
     def _observed(self, view: ArrayView) -> Any:
         return self._checked(self._observe(view), view, "observation")
@@ -267,17 +297,19 @@ class Learners:
             return
         self.games.step({} if self._hand is not None else self._given(moves, done, flown), on_illegal="stay")
 
-    def _earned(self, before: Sequence[ArrayView], scores: Mapping[Any, FloatArray]) -> FloatArray:
+    def _earned(self, before: Sequence[Sequence[ArrayView]], scores: Mapping[Any, FloatArray]) -> FloatArray:
         """Return the rewards of a turn, also of agents that have none."""
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
         earned = np.zeros(self._shape)
         outcomes = Outcomes(self.games)
-        for team, was, now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
-            if self._reward is not None:
-                turn = Turn(team, was, now, gains, outcomes)
-                earned[:, columns] += self._checked(self._reward(turn), now, "reward")
-            elif team in gains:
-                earned[:, columns] += gains[team][:, None]
+        for team, views, views_now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
+            if self._reward is None:
+                earned[:, columns] += gains[team][:, None] if team in gains else 0.0
+                continue
+            for was, now in zip(views, views_now, strict=True):
+                own = {key: numbers[now.games] for key, numbers in gains.items()}
+                turn = Turn(team, was, now, own, outcomes)
+                earned[now.games, columns] += self._checked(self._reward(turn), now, "reward")
         return earned
 
     def are_legal(self, actions: ActionArray) -> BoolArray:
@@ -386,22 +418,30 @@ class Learners:
 
     def names_by_team(self) -> dict[Hashable, tuple[str, ...]]:
         """Return the names of the agents of each team."""
-        return {team: view["name"] for team, view in zip(self.teams, self._now, strict=True)}
+        return {team: views[0]["name"] for team, views in zip(self.teams, self._now, strict=True)}
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _views(self) -> list[ArrayView]:
+    def _views(self, number: int) -> list[ArrayView]:
+        """Return the views of the teams in the games on the map of this number, perhaps none."""
         games, agent = self.games, self.agent
-        return [games.observe_agent(agent)] if agent is not None else [games.observe(team) for team in self.teams]
+        if agent is not None:
+            return [games.observe_agent(agent, map=number)]
+        return [games.observe(team, map=number) for team in self.teams]
 
     def _remember(self) -> None:
         """Look at the games as they are now."""
-        self._now, self._scores, self.is_over = self._views(), self.games.scores, self.games.is_over
-        self.alive: BoolArray = joined([view.mask for view in self._now])
+        by_map = [self._views(number) for number in np.unique(self.games.maps).tolist()]
+        self._now = list(zip(*by_map, strict=True))  # of each team, a view for each map that has games
+        self._scores, self.is_over = self.games.scores, self.games.is_over
+        self.alive: BoolArray = joined([_in_order([view.mask for view in views], views) for views in self._now])
         if self._can_come:
-            self.is_there = np.concatenate([view.is_there[:, view.agents] for view in self._now], axis=1)
+            there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
+            self.is_there = joined(there)
         plays = self.alive & ~self._of_games(self.is_over)
-        self._counts = np.where(plays, joined([view.counts for view in self._now]), 1)
+        self._counts = np.where(
+            plays, joined([_in_order([view.counts for view in views], views) for views in self._now]), 1
+        )
         self.masks: BoolArray = self._masks_of.take(self._counts, axis=0)
 
     def _of_games(self, column: BoolArray) -> BoolArray:
@@ -417,7 +457,7 @@ class Learners:
         """
         if self.deeds is None:
             return np.ones((*self._shape, 1), np.bool_)
-        masks = np.concatenate([self.deeds.masks(view) for view in self._now], axis=1)
+        masks = np.concatenate([self.deeds.masks(view) for (view,) in self._now], axis=1)
         masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
@@ -428,7 +468,7 @@ class Learners:
             return given
         given = {team: {"moves": moves} for team, moves in given.items()}
         if done is not None and self.deeds is not None:
-            for team, choices, view in zip(self.teams, self._by_team(done), self._now, strict=True):
+            for team, choices, (view,) in zip(self.teams, self._by_team(done), self._now, strict=True):
                 given[team]["deeds"] = self.deeds.given(choices, view)
         if flown is not None:
             for team, columns, flights in zip(self.teams, self._columns, self._by_team(flown), strict=True):
@@ -481,6 +521,19 @@ class Learners:
 def joined(columns: Sequence[Any]) -> Any:
     """Return arrays (games, agents, …) one after the other, as they are if there is one."""
     return columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
+
+
+def _in_order(parts: Sequence[Any], views: Sequence[ArrayView]) -> Any:
+    """Return arrays of the games of views, (games of the view, …), as one in the order of the games."""
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate(parts)[np.argsort(np.concatenate([view.games for view in views]))]
+
+
+def _in_games(views: Sequence[ArrayView], which: IntArray) -> list[ArrayView]:
+    """Return views of some games, ascending; of at least one game each."""
+    found = [(view, np.flatnonzero(np.isin(view.games, which))) for view in views]
+    return [view.in_games(places) for view, places in found if len(places)]
 
 
 def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int]) -> FloatArray:

@@ -48,7 +48,7 @@ class Outcomes:
 
 
 class Turn(NamedTuple):
-    """A turn that was played, for `reward=`.
+    """A turn that was played, for `reward=`: of the games of one map, where there are several.
 
     Attributes:
         team: whose reward it is.
@@ -56,7 +56,7 @@ class Turn(NamedTuple):
             `turn`, (games,), are those of then.
         after: its agents now.
         gains: key -> (games,) by how much each score has changed.
-        outcomes: how the games have ended; read `winner` and `reason` of the turn.
+        outcomes: how all games of the batch have ended; read `winner` and `reason` of the turn.
     """
 
     team: Hashable
@@ -68,12 +68,14 @@ class Turn(NamedTuple):
     @property
     def winner(self) -> ObjectArray:
         """The winner of each game, (games,) objects; None while a game goes on, or if no team has won."""
-        return self.outcomes.winner
+        winner: ObjectArray = self.outcomes.winner[self.after.games]
+        return winner
 
     @property
     def reason(self) -> ObjectArray:
         """Why each game has ended, (games,) objects, such as "time_limit"; None while it goes on."""
-        return self.outcomes.reason
+        reason: ObjectArray = self.outcomes.reason[self.after.games]
+        return reason
 
 
 class Played(NamedTuple):

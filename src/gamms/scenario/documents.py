@@ -76,6 +76,27 @@ def named(file: object, raw: Plain = None) -> Iterator[None]:
         raise error.within(file, raw) from error.__cause__
 
 
+@contextmanager
+def on_map(number: int | None) -> Iterator[None]:
+    """Say of errors on which of several maps they are, by its number; None: there is one map.
+
+    Raises:
+        ScenarioError: the same, with `maps[number]` in its place or its message.
+    """
+    try:
+        yield
+    except ScenarioError as error:
+        if number is None:
+            raise
+        name = f"maps[{number}]"
+        key, _, rest = error.path.partition(".")
+        if key == "map":
+            place = error.place.removeprefix("map")
+            raise ScenarioError(joined(name, rest) if rest else name, error.message, error.file, name + place) from None
+        message = f"on {name}, {error.message}"
+        raise ScenarioError(error.path, message, error.file, error.place) from error.__cause__
+
+
 def _in_words(path: str, raw: Plain) -> str:
     """Return a path in which the items of lists are counted from 1: `item 3 of rules (tag), with.hops`."""
     words, here = "", raw

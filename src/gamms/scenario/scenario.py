@@ -9,7 +9,7 @@ from typing import Any
 
 from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path, as_text
 from gamms.context import Context, create_context
-from gamms.errors import BadType, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import as_seeds
 from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents
 from gamms.game.result import Result
@@ -21,7 +21,7 @@ from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, digests, written_out
 from gamms.scenario.code import ON_REQUEST, Found, Library, Sources, allowed
-from gamms.scenario.documents import ScenarioError, named
+from gamms.scenario.documents import ScenarioError, named, on_map
 from gamms.scenario.placement import Placing, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
 from gamms.scenario.validation import check_code, check_sense, unread_data
@@ -292,7 +292,7 @@ class Scenario(Fixed):
                 ctx.record.start(record, overwrite=True)
             return ctx.game.run()
 
-    def batch(
+    def batch(  # noqa: PLR0913 - which games, who decides in them, and how they are played
         self,
         num_games: int | None = None,
         *,
@@ -303,6 +303,7 @@ class Scenario(Fixed):
         one_by_one: bool = False,
         vis_engine: Engine | None = None,
         most_agents: MostAgents | None = None,
+        maps: Iterable[object] | None = None,
     ) -> Batch:
         """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
 
@@ -319,26 +320,55 @@ class Scenario(Fixed):
             vis_engine: shows the games in turn, one by one; see `build`.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
+            maps: in place of the map of the scenario, several, each as a scenario has it under `map`: the seed of a
+                game draws one, whose number is in `batch.maps`. Game i is that of
+                `replace(map=maps[batch.maps[i]]).play(seed=seeds[i])`.
 
         Raises:
             ScenarioError: something cannot be done as it is written.
-            BadType, BadValue: there is no game, or a seed is no integer.
+            BadType, BadValue: there is no game or map, a seed is no integer, or the game has other agents on another
+                map.
             TooLarge: the games would not fit into memory; the message says what they need.
         """
         chosen = as_seeds(num_games, seed, seeds)
         reason = ONE_BY_ONE if as_bool(one_by_one, "one_by_one") or vis_engine is not None else None
-        are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
-        ctx, builder = self._built(chosen[0], strategies, vis_engine)
-        build = partial(self.build, strategies=strategies)
+        scenarios = [self] if maps is None else self._on_maps(maps)
+        if vis_engine is not None and len(scenarios) > 1:
+            raise BadValue("A window shows games on one map: give vis_engine= or several maps, not both.")
+        sources: list[BatchSource] = []
         try:
-            others = islice(dict.fromkeys(chosen[:_AMONG]), 1, 1 + _PROBES)
+            for number, scenario in enumerate(scenarios):
+                with on_map(None if maps is None else number):
+                    sources.append(scenario._source_of_batch(chosen, strategies, vis_engine, reason))
+            sources[0].game.internals.parts.rules.warn()
+            return Batch(sources, chosen, record=record, most_agents=most_agents)
+        except BaseException:
+            for source in sources:
+                source.game.ctx.terminate()
+            raise
+
+    def _on_maps(self, maps: Iterable[object]) -> list["Scenario"]:
+        """Return the scenario on each of several maps."""
+        found = []
+        for number, one in enumerate(as_items(maps, "maps", "maps of scenarios")):
+            with on_map(number):
+                found.append(self.replace(map=one))
+        if not found:
+            raise BadValue("maps is empty: give at least one map, or None for that of the scenario.")
+        return found
+
+    def _source_of_batch(
+        self, seeds: Sequence[int], strategies: Strategies | None, vis_engine: Engine | None, reason: str | None
+    ) -> BatchSource:
+        """Return where the games of a batch come from; `reason` says why they are played one by one, if it is known."""
+        are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
+        ctx, builder = self._built(seeds[0], strategies, vis_engine)
+        try:
+            others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
             varying = None if reason else builder.varies(self._made_otherwise(one, strategies) for one in others)
             reason = reason if varying is None else f"{varying}, which a function makes for each game"
-            source = BatchSource(
-                ctx.game, Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None, reason, build
-            )
-            ctx.game.internals.parts.rules.warn()
-            return Batch(source, chosen, record=record, most_agents=most_agents)
+            place = Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None
+            return BatchSource(ctx.game, place, reason, partial(self.build, strategies=strategies))
         except BaseException:
             ctx.terminate()
             raise

@@ -1,6 +1,6 @@
 """Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,6 +92,10 @@ class ArrayEngine:
         rules = [one.spec.array_form for one in as_called(self._game.rules) if one.spec.is_array_function]
         return [*(group.form for group in self._groups), *filter(None, rules)]
 
+    def leave(self, games: IntArray) -> None:
+        """Play these games no more until they start again: another engine plays them."""
+        self.state.is_going[games] = False
+
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
@@ -114,8 +118,10 @@ class ArrayEngine:
         self._core.play(last if self._last is None else np.minimum(last, self._last), threads=threads)
         return int((self.state.turn - before).max())
 
-    def step(self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1) -> None:
-        """Play one turn of all games that are not over.
+    def phases(
+        self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1
+    ) -> Iterator[None]:
+        """Play one turn of all games that are not over, and yield between its phases.
 
         Args:
             given: team -> what its agents do, in place of what their strategies decide.
@@ -128,14 +134,19 @@ class ArrayEngine:
         state = self.state
         if given and self._before:
             self._decided(np.flatnonzero(~self.is_over), given, [])  # refused before a rule is called
+        yield
         for named in self._before:  # a game that one of them ends is over for the others
             self._call(named, np.flatnonzero(~self.is_over))
         games = np.flatnonzero(~self.is_over)
         if not len(games):
             return
+        yield
+        decided = self._decided(games, given, self._groups, numbers)
+        yield
         until = np.zeros_like(state.turn)
         until[games] = state.turn[games] + 1
-        self._core.play(until, self._decided(games, given, self._groups, numbers), threads)
+        self._core.play(until, decided, threads)
+        yield
         if self._core.has_functions:
             for named in self._core.play_rules(games):
                 self._call(named, games)
@@ -210,9 +221,9 @@ class ArrayEngine:
         finally:
             turn._close()
 
-    def view(self, agents: IntArray) -> ArrayView:
-        """Return what agents observe, in all games."""
-        return ArrayView(self.state, np.arange(len(self.state)), agents)
+    def view(self, agents: IntArray, games: IntArray) -> ArrayView:
+        """Return what agents observe in some games."""
+        return ArrayView(self.state, games, agents)
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""

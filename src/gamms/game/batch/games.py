@@ -14,6 +14,7 @@ from gamms.game.batch.arrays import ArrayEngine, Numbers
 from gamms.game.batch.begun import movement_of
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.given import Acting, Given, as_given, as_kept
+from gamms.game.batch.maps import MapEngines, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, NotTakenUp
 from gamms.game.batch.view import ArrayView
@@ -25,7 +26,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.progress import uninterrupted
-from gamms.readonly import Fixed
+from gamms.readonly import Fixed, locked
 from gamms.text import shown
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
@@ -38,7 +39,7 @@ _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, 
 
 
 class BatchSource(NamedTuple):
-    """Where the games of a batch come from.
+    """Where the games of a batch that are on one map come from.
 
     Attributes:
         game: at its start, in a context of the batch's own.
@@ -63,37 +64,45 @@ class Batch(Fixed):
 
     Attributes:
         seeds: of the games, (games,).
+        maps: (games,) the number of the map that each game is on, which its seed draws; 0 where there is one map.
         slow: the first part without an array form, in words; None: all parts have one.
         is_closed: whether `close` was called; results stay.
     """
 
     seeds: Sequence[int]
+    maps: IntArray
     slow: str | None
     is_closed: bool
     _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
 
     def __init__(
         self,
-        source: BatchSource,
+        sources: Sequence[BatchSource],
         seeds: Sequence[int],
         *,
         record: bool,
         most_agents: MostAgents | None,
     ) -> None:
-        self._source = source
-        agents = agents_of(source.game)
-        self._roster = Roster.of(agents)
-        if most_agents is not None:
-            self._roster = Roster.of(agents, reserved(self._roster, most_agents))
-        self._put_public(seeds=seeds, slow=source.follows_seed or why_not_in_core(source.game, self._roster))
-        self._first_nodes = self._roster.first_nodes(source.game)  # before agents move in that context
-        self._refuse_too_many(BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
-        self._put_public(seeds=tuple(seeds), is_closed=False)
-        self._begin: IntArray  # the ids of the nodes where agents begin, (games, agents), of games in the core
-        self._engine: ArrayEngine | OneByOneEngine = self._made_engine(seeds)
+        self._sources = sources
+        self._rosters = [_roster_of(source.game, most_agents) for source in sources]
+        self._roster = self._rosters[0]
+        for number, roster in enumerate(self._rosters):
+            _refuse_other_agents(roster, self._roster, number)
+        whys = (
+            source.follows_seed or why_not_in_core(source.game, roster)
+            for source, roster in zip(sources, self._rosters, strict=True)
+        )
+        self._put_public(seeds=seeds, slow=next(filter(None, whys), None), maps=drawn_maps(seeds, len(sources)))
+        # Before agents move in those contexts:
+        self._first_nodes = [
+            roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
+        ]
+        self._refuse_too_many(BYTES_PER_AGENT * len(sources) if self.slow is None else _BYTES_PER_RESULT)
+        self._put_public(seeds=tuple(seeds), maps=locked(self.maps), is_closed=False)
+        self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
+        self._engine = self._made_engine()
         self._left: str | None = None  # why the games have left the core
-        may_leave = isinstance(self._engine, ArrayEngine) and len(self._engine.functions) > 0
-        is_kept = as_bool(record, "record") or may_leave
+        is_kept = as_bool(record, "record") or len(self._engine.functions) > 0  # which may leave the core
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
         self._steps = 0
@@ -101,19 +110,37 @@ class Batch(Fixed):
         self._was_given = False  # whether actions came from outside and were not kept
         self._lock = RLock()  # of the thread that plays
 
-    def _made_engine(self, seeds: Sequence[int]) -> "ArrayEngine | OneByOneEngine":
+    def _made_engine(self) -> MapEngines:
         """Return what plays the games: the core, where it has all their parts."""
-        game, roster = self._source.game, self._roster
-        if self.slow is None:
-            movement = movement_of(game, roster)
-            self._put_public(slow=why_not_on_map(game, roster, movement))
-        if self.slow is None:
-            self._begin = self._starts(seeds)
+        made = self._made_in_core() if self.slow is None else None
+        return self._made_one_by_one() if made is None else made
+
+    def _made_in_core(self) -> MapEngines | None:
+        """Return what plays the games in the core; None: it has not all that their maps need, as `slow` says then."""
+        games = [source.game for source in self._sources]
+        movements = [movement_of(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
+        whys = map(why_not_on_map, games, self._rosters, movements)
+        self._put_public(slow=next(filter(None, whys), None))
+        if self.slow is not None:
+            return None
+        self._begin = self._starts(self.seeds, self.maps)
+        engines = []
+        for number, (game, roster, movement) in enumerate(zip(games, self._rosters, movements, strict=True)):
+            begin = np.where((self.maps == number)[:, None], self._begin, self._first_nodes[number])
             try:
-                return ArrayEngine(game, movement, seeds, self._begin.copy(), roster)
+                engines.append(ArrayEngine(game, movement, self.seeds, begin, roster))
             except GammsError as error:
                 self._put_public(slow=str(error))
-        return OneByOneEngine(game, roster, seeds)
+                return None
+        return MapEngines(engines, self.maps.copy())
+
+    def _made_one_by_one(self) -> MapEngines:
+        """Return what plays the games one after the other."""
+        engines = [
+            OneByOneEngine(source.game, roster, self.seeds)
+            for source, roster in zip(self._sources, self._rosters, strict=True)
+        ]
+        return MapEngines(engines, self.maps.copy())
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -138,7 +165,8 @@ class Batch(Fixed):
     def close(self) -> None:
         """End the contexts of the batch."""
         self._put_public(is_closed=True)
-        self._source.game.ctx.terminate()
+        for source in self._sources:
+            source.game.ctx.terminate()
 
     def _refuse_closed(self) -> None:
         if self.is_closed:
@@ -200,7 +228,7 @@ class Batch(Fixed):
     def _step_numbers(self, numbers: Numbers, threads: int) -> bool:
         """Play a turn; see `step_numbers`."""
         self._refuse_closed()
-        if not isinstance(self._engine, ArrayEngine):
+        if not self.is_in_arrays:
             return False
         given = dict[Hashable, Given]()
         if self._log is not None:  # for the turn engine, if it plays these games again
@@ -212,19 +240,16 @@ class Batch(Fixed):
         return True
 
     def _play_turn(self, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
-        engine = self._engine
         try:
-            if isinstance(engine, ArrayEngine):
-                engine.step({} if numbers is not None else given, numbers, threads)
-            else:
-                engine.step(given)
+            self._engine.step({} if numbers is not None else given, numbers, threads)
         except NotTakenUp as error:
             self._leave_arrays(" ".join((f"{error}.", *getattr(error, "__notes__", ()))))
             self._engine.step(given)
 
     def _leave_arrays(self, why: str) -> None:
         """Let the turn engine play all games from their starts to the last turn that was played, and go on there."""
-        engine, log = OneByOneEngine(self._source.game, self._roster, self.seeds), self._log or []
+        engine = self._made_one_by_one()
+        log = self._log or []
         for number in range(len(self)):
             for given in log[self._entry_of(number) :]:
                 if engine.over(number) is None:
@@ -262,7 +287,7 @@ class Batch(Fixed):
 
     def _watched(self) -> AbstractContextManager[None]:
         """Refuse forms that remember elsewhere than in their views and turns; looked at in turns that get rarer."""
-        if not isinstance(self._engine, ArrayEngine) or self._steps & (self._steps - 1):
+        if not self.is_in_arrays or self._steps & (self._steps - 1):
             return nullcontext()
         return refusing_changes(
             self._engine.functions,
@@ -284,19 +309,19 @@ class Batch(Fixed):
         """
         self._refuse_closed()
         num_threads = min(as_count(threads, "threads"), len(self))
-        is_shown, game = as_bool(progress, "progress"), self._source.game
+        is_shown, game = as_bool(progress, "progress"), self.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if as_bool(warn, "warn"):
             self._say_what_is_slow()
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
-            if isinstance(self._engine, ArrayEngine):
+            if self.is_in_arrays:
                 self._run_in_core(self._engine, num_threads, show)
-            if isinstance(self._engine, OneByOneEngine):  # or they have left the core
+            if not self.is_in_arrays:  # or they have left the core
                 self._run_one_by_one(self._engine, show)
 
-    def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
+    def _run_in_core(self, engine: MapEngines, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         has_functions = len(engine.functions) > 0
@@ -320,12 +345,12 @@ class Batch(Fixed):
         if self._is_said or self.slow in (None, ONE_BY_ONE):
             return
         self._is_said = True
-        logger = self._source.game.ctx.logger
-        is_usual = self.slow in why_not_decided(self._source.game, self._roster).values() or len(self) < _FEWEST_WARNED
+        logger = self.game.ctx.logger
+        is_usual = self.slow in why_not_decided(self.game, self._roster).values() or len(self) < _FEWEST_WARNED
         say = logger.info if is_usual else logger.warning
         say(f"A batch is played one game after the other, because of {self.slow}.")
 
-    def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
+    def _run_one_by_one(self, engine: MapEngines, show: Callable[[str], object] | None) -> None:
         before = engine.turns()
         try:
             for game in np.flatnonzero(~engine.is_over).tolist():
@@ -338,7 +363,7 @@ class Batch(Fixed):
                 self._log += [{}] * int((engine.turns() - before).max())
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
-        """Begin games again.
+        """Begin games again; with other seeds they draw their maps anew, where there are several.
 
         Args:
             which: the numbers of games, or an array (games,) of booleans; None: all.
@@ -356,14 +381,14 @@ class Batch(Fixed):
         if not numbers:
             return
         changed = dict(zip(numbers, given, strict=True))
+        if seeds is not None:
+            maps = self.maps.copy()
+            maps[numbers] = drawn_maps(given, len(self._sources))
+            if self.is_in_arrays:
+                self._begin[numbers] = self._starts(given, maps[numbers])
+            self._put_public(maps=locked(maps))
         self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
-        if isinstance(self._engine, ArrayEngine):
-            if seeds is not None:
-                self._begin[numbers] = self._starts(given)
-            self._engine.start(np.array(numbers), given, self._begin[numbers])
-        else:
-            for game, seed in changed.items():
-                self._engine.start(game, seed)
+        self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
@@ -381,7 +406,7 @@ class Batch(Fixed):
         those that were opened, which are behind the others. Without it roads are as at the start.
 
         Raises:
-            BadValue: the games, or some of them, are not played in arrays.
+            BadValue: the games, or some of them, are not played in arrays, or they have several maps.
         """
         return self._arrays("columns").state.columns()
 
@@ -394,7 +419,8 @@ class Batch(Fixed):
             scores: key -> (games,) numbers; None: none.
 
         Raises:
-            BadType, BadValue: the games are not played in arrays, or these are no moments of such games.
+            BadType, BadValue: the games are not played in arrays, they have several maps, or these are no moments of
+                such games.
         """
         as_mapping(columns, "columns")
         for key, points in as_mapping({} if scores is None else scores, "scores").items():
@@ -405,38 +431,67 @@ class Batch(Fixed):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> ArrayEngine:
-        if not isinstance(self._engine, ArrayEngine):
+        if not self.is_in_arrays:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} is for games that are played in arrays; these are not, because of {why}.")
-        return self._engine
+        if len(self._sources) > 1:
+            raise BadValue(
+                f"{what} is for games on one map, whose nodes its columns number; these are on {len(self._sources)}: "
+                "make a batch for each map."
+            )
+        return self._engine.in_core[0]
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
-    def observe(self, team: Hashable) -> ArrayView:
+    def observe(self, team: Hashable, *, map: int | None = None) -> ArrayView:
         """Return where the agents of a team are and what they may do, in all games, as arrays.
+
+        Args:
+            team: of the agents.
+            map: the number of a map, of several: the view has the games that are on it now; its `games` are their
+                numbers, which may be none.
 
         Raises:
             UnknownName (KeyError): no agent plays for it.
+            BadValue: there are several maps, and none is given, or there is no such map.
         """
-        return self._view(self._roster.members(team))
+        return self._view(self._roster.members(team), map)
 
-    def observe_agent(self, name: str) -> ArrayView:
+    def observe_agent(self, name: str, *, map: int | None = None) -> ArrayView:
         """Return what `observe` does, of one agent alone.
 
         Raises:
             UnknownName (KeyError): there is no such agent.
+            BadValue: see `observe`.
         """
         if as_key(name, "The name of an agent") not in self._roster.names:
             raise UnknownName("agent", name, self._roster.names)
-        return self._view(np.array([self._roster.names.index(name)]))
+        return self._view(np.array([self._roster.names.index(name)]), map)
 
-    def _view(self, agents: IntArray) -> ArrayView:
-        return self._engine.view(agents)
+    def _view(self, agents: IntArray, map: int | None) -> ArrayView:
+        num_maps = len(self._sources)
+        if map is None and num_maps > 1:
+            raise BadValue(
+                f"These games are on {num_maps} maps, and a view has one: give map=k, from 0 to {num_maps - 1}, for "
+                "the games of which batch.maps is k."
+            )
+        number = 0 if map is None else as_int(map, "map")
+        if not 0 <= number < num_maps:
+            raise BadValue(f"There is no map {number}: the batch has {num_maps}, numbered from 0.")
+        return self._engine.view(agents, number)
 
     @property
     def game(self) -> PlayedGame:
-        """The game that the batch was made from: its agents, rules and settings."""
-        return self._source.game
+        """The game that the batch was made from: its agents, rules and settings.
+
+        Of several maps, it is the one on the map of the game that was played by itself last, or on the first map.
+        """
+        return self._sources[self._engine.current].game
+
+    @property
+    def num_maps(self) -> int:
+        """How many maps there are."""
+        return len(self._sources)
 
     @property
     def teams(self) -> tuple[Hashable, ...]:
@@ -484,9 +539,14 @@ class Batch(Fixed):
         return {} if self._left is None else dict.fromkeys(range(len(self)), self._left)
 
     def table(self) -> dict[str, Any]:
-        """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
+        """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score.
+
+        Where there are several maps, `map` is the number of the map of each game.
+        """
         overs = [self._engine.over(game) or {} for game in range(len(self))]
         columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
+        if len(self._sources) > 1:
+            columns["map"] = self.maps.copy()
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
@@ -502,14 +562,15 @@ class Batch(Fixed):
                 and not begun again since; or the batch is not of a scenario.
         """
         number, file = self._as_game(game), as_path(path, "path")
-        if self._source.build is None:
+        build = self._sources[self.maps[number]].build
+        if build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
         if self._was_given:
             raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
         turns, first = int(self._engine.turns()[number]), self._entry_of(number)
-        ran_from = self._engine.ran_from if isinstance(self._engine, OneByOneEngine) else {}
-        num_given = ran_from.get(number, turns)
-        with self._source.build(self.seeds[number]) as ctx:
+        ran_from = self._engine.ran_from(number)
+        num_given = turns if ran_from is None else ran_from
+        with build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
@@ -530,24 +591,26 @@ class Batch(Fixed):
     def context(self, game: int) -> Any:
         """Point the context of the batch at a game, to look at it; after each turn it is pointed there again.
 
+        Of several maps, each has its context.
+
         Raises:
             BadValue: the games are played in arrays: `scenario.batch(…, one_by_one=True)` plays them in a context.
         """
         number = self._as_game(game)
-        if isinstance(self._engine, ArrayEngine):
-            way = "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) has one"
+        if self.is_in_arrays:
+            way = "scenario.batch(…, one_by_one=True)" if self._sources[0].build else "ctx.game.fork(seed) has one"
             raise BadValue(f"Games in arrays have no context: {way}.")
         return self._engine.show(number).ctx
 
     @property
     def is_in_arrays(self) -> bool:
         """Whether the games are played all at once, and not one after the other."""
-        return not isinstance(self._engine, OneByOneEngine)
+        return len(self._engine.in_core) > 0
 
     @property
     def loaded(self) -> int | None:
         """The number of the game that is played by itself right now; None: games are in arrays."""
-        return self._engine.loaded if isinstance(self._engine, OneByOneEngine) else None
+        return self._engine.loaded
 
     # -- inside -------------------------------------------------------------------------------------------------
 
@@ -579,14 +642,48 @@ class Batch(Fixed):
             raise BadValue(f"Each game is begun again once, not as {shown(which)} says.")
         return numbers
 
-    def _starts(self, seeds: Sequence[int]) -> IntArray:
-        """Return the ids of the nodes where agents begin, (games, agents), in the order of their names."""
-        starts = self._source.starts
-        if starts is None:
-            return np.tile(self._first_nodes, (len(seeds), 1))
-        nodes = starts(seeds)
-        some = next(iter(nodes.values()))  # for names that are reserved, any will do
-        return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
+    def _starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
+        """Return the ids of the nodes where agents begin on maps, (games, agents), in the order of their names."""
+        found = np.zeros((len(seeds), len(self._roster.names)), np.int64)
+        for number, source in enumerate(self._sources):
+            which = np.flatnonzero(maps == number)
+            if not len(which):
+                continue
+            if source.starts is None:
+                found[which] = self._first_nodes[number]
+                continue
+            nodes = source.starts([seeds[place] for place in which.tolist()])
+            some = next(iter(nodes.values()))  # for names that are reserved, any will do
+            found[which] = np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
+        return found
+
+
+def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> Roster:
+    """Return the agents of a game, and names that are reserved for others."""
+    agents = agents_of(game)
+    roster = Roster.of(agents)
+    return roster if most_agents is None else Roster.of(agents, reserved(roster, most_agents))
+
+
+def _refuse_other_agents(roster: Roster, first: Roster, number: int) -> None:
+    """Refuse a map on which the game has other agents than on the first one."""
+    if roster.names != first.names:
+        other = min({*roster.names} ^ {*first.names})
+        raise BadValue(
+            f"On maps[{number}] the game has other agents than on maps[0]: only one of both has {shown(other)}. "
+            "Code of the scenario makes agents by the map; let it make the same on all maps."
+        )
+    are_alike = [
+        roster.teams == first.teams,
+        np.array_equal(roster.team_of, first.team_of),
+        np.array_equal(roster.is_first, first.is_first),
+        np.array_equal(roster.flies, first.flies),
+    ]
+    if not all(are_alike):
+        raise BadValue(
+            f"On maps[{number}] agents of the game have other teams or kinds than on maps[0]: let the code of the "
+            "scenario make the same on all maps."
+        )
 
 
 def step_numbers(games: Batch, numbers: Numbers, threads: int) -> bool:

@@ -32,6 +32,8 @@ from gamms.typing import AgentType
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
+_ABSENT: dict[str, Any] = {}  # how a game is over that another engine plays
+
 
 class OneByOneEngine:
     """Plays the games of a batch one after the other: each is a snapshot that is restored for its turn.
@@ -61,50 +63,49 @@ class OneByOneEngine:
         self._hidden = [HiddenState(one) for one in _functions_of(game, roster)]
         self._played = 0  # turns, and games that were played to their ends
 
-    def close(self) -> None:
-        """End the context."""
-        self._game.ctx.terminate()
-
     @property
     def is_over(self) -> BoolArray:
         """Which games have ended, (games,)."""
         return np.array([over is not None for over in self._over])
 
-    def start(self, game: int, seed: int) -> None:
-        """Begin a game again, with another seed."""
-        self.seeds[game] = seed
+    def leave(self, games: IntArray) -> None:
+        """Play these games no more until they start again: another engine plays them."""
+        for game in games.tolist():
+            self._forget(game)
+            self._over[game] = _ABSENT
+            if game == self._shown:
+                self._shown = None
+
+    def start(self, games: IntArray, seeds: Sequence[int]) -> None:
+        """Begin games again, with other seeds."""
+        for game, seed in zip(games.tolist(), seeds, strict=True):
+            self._forget(game)
+            self.seeds[game] = seed
+            self._turns[game], self._scores[game] = self._first
+            self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
+
+    def _forget(self, game: int) -> None:
+        """Forget what has become of a game."""
         if game == self.loaded:
             self.loaded = None
         self._snapshots[game] = self._results[game] = self._over[game] = None
         self.ran_from.pop(game, None)
         self._unknown.pop(game, None)
-        self._turns[game], self._scores[game] = self._first
-        self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
         self._is_observed[game] = False
 
-    def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over; of several none is played where one raises."""
-        playing = np.flatnonzero(~self.is_over)
-        self.check(given, playing)
-        if len(playing) == 1:  # NOTE: a snapshot for each turn would slow it down
-            try:
-                self.step_game(int(playing[0]), given)
-            finally:
-                self.return_to_shown()
-            return
+    @contextmanager
+    def undoing_after_error(self, playing: IntArray) -> Iterator[None]:
+        """Let a turn of some games be played in the block; where it raises, they are as they were before."""
         self._put_aside()
         before = [*self._snapshots], [*self._results], [*self._over], self._turns.copy(), [*self._scores]
         try:
-            for number in playing.tolist():
-                self.step_game(number, given)
+            yield
         except BaseException:
             self._acting.end()
             self.loaded = None
             self._snapshots, self._results, self._over, self._turns, self._scores = before
             self._is_observed[playing] = False
             raise
-        finally:
-            self.return_to_shown()
 
     def check(self, given: Mapping[Hashable, Given], games: IntArray) -> None:
         """Refuse what cannot be done in one of some games as they are now, before any is played."""
@@ -186,14 +187,14 @@ class OneByOneEngine:
             error.add_note(f"In game {number} of a batch, with the seed {self.seeds[number]}.")
             raise
 
-    def view(self, agents: IntArray) -> ArrayView:
-        """Return what agents observe, in all games."""
-        self._observe_all(np.arange(len(self.seeds)))
-        for roads, _ in self._observed.roads.by_map(np.arange(len(self.seeds))):
+    def view(self, agents: IntArray, games: IntArray) -> ArrayView:
+        """Return what agents observe in some games."""
+        self._observe_all(games)
+        for roads, _ in self._observed.roads.by_map(games):
             if roads is not None:
                 roads.world = None  # which has what was legal before
         self.return_to_shown()
-        return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
+        return ArrayView(self._observed, games, agents)
 
     def _observe_all(self, games: IntArray) -> None:
         self._is_watched = True

@@ -1,0 +1,364 @@
+"""Batches whose games have several maps: each game is the one of its seed on the map that the seed draws."""
+
+import numpy as np
+import pytest
+from batch_scenes import WALK, plain, scene
+
+import gamms
+import gamms.recorder
+from gamms import rl
+from gamms.errors import BadType, BadValue
+from gamms.scenario.documents import ScenarioError
+
+MAPS = [{"grid": {"width": width, "height": height}} for width, height in ((4, 4), (7, 3), (1, 9), (5, 6))]
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "score": 0.5}}
+LIMIT = {"rule": "time_limit", "with": {"turns": 9, "winner": "blue"}}
+CODE = '''
+import numpy as np
+
+import gamms
+
+
+@gamms.array_rule
+def crowd(turn):
+    """Score by how often agents were on the last node of their map."""
+    kept = turn.keep("crowd", lambda games: {"times": np.zeros((games, len(turn.roster.names)))})
+    there = turn.node == turn.streets.num_nodes - 1
+    kept["times"][turn.games] += there
+    turn.add_scores(*there.nonzero(), kept["times"][turn.games][there])
+
+
+def count_meetings(ctx):
+    """Score by how many agents are on nodes with even numbers; end the game when these are many."""
+    nodes = [agent.current_node_id for agent in ctx.agent.agents.values()]
+    even = sum(node % 2 == 0 for node in nodes)
+    ctx.game.scores["red"] = ctx.game.scores.get("red", 0) + even
+    if even == len(nodes):
+        ctx.game.end("even")
+
+
+def fails(ctx):
+    """Raise on a node that the smallest maps do not have."""
+    if any(agent.current_node_id > 20 for agent in ctx.agent.agents.values()):
+        raise RuntimeError("too far")
+'''
+
+
+@gamms.array_strategy
+def last_of_legal(view):
+    """Go to the last legal node."""
+    return view.counts - 1
+
+
+@gamms.array_strategy
+def drawn(view):
+    """Draw one of the nodes that are legal, on the one map of the view."""
+    assert (view["curr_pos"] < view.streets.num_nodes).all()
+    return view.draw.below(view.counts)
+
+
+@gamms.array_strategy
+def to_the_last_node(view):
+    """Go to the last node of the map, which agents with speeds cannot in arrays."""
+    ends = np.full(view.node.shape, view.streets.num_nodes - 1)
+    return view.towards(ends)
+
+
+@pytest.fixture
+def with_code(tmp_path):
+    """Make scenarios with rules of a user."""
+    (tmp_path / "mine.py").write_text(CODE)
+    return lambda *rules, **more: scene([TAG, *rules], folder=tmp_path, **more)
+
+
+def assert_as_alone(scenario, games, strategies=None):
+    """Check that games that were run are those that `play` plays on their maps."""
+    for number, (seed, of_map) in enumerate(zip(games.seeds, games.maps.tolist(), strict=True)):
+        alone = scenario.replace(map=MAPS[of_map]).play(seed=seed, strategies=strategies)
+        assert plain(games.result(number)) == plain(alone)
+
+
+SPEEDS = {
+    "teams": {
+        team: {"count": 2, "strategy": "gamms.strategies:random_waypoints", "speed": 7.0} for team in ("red", "blue")
+    }
+}
+IN_CORE = {
+    "rules of the library": (scene([TAG, LIMIT]), {}),
+    "array strategies": (scene([TAG]), {"red": drawn, "blue": last_of_legal}),
+    "by metres": (scene([TAG], settings={"speed_unit": "metres"}, **SPEEDS), {}),
+}
+
+
+@pytest.mark.parametrize("name", IN_CORE)
+def test_games_in_the_core_equal_those_alone_on_their_maps(name):
+    scenario, strategies = IN_CORE[name]
+    with scenario.batch(20, seed=3, strategies=strategies, maps=MAPS) as games:
+        assert games.is_in_arrays
+        assert {*games.maps.tolist()} == {0, 1, 2, 3}
+        games.run(threads=2)
+        assert_as_alone(scenario, games, strategies)
+
+
+def test_games_one_by_one_equal_those_alone_on_their_maps(with_code):
+    scenario = with_code({"rule": "mine:count_meetings"})
+    with scenario.batch(12, maps=MAPS) as games, scenario.batch(12, maps=MAPS) as stepped:
+        games.run()
+        assert_as_alone(scenario, games)
+        while stepped.step().any():
+            pass
+        assert_as_alone(scenario, stepped)
+
+
+def test_array_rules_are_called_for_the_games_of_each_map(with_code):
+    scenario = with_code({"rule": "mine:crowd"})
+    with scenario.batch(12, maps=MAPS) as games:
+        assert games.is_in_arrays
+        games.run()
+        assert_as_alone(scenario, games)
+        games.reset([0, 3, 4], seeds=[30, 33, 34])
+        games.run()
+        assert_as_alone(scenario, games)
+
+
+def test_the_map_of_a_game_follows_from_its_seed_alone():
+    scenario = scene([TAG])
+    with scenario.batch(40, maps=MAPS) as many, scenario.batch(seeds=[17, 3, 39], maps=MAPS) as few:
+        assert few.maps.tolist() == many.maps[[17, 3, 39]].tolist()
+        assert (np.bincount(many.maps, minlength=4) > 3).all()
+    with scenario.batch(40, maps=MAPS, one_by_one=True) as slow:
+        assert slow.maps.tolist() == many.maps.tolist()
+
+
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_games_that_begin_again_draw_their_maps_anew(one_by_one):
+    scenario = scene([TAG])
+    with scenario.batch(10, maps=MAPS, one_by_one=one_by_one) as games:
+        before = games.maps.tolist()
+        for _ in range(4):
+            games.step()
+        games.reset([1, 2, 3, 7], seeds=[21, 22, 23, 27])
+        assert [before[i] for i in (0, 4, 5)] == [games.maps[i] for i in (0, 4, 5)]
+        assert games.maps.tolist() != before
+        assert games.turn.tolist() == [4, 0, 0, 0, 4, 4, 4, 0, 4, 4]
+        games.run()
+        assert_as_alone(scenario, games)
+        games.reset()
+        games.run()
+        assert_as_alone(scenario, games)
+        with scenario.batch(seeds=games.seeds, maps=MAPS) as fresh:
+            assert fresh.maps.tolist() == games.maps.tolist()
+
+
+def test_actions_are_numbers_of_legal_nodes_on_the_map_of_each_game():
+    scenario = scene([TAG])
+    with (
+        scenario.batch(10, maps=MAPS, record=True) as games,
+        scenario.batch(10, maps=MAPS, one_by_one=True) as slow,
+    ):
+        for turn in range(6):
+            actions = np.zeros((10, 3), np.int64)
+            for number in range(4):
+                view = games.observe("red", map=number)
+                assert view.games.tolist() == np.flatnonzero(games.maps == number).tolist()
+                actions[view.games] = (view.agents + turn) % view.counts
+            games.step({"red": actions})
+            slow.step({"red": actions})
+        for number in range(10):
+            assert plain(games.result(number)) == plain(slow.result(number))
+        with pytest.raises(BadValue, match="action 9"):
+            games.step({"red": np.full((10, 3), 9)})
+        assert games.turn.tolist() == [6] * 10
+
+
+def test_games_are_recorded_on_their_maps(tmp_path):
+    scenario = scene([TAG])
+    with scenario.batch(6, maps=MAPS, record=True) as games:
+        games.step({"red": np.zeros((6, 3), np.int64)})
+        games.run()
+        for number in range(6):
+            games.record(number, tmp_path / "game.gamms")
+            with gamms.recorder.open(tmp_path / "game.gamms") as recording:
+                again = gamms.scenario.from_recording(recording)
+                assert recording.turns == games.turn[number]
+            assert again.to_dict()["map"]["grid"]["width"] == MAPS[games.maps[number]]["grid"]["width"]
+
+
+def test_the_table_has_the_maps():
+    with scene([TAG]).batch(6, maps=MAPS) as games:
+        games.run()
+        assert games.table()["map"].tolist() == games.maps.tolist()
+    with scene([TAG]).batch(6) as games:
+        assert games.maps.tolist() == [0] * 6
+        assert "map" not in games.table()
+
+
+def test_no_game_is_played_where_a_rule_raises_on_one_map(with_code):
+    scenario = with_code({"rule": "mine:fails"}, max_turns=30)
+    with scenario.batch(12, maps=MAPS) as games, pytest.raises(RuntimeError, match="too far"):
+        for turn in range(30):
+            assert games.turn.tolist() == [turn] * 12
+            games.step()
+    assert len({*games.turn.tolist()}) == 1
+
+
+def test_games_that_leave_the_core_go_on_on_their_maps():
+    speeds = {team: {"count": 2, "strategy": WALK, "speed": 2.0} for team in ("red", "blue")}
+    scenario = scene([TAG], teams=speeds)
+    with scenario.batch(8, maps=MAPS, strategies={"red": to_the_last_node}) as games:
+        games.run()
+        assert games.detached
+        assert_as_alone(scenario, games, {"red": to_the_last_node})
+
+
+def test_a_context_is_pointed_at_games_on_their_maps():
+    with scene([TAG]).batch(6, maps=MAPS, one_by_one=True) as games:
+        games.step()
+        for number in range(6):
+            ctx = games.context(number)
+            grid = MAPS[games.maps[number]]["grid"]
+            assert len(ctx.graph.graph) == grid["width"] * grid["height"]
+            assert ctx.game.turn == 1
+
+
+def test_what_one_map_alone_can_say_is_refused():
+    with scene([TAG]).batch(6, maps=MAPS) as games:
+        with pytest.raises(BadValue, match="give map=k"):
+            games.observe("red")
+        with pytest.raises(BadValue, match="There is no map 4"):
+            games.observe("red", map=4)
+        with pytest.raises(BadValue, match="columns is for games on one map"):
+            games.columns()
+    with scene([TAG]).batch(3, maps=MAPS[:1]) as games:
+        assert games.observe("red").node.shape == (3, 3)
+        assert len(games.columns()["node"]) == 3
+
+
+def test_maps_are_checked_as_those_of_scenarios(tmp_path):
+    scenario = scene([TAG])
+    with pytest.raises(BadValue, match="maps is empty"):
+        scenario.batch(3, maps=[])
+    with pytest.raises(BadType, match="maps must be a list"):
+        scenario.batch(3, maps=7)
+    with pytest.raises(ScenarioError, match=r"^maps\[1\]: cannot be 7"):
+        scenario.batch(3, maps=[MAPS[0], 7])
+    with pytest.raises(ScenarioError, match=r"^maps\[2\]\.grid\.width"):
+        scenario.batch(3, maps=[*MAPS[:2], {"grid": {"width": 0, "height": 2}}])
+    with pytest.raises(ScenarioError, match=r"^maps\[0\]\.file.*there is no file"):
+        scene([TAG], folder=tmp_path).batch(3, maps=[{"file": "none.gamms"}])
+
+
+def test_agents_need_their_places_on_all_maps():
+    agents = [{"name": "one", "node": 15}]
+    scenario = scene(teams={"red": {"agents": agents, "strategy": WALK}})
+    with pytest.raises(ScenarioError, match=r"teams\.red.*on maps\[2\]"):
+        scenario.batch(3, maps=MAPS)
+
+
+# -- learners -------------------------------------------------------------------------------------------------------
+
+
+def test_learners_observe_all_maps_in_one_array():
+    env = rl.vector_env(scene([TAG]), num_games=9, team="red", maps=MAPS[:3])
+    observed, _ = env.reset(seed=4)
+    games = env.unwrapped.learners.games
+    masks = observed["action_mask"].reshape(9, 3, -1)
+    assert masks.shape[2] == 5
+    for number in range(3):
+        view = games.observe("red", map=number)
+        assert masks[view.games].sum(axis=2).tolist() == view.counts.tolist()
+    assert env.single_observation_space["observation"].shape == observed["observation"].shape[1:]
+    env.close()
+
+
+@pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])
+@pytest.mark.parametrize("observation", [None, rl.neighbourhood(1, 6)])
+def test_learners_of_several_maps_play_the_games_of_each(mode, observation):
+    scenario = scene([TAG, LIMIT])
+    given = {"team": "red", "autoreset_mode": mode, "observation": observation}
+    env = rl.vector_env(scenario, num_games=6, maps=MAPS[:3], **given)
+    by_map = [rl.vector_env(scenario.replace(map=one), num_games=1, **given) for one in MAPS[:3]]
+    observed, _ = env.reset(seed=2)
+    learners, seen = env.unwrapped.learners, set()
+    draw = np.random.default_rng(0)
+    alone = {}
+    for _ in range(25):
+        for game, seed in enumerate(learners.games.seeds):
+            if alone.get(game, (None,))[0] != seed:
+                alone[game] = seed, int(learners.games.maps[game]), []
+        seen |= {tuple(one[:2]) for one in alone.values()}
+        masks = observed["action_mask"]
+        actions = np.array([draw.choice(np.flatnonzero(mask)) for mask in masks])
+        for game, (_, _, taken) in alone.items():
+            taken.append((actions.reshape(6, 3)[game], observed["observation"].reshape(6, 3, -1)[game]))
+        observed, *_ = env.step(actions)
+    assert {one for _, one in seen} == {0, 1, 2}
+    assert len(seen) > 6  # games began again
+    for seed, number, taken in alone.values():
+        one = by_map[number]
+        shown, _ = one.reset(seed=seed)
+        for actions, values in taken:
+            mine = shown["observation"].reshape(3, -1)
+            if observation is not None or mine.shape == values.shape:
+                np.testing.assert_array_equal(mine, values)
+            shown, *_ = one.step(actions)
+    env.close()
+
+
+def test_rewards_of_learners_are_given_map_by_map():
+    asked = []
+
+    def where(turn):
+        asked.append(turn.after.games.tolist())
+        assert len(turn.winner) == len(turn.gains["red"]) == len(turn.after.games)
+        return turn.after.node + 100.0 * turn.after.streets.num_nodes
+
+    env = rl.vector_env(scene([TAG]), num_games=8, team="red", maps=MAPS, reward=where)
+    env.reset(seed=1)
+    maps = env.unwrapped.learners.games.maps
+    _, rewards, *_ = env.step(np.zeros(24, np.int64))
+    sizes = np.array([one["grid"]["width"] * one["grid"]["height"] for one in MAPS])[maps]
+    assert (rewards.reshape(8, 3) // 100).tolist() == np.repeat(sizes[:, None], 3, axis=1).tolist()
+    assert asked == [np.flatnonzero(maps == number).tolist() for number in np.unique(maps)]
+    env.close()
+
+
+def test_one_agent_learns_on_several_maps_where_games_are_played_one_by_one(with_code):
+    scenario = with_code({"rule": "mine:count_meetings"})
+    env = rl.vector_env(scenario, num_games=5, agent="red_1", maps=MAPS)
+    observed, _ = env.reset(seed=3)
+    learners = env.unwrapped.learners
+    for turn in range(4):
+        legal = observed["action_mask"].sum(axis=1)
+        before = [learners.games.observe_agent("red_1", map=number) for number in range(4)]
+        wanted = {
+            int(game): int(view["legal"][i, 0, turn % legal[game]])
+            for view in before
+            for i, game in enumerate(view.games)
+        }
+        playing = ~learners.is_over
+        observed, *_ = env.step(turn % legal)
+        for number in range(4):
+            view = learners.games.observe_agent("red_1", map=number)
+            for i, game in enumerate(view.games.tolist()):
+                if playing[game] and view.turn[i] == turn + 1:
+                    assert view["curr_pos"][i, 0] == wanted[game]
+    env.close()
+
+
+def test_observations_of_other_shapes_on_other_maps_are_refused():
+    with pytest.raises(BadValue, match="one shape on all maps"):
+        rl.vector_env(scene([TAG]), num_games=9, team="red", maps=MAPS, observation=rl.graph())
+
+
+def test_processes_play_the_same_games_on_several_maps():
+    found = []
+    for workers in (1, 2):
+        env = rl.vector_env(scene([TAG]), num_games=6, team="red", maps=MAPS, workers=workers)
+        env.reset(seed=5)
+        steps = [env.step(np.full(18, 1)) for _ in range(14)]
+        found.append([(one[0]["observation"], one[1]) for one in steps])
+        env.close()
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+        np.testing.assert_array_equal(one[1], other[1])
