@@ -57,6 +57,9 @@ def columns(drawn):
 
 
 SIX = st.lists(I64, min_size=6, max_size=6)
+FAR = st.floats(0.0)
+DISTANCES = st.lists(st.tuples(FAR, I64), min_size=1, max_size=6)
+STOPS = st.lists(st.tuples(numbers(0, 3), numbers(0, 6)), min_size=1, max_size=6)
 BLOCK = st.tuples(SIX, SIX, st.lists(st.tuples(ROW, I64), unique_by=lambda one: one[0])).map(columns)
 CASES = {
     ("block", "gather"): BLOCK.map(lambda one: (one[0], one[2], one[3])),
@@ -69,10 +72,18 @@ CASES = {
     ("draws", "turn_key"): st.tuples(U64, I64),
     ("draws", "bits_at"): st.tuples(U64, numbers(-1, 2**63 - 2)),
     ("draws", "below"): st.tuples(U64, numbers(1, 2**32)),
+    ("draws", "below_at"): st.tuples(U64, I64, numbers(-1, 2**63 - 2), numbers(1, 2**32)),
     ("draws", "fraction"): st.tuples(U64),
     ("draws", "fill_first_keys"): rows(U64, U64),
     ("draws", "fill_turn_keys"): rows(U64, I64),
     ("draws", "fill_bits"): rows(U64, I64),
+    ("strategies", "farthest"): DISTANCES.map(
+        lambda one: (array("d", [far for far, _ in one]), array("q", [id for _, id in one]), len(one))
+    ),
+    ("strategies", "next_stop"): st.tuples(STOPS, numbers(0, 6), numbers(0, 3)).map(
+        lambda one: (*(array("q", column) for column in zip(*one[0], strict=True)), 0, len(one[0]), *one[1:])
+    ),
+    ("strategies", "turns_left"): st.tuples(st.booleans(), numbers(-3, 9), FAR),
 }
 
 PLAYED = {

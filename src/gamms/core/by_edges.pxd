@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport by_metres, moves, travel
+from gamms.core cimport by_metres, draws, moves, travel
 from gamms.core.by_metres cimport Roaming
 from gamms.core.conflicts cimport resolve
 from gamms.core.moves cimport Movers

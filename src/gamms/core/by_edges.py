@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import floor
 
-from gamms.core import by_metres, moves, travel
+from gamms.core import by_metres, draws, moves, travel
 from gamms.core.by_metres import Roaming
 from gamms.core.conflicts import resolve
 from gamms.core.moves import Movers
@@ -106,7 +106,7 @@ def target_of(games: Games, w: Walkers, game: int, i: int, ahead: int, covered: 
     list_legal(w, i, games.node[row], ahead, covered)
     if by == moves.IS_GIVEN:
         return w.reach.nodes[w.movers.given[row]]
-    return w.reach.nodes[by_metres.drawn_below(games, w.movers.walks, game, i, w.reach.found)]
+    return w.reach.nodes[draws.below_at(w.movers.walks.keys[row], games.turn[game], 0, w.reach.found)]
 
 
 def list_legal(w: Walkers, i: int, node: int, ahead: int, covered: float) -> int:

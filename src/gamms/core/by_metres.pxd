@@ -1,13 +1,12 @@
 cimport cython
 
-from gamms.core cimport draws, moves, rules, travel
+from gamms.core cimport draws, moves, rules, strategies, travel
 from gamms.core.conflicts cimport resolve
 from gamms.core.moves cimport Movers
 from gamms.core.rules cimport Events, Games, Steps
 from gamms.core.travel cimport KnownReach, Reach, Roads, Trips, Ways
 
 ctypedef unsigned char u8
-ctypedef unsigned long long u64
 ctypedef long long i64
 
 cdef i64 ENDLESS
@@ -41,10 +40,9 @@ cdef int begin(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
 @cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, count=i64, number=i64)
 cdef Py_ssize_t target_of(Games games, Travelers t, i64 game, i64 i) except -2 nogil
-@cython.locals(key=u64)
-cdef Py_ssize_t drawn_below(Games games, draws.Choices walks, i64 game, i64 i, i64 bound) except -1 nogil
-@cython.locals(row=i64, node=i64, target=i64, begin=i64, number=i64)
+@cython.locals(row=i64, node=i64, target=i64, far=double, left=i64, begin=i64, number=i64)
 cdef Py_ssize_t waypoint(Games games, Roaming roaming, Ways ways, draws.Choices walks, i64 game, i64 i) except -2 nogil
+cdef double way_length(Ways ways, i64 row, i64 node, i64 target) except? -1.0 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, is_last=bint, count=i64)
 cdef bint set_off(Travelers t, Ways ways, i64 row, i64 i, i64 target) except -1 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)

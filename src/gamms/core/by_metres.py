@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gamms.core import draws, moves, rules, travel
+from gamms.core import draws, moves, rules, strategies, travel
 from gamms.core.conflicts import resolve
 from gamms.core.moves import Movers
 from gamms.core.rules import Events, Games, Steps
@@ -144,14 +144,11 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
         travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], 0.0, False)
         return t.reach.nodes[t.movers.given[row]]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
-    number = t.movers.given[row] if by == moves.IS_GIVEN else drawn_below(games, t.movers.walks, game, i, count)
+    if by == moves.IS_GIVEN:
+        number = t.movers.given[row]
+    else:
+        number = draws.below_at(t.movers.walks.keys[row], games.turn[game], 0, count)
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
-
-
-def drawn_below(games: Games, walks: draws.Choices, game: int, i: int, bound: int) -> int:
-    """Return the number below a bound that an agent draws first in a turn."""
-    key = draws.turn_key(walks.keys[game * games.agents + i], games.turn[game])
-    return draws.below(draws.bits_at(key, 0), bound)
 
 
 def waypoint(games: Games, roaming: Roaming, ways: Ways, walks: draws.Choices, game: int, i: int) -> int:
@@ -159,17 +156,24 @@ def waypoint(games: Games, roaming: Roaming, ways: Ways, walks: draws.Choices, g
     row = game * games.agents + i
     node = games.node[row]
     target = roaming.targets[row]
-    if target == node and roaming.pauses[row] > 0:
-        roaming.pauses[row] -= 1
-    elif target < 0 or target == node or not travel.distance(ways, row, node, target) < travel.INFINITE:
+    far = way_length(ways, row, node, target)
+    left = strategies.turns_left(target == node, roaming.pauses[row], far)
+    if left < 0:
         begin = roaming.offsets[i]
-        number = drawn_below(games, walks, game, i, roaming.offsets[i + 1] - begin)
+        number = draws.below_at(walks.keys[row], games.turn[game], 0, roaming.offsets[i + 1] - begin)
         target = roaming.options[begin + number]
         roaming.targets[row] = target
-        roaming.pauses[row] = roaming.waits[i]
-        if target != node and not travel.distance(ways, row, node, target) < travel.INFINITE:
-            return -1
-    return target
+        left = roaming.waits[i]
+        far = way_length(ways, row, node, target)
+    roaming.pauses[row] = left
+    return target if far < travel.INFINITE else -1
+
+
+def way_length(ways: Ways, row: int, node: int, target: int) -> float:
+    """Return how far it is to a node; infinite where no way leads there, or the node is -1."""
+    if target < 0:
+        return travel.INFINITE
+    return 0.0 if target == node else travel.distance(ways, row, node, target)
 
 
 def set_off(t: Travelers, ways: Ways, row: int, i: int, target: int) -> bool:

@@ -13,6 +13,7 @@ cpdef u64 first_key(u64 purpose, u64 name) noexcept nogil
 cpdef u64 turn_key(u64 first, i64 turn) noexcept nogil
 cpdef u64 bits_at(u64 key, i64 k) noexcept nogil
 cpdef u64 below(u64 bits, u64 n) noexcept nogil
+cpdef u64 below_at(u64 first, i64 turn, i64 k, u64 n) noexcept nogil
 cpdef double fraction(u64 bits) noexcept nogil
 @cython.locals(i=Py_ssize_t)
 cpdef int fill_first_keys(const u64[::1] purposes, const u64[::1] names, u64[::1] out) except -1 nogil
@@ -29,7 +30,7 @@ cdef class Choices:
     cdef i64[::1] chosen
 
 
-@cython.locals(row=i64, bits=u64)
+@cython.locals(row=i64)
 cdef int choose(Choices choices, i64 begin, i64 number, i64 turn) except -1 nogil
 cdef class Turns:
     cdef readonly object clock

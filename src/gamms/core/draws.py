@@ -87,6 +87,11 @@ def below(bits: int, n: int) -> int:
     return ((bits >> 32) * n) >> 32
 
 
+def below_at(first: int, turn: int, k: int, n: int) -> int:
+    """Return draw number `k` of a `first_key` in a turn as a number from 0 to `n - 1`."""
+    return below(bits_at(turn_key(first, turn), k), n)
+
+
 def fraction(bits: int) -> float:
     """Return a number in [0, 1) that random bits choose, a multiple of 2 ** -53."""
     return (bits >> 11) * 2.0**-53
@@ -131,8 +136,7 @@ class Choices:
 def choose(choices: Choices, begin: int, number: int, turn: int) -> int:
     """Let so many rows from `begin` draw: by draw number 0 of a turn."""
     for row in range(begin, begin + number):
-        bits = bits_at(turn_key(choices.keys[row], turn), 0)
-        choices.chosen[row] = below(bits, choices.counts[row])
+        choices.chosen[row] = below_at(choices.keys[row], turn, 0, choices.counts[row])
     return 0
 
 

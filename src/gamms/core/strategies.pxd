@@ -13,8 +13,16 @@ cdef i64 NOTHING, UNKNOWN
 cdef double INFINITE
 
 
+cpdef i64 next_stop(
+    const i64[::1] stops, const i64[::1] following, i64 first, i64 count, i64 at, i64 node
+) except? -2 nogil
+cpdef i64 turns_left(bint is_there, i64 left, double far) noexcept nogil
+@cython.locals(found=i64, number=i64, is_lower=bint)
+cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
+
+
 @cython.final
-cdef class Ways:
+cdef class WayTables:
     cdef i64 nodes
     cdef const i64[::1] tables
     cdef const double[::1] far
@@ -44,11 +52,13 @@ cdef class Steps:
 cdef class Strategies:
     cdef Games games
     cdef Steps steps
-    cdef Ways ways
+    cdef WayTables ways
     cdef Looks looks
     cdef const i32[::1] offsets, targets
     cdef const i64[::1] ids
     cdef const u64[::1] keys
+    cdef double[::1] safety
+    cdef i64[::1] legal
     cdef i64[::1] memory, noted
     cdef u8[::1] has_noted
     cdef i64 drawn
@@ -59,12 +69,11 @@ cdef i64 act(Strategies p, i64 game, i64 agent) except? -2 nogil
 @cython.locals(is_missing=bint, rows=i64, agents=i64, columns=i64, column=i64, agent=i64, place=i64)
 cdef int remember(Strategies p, i64 game) except -1 nogil
 @cython.locals(table=i64, place=i64)
-cdef i64 _place(Ways ways, i64 node, i64 target) except? -2 nogil
+cdef i64 _place(WayTables ways, i64 node, i64 target) except? -2 nogil
 @cython.locals(place=i64)
-cdef double _distance(Ways ways, i64 node, i64 target) except? -1.0 nogil
+cdef double _distance(WayTables ways, i64 node, i64 target) except? -1.0 nogil
 @cython.locals(place=i64)
-cdef i64 _towards(Ways ways, i64 node, i64 target) except? -2 nogil
-@cython.locals(key=u64)
+cdef i64 _towards(WayTables ways, i64 node, i64 target) except? -2 nogil
 cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
 @cython.locals(place=i64)
 cdef i64 _known(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
@@ -72,7 +81,7 @@ cdef i64 _known(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
 cdef int _note(Strategies p, i64 agent, i64 column, i64 number) except -1 nogil
 @cython.locals(first=i64, at=i64, least=double, far=double, number=i64)
 cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
-@cython.locals(slot=i64, target=i64, left=i64)
+@cython.locals(slot=i64, target=i64, left=i64, far=double)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(at=i64)
 cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
@@ -80,5 +89,5 @@ cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except
 cdef bint shows(Looks looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
-@cython.locals(found=i64, greatest=double, at=i64, action=i64, legal=i64, safety=double, is_seen=bint, other=i64, is_lower=bint)
+@cython.locals(at=i64, count=i64, is_seen=bint, action=i64, other=i64, far=double)
 cdef i64 _farthest(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil

@@ -24,7 +24,52 @@ UNKNOWN = -3  # of an action: the caller has to find it
 INFINITE = float("inf")
 
 
-class Ways:
+# -- what strategies decide by, in a game alone and in batches ---------------------------------------------------------
+
+
+def next_stop(stops: memoryview[int], following: memoryview[int], first: int, count: int, at: int, node: int) -> int:
+    """Return the number of the stop to which an agent on a node goes; `count` after the last one.
+
+    Args:
+        stops: nodes; those of the agent are the `count` ones from `first` on.
+        following: of each of these, the number of the next one that is another node.
+        first: see `stops`.
+        count: how many stops there are.
+        at: the number of the stop to which the agent went so far.
+        node: where it is.
+    """
+    if at < count and stops[first + at] == node:
+        return following[first + at]
+    return at
+
+
+def turns_left(is_there: bool, left: int, far: float) -> int:
+    """Return for how many turns an agent still stays at its waypoint; -1: it draws another waypoint.
+
+    Args:
+        is_there: whether it is at its waypoint.
+        left: for how many turns it was to stay there.
+        far: how far the waypoint is; infinite where no path leads there, or none has been drawn.
+    """
+    if is_there:
+        return left - 1
+    return max(left, 0) if far < INFINITE else -1
+
+
+def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> int:
+    """Return the number of the greatest of the first `count` distances; ties go to the lowest id."""
+    found = 0
+    for number in range(1, count):
+        is_lower = distances[number] == distances[found] and ids[number] < ids[found]
+        if distances[number] > distances[found] or is_lower:
+            found = number
+    return found
+
+
+# -- the strategies of batches -----------------------------------------------------------------------------------------
+
+
+class WayTables:
     """Known distances and first steps to targets, and the pairs that were asked for and are not known yet.
 
     Attributes:
@@ -123,6 +168,7 @@ class Strategies:
         offsets, targets: the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`, its own first.
         ids: (nodes,) of nodes by their rows.
         keys: (rows,) the `draws.first_key` of each agent.
+        safety, legal: (most legal nodes,) scratch: how far the nearest enemy is from legal nodes, and their ids.
         memory: (columns * rows,) what agents remember.
         noted: (columns * agents,) what those of one game remember from now on.
         has_noted: (columns * agents,) 1: it is another number.
@@ -133,12 +179,14 @@ class Strategies:
         self,
         games: Games,
         steps: Steps,
-        ways: Ways,
+        ways: WayTables,
         looks: Looks,
         offsets: memoryview[int],
         targets: memoryview[int],
         ids: memoryview[int],
         keys: memoryview[int],
+        safety: memoryview[float],
+        legal: memoryview[int],
         *,
         memory: memoryview[int],
         noted: memoryview[int],
@@ -152,6 +200,8 @@ class Strategies:
         self.targets = targets
         self.ids = ids
         self.keys = keys
+        self.safety = safety
+        self.legal = legal
         self.memory = memory
         self.noted = noted
         self.has_noted = has_noted
@@ -198,7 +248,7 @@ def remember(p: Strategies, game: int) -> int:
     return is_missing
 
 
-def _place(ways: Ways, node: int, target: int) -> int:
+def _place(ways: WayTables, node: int, target: int) -> int:
     """Return where tables have the way from a node to a target; -1, and note that it is wanted, where it is unknown."""
     table = ways.tables[target]
     place = table * ways.nodes + node
@@ -211,12 +261,12 @@ def _place(ways: Ways, node: int, target: int) -> int:
     return -1
 
 
-def _distance(ways: Ways, node: int, target: int) -> float:
+def _distance(ways: WayTables, node: int, target: int) -> float:
     place = _place(ways, node, target)
     return 0.0 if place < 0 else ways.far[place]
 
 
-def _towards(ways: Ways, node: int, target: int) -> int:
+def _towards(ways: WayTables, node: int, target: int) -> int:
     """Return the action that leads to a target; NOTHING: there is none, or no path."""
     if target < 0:
         return NOTHING
@@ -226,9 +276,8 @@ def _towards(ways: Ways, node: int, target: int) -> int:
 
 def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:
     """Draw a number below a bound."""
-    key = draws.turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])
     p.drawn += 1
-    return draws.below(draws.bits_at(key, p.drawn - 1), bound)
+    return draws.below_at(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
 
 
 def _known(p: Strategies, game: int, agent: int, column: int) -> int:
@@ -259,8 +308,7 @@ def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
                 if far < least:
                     least = far
                     at = number
-    if at < p.steps.sizes[step] and p.steps.nodes[first + at] == node:
-        at = p.steps.following[first + at]
+    at = next_stop(p.steps.nodes, p.steps.following, first, p.steps.sizes[step], at, node)
     _note(p, agent, p.steps.slots[step], at)
     return p.steps.nodes[first + at] if at < p.steps.sizes[step] else -1
 
@@ -269,10 +317,11 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
     """Return the node that was drawn, or draw another one."""
     slot = p.steps.slots[step]
     target = _known(p, game, agent, slot)
-    left = _known(p, game, agent, slot + 1)
-    if target == node and left > 0:
-        left -= 1
-    elif target < 0 or target == node or _distance(p.ways, node, target) == INFINITE:
+    far = 0.0 if target == node else INFINITE
+    if target >= 0 and target != node:
+        far = _distance(p.ways, node, target)
+    left = turns_left(target == node, _known(p, game, agent, slot + 1), far)
+    if left < 0:
         target = p.steps.nodes[p.steps.first[step] + _drawn(p, game, agent, p.steps.sizes[step])]
         left = p.steps.numbers[step]
     _note(p, agent, slot, target)
@@ -314,22 +363,17 @@ def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
 
 
 def _farthest(p: Strategies, game: int, agent: int, node: int) -> int:
-    """Return the action by which the nearest enemy in sight is farthest, of several to the node of the lowest id."""
-    found = NOTHING
-    greatest = 0.0
+    """Return the action by which the nearest enemy in sight is farthest; NOTHING: no enemy is in sight."""
     at = game * p.games.agents
-    for action in range(p.offsets[node + 1] - p.offsets[node]):
-        legal = p.targets[p.offsets[node] + action]
-        safety = INFINITE
-        is_seen = False
-        for other in range(p.games.agents):
-            if _sees(p.looks, p.games, game, agent, other):
-                is_seen = True
-                safety = min(safety, _distance(p.ways, p.games.start[at + other], legal))
-        if not is_seen:
-            return NOTHING
-        is_lower = found >= 0 and p.ids[legal] < p.ids[p.targets[p.offsets[node] + found]]
-        if found < 0 or safety > greatest or (safety == greatest and is_lower):
-            found = action
-            greatest = safety
-    return found
+    count = p.offsets[node + 1] - p.offsets[node]
+    is_seen = False
+    for action in range(count):
+        p.safety[action] = INFINITE
+        p.legal[action] = p.ids[p.targets[p.offsets[node] + action]]
+    for other in range(p.games.agents):
+        if _sees(p.looks, p.games, game, agent, other):
+            is_seen = True
+            for action in range(count):
+                far = _distance(p.ways, p.games.start[at + other], p.targets[p.offsets[node] + action])
+                p.safety[action] = min(p.safety[action], far)
+    return farthest(p.safety, p.legal, count) if is_seen else NOTHING

@@ -9,6 +9,7 @@ from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
+from gamms.core import strategies as core
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
 from gamms.game.batch.forms import CoreStep
@@ -78,8 +79,9 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         threats = set(enemies_in_sight(ctx, state, "flee").values())
         if threats:
             legal = legal_on_map(ctx, state)
-            far = dict(zip(legal, ctx.graph.routes.distances_from_nearest(threats, legal), strict=True))
-            state["action"] = max(legal, key=lambda node: (far[node], -node))
+            distances = np.array(ctx.graph.routes.distances_from_nearest(threats, legal), np.float64)
+            ids = np.array(legal, np.int64)
+            state["action"] = legal[core.farthest(kernels.buffer(distances), kernels.buffer(ids), len(legal))]
         else:
             fallback(state)
 

@@ -1,10 +1,12 @@
 """The strategy of an agent that goes from one stop of a list to the next, as far as each turn leads."""
 
+from array import array
 from collections.abc import Iterable
 from math import floor, inf
 
 from gamms.arguments import as_context
 from gamms.context import Context
+from gamms.core import strategies as core
 from gamms.errors import NoPath
 from gamms.game.batch.forms import CoreStep
 from gamms.strategies.knowledge import (
@@ -37,8 +39,8 @@ def route(
 ) -> Strategy:
     """Return a strategy that goes from one stop to the next, and remembers which one comes next."""
     as_context(ctx, caller)
-    stops = known_nodes(ctx, nodes, caller, "nodes")
-    key = f"{caller} {list(stops)}"
+    stops = Stops(known_nodes(ctx, nodes, caller, "nodes"), repeat=repeat)
+    key = f"{caller} {list(stops.nodes)}"
     way_key = f"{key} way"
     fallback = as_otherwise(otherwise, caller)
 
@@ -46,14 +48,14 @@ def route(
         memory = required(state, "memory", caller)
         here = node_of(state, caller)
         if key not in memory and is_nearest_first:
-            nearest = ctx.graph.routes.nearest(here, stops)
-            memory[key] = 0 if nearest is None else stops.index(nearest)
+            nearest = ctx.graph.routes.nearest(here, stops.nodes)
+            memory[key] = 0 if nearest is None else stops.nodes.index(nearest)
         at = _stop_after(memory.pop(way_key, None), state, memory.get(key, 0))
-        memory[key] = at = _advanced(stops, at, here, repeat=repeat)
-        target = stops[at] if at < len(stops) else None
+        memory[key] = at = stops.next(at, here)
+        target = stops.nodes[at] if at < len(stops.nodes) else None
         way = None
         if target in legal_on_map(ctx, state) and _goes_beyond(ctx, state):
-            way = _way(ctx, state, stops, at, repeat=repeat)
+            way = _way(ctx, state, stops, at)
         if way is None:
             move_to(ctx, state, target, fallback, caller)
             return
@@ -61,8 +63,8 @@ def route(
         path = [node for node, *_ in way[1]]
         state["action"] = path if path[1] == here else path[1:]  # a path to turn round by names the node behind twice
 
-    following = tuple(_advanced(stops, at, node, repeat=repeat) for at, node in enumerate(stops))
-    offer_steps(strategy, CoreStep("follow", stops, int(is_nearest_first), following, key), fallback)
+    step = CoreStep("follow", stops.nodes, int(is_nearest_first), stops.following, key)
+    offer_steps(strategy, step, fallback)
     return strategy
 
 
@@ -76,15 +78,14 @@ def _goes_beyond(ctx: Context, state: State) -> bool:
     return ctx.game.legal == "edges" and ctx.game.decide == "turn"
 
 
-def _way(ctx: Context, state: State, stops: tuple[int, ...], at: int, *, repeat: bool) -> Way | None:
+def _way(ctx: Context, state: State, stops: "Stops", at: int) -> Way | None:
     """Return the way through the stops from number `at` on, up to the first node that is out of reach in this turn.
 
     Args:
         ctx: the context.
         state: of an agent with a speed.
-        stops: ids of nodes.
+        stops: the list.
         at: the index of the next stop, which is legal.
-        repeat: whether the first stop follows the last one.
 
     Returns:
         None where no path leads to the next stop.
@@ -96,19 +97,19 @@ def _way(ctx: Context, state: State, stops: tuple[int, ...], at: int, *, repeat:
     far = 0.0
     steps = [(last, at, -state.get("offset_m", 0.0))]
     if state.get("edge") is not None:
-        last, far = _end_of_edge(ctx, state, stops[at])
-        at = _advanced(stops, at, last, repeat=repeat)
+        last, far = _end_of_edge(ctx, state, stops.nodes[at])
+        at = stops.next(at, last)
         steps.append((last, at, far))
-    while at < len(stops) and far < reach and len(steps) < _MOST_NODES:
+    while at < len(stops.nodes) and far < reach and len(steps) < _MOST_NODES:
         weight: str | None = "length"
         if unit is not None:
             weight = ctx.game.weight
-        elif len(steps) == 1 or graph.distance(last, stops[at], None) <= max(1.0, speed - far):
+        elif len(steps) == 1 or graph.distance(last, stops.nodes[at], None) <= max(1.0, speed - far):
             weight = None  # to a node that is legal an agent goes along the fewest edges
-        path = _path(ctx, last, stops[at], weight)
+        path = _path(ctx, last, stops.nodes[at], weight)
         for node in path:
             far += graph.distance(last, node, unit)
-            at = _advanced(stops, at, node, repeat=repeat)
+            at = stops.next(at, node)
             steps.append((node, at, far))
             last = node
             if far >= reach:
@@ -152,13 +153,33 @@ def _stop_after(way: Way | None, state: State, before: int) -> int:
     return min(passed)[1] if passed else before  # a way may pass a node more than once
 
 
-def _advanced(stops: tuple[int, ...], at: int, here: int, *, repeat: bool) -> int:
-    """Return the index of the stop that comes next; their number after the last one."""
-    for _ in stops:  # no more than once round: they may all be the same node
-        if at == len(stops) or stops[at] != here:
+class Stops:
+    """The nodes of a list, and which of them comes next.
+
+    Args:
+        nodes: ids.
+        repeat: whether the first one follows the last one.
+
+    Attributes:
+        nodes: as given.
+        following: of each, the index of the next one that is another node; their number after the last one.
+    """
+
+    def __init__(self, nodes: tuple[int, ...], *, repeat: bool) -> None:
+        self.nodes = nodes
+        self.following = tuple(_following(nodes, at, repeat=repeat) for at in range(len(nodes)))
+        self._ids = memoryview(array("q", nodes))
+        self._next = memoryview(array("q", self.following))
+
+    def next(self, at: int, here: int) -> int:
+        """Return the index of the stop to which an agent on a node goes, given to which one it went so far."""
+        return core.next_stop(self._ids, self._next, 0, len(self.nodes), at, here)
+
+
+def _following(nodes: tuple[int, ...], begin: int, *, repeat: bool) -> int:
+    at = begin
+    for _ in nodes:  # no more than once round: they may all be the same node
+        if at == len(nodes) or nodes[at] != nodes[begin]:
             break
-        at = (at + 1) % len(stops) if repeat else at + 1
+        at = (at + 1) % len(nodes) if repeat else at + 1
     return at
-
-
-# -- in arrays ------------------------------------------------------------------------------------------------------

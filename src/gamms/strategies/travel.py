@@ -7,6 +7,7 @@ from typing import Any, TypeVar, overload
 from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.core import moves
+from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.travelers import Waypoints
@@ -183,12 +184,14 @@ def random_waypoints(
     def strategy(state: State) -> None:
         here, memory = node_of(state, "random_waypoints"), required(state, "memory", "random_waypoints")
         target, left = memory.get("random_waypoints", (None, 0))
-        if target == here and left > 0:
-            memory["random_waypoints"] = target, left - 1
-        elif target is None or target == here or ctx.graph.graph.distance(here, target) == inf:
+        is_there = target == here
+        far = inf if target is None or is_there else ctx.graph.graph.distance(here, target)
+        left = core.turns_left(is_there, left, far)
+        if left < 0:
             options = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
             target = options[drawn_below(state, len(options), "random_waypoints")]
-            memory["random_waypoints"] = target, turns
+            left = turns
+        memory["random_waypoints"] = target, left
         move_to(ctx, state, target, fallback, "random_waypoints")
 
     step = CoreStep("wander", chosen, turns, key="random_waypoints")

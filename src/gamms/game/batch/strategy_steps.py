@@ -143,7 +143,7 @@ class StrategySteps:
         self._tables, self._count = np.full(nodes, -1), 0
         self._far, self._actions = np.zeros((0, nodes)), np.zeros((0, nodes), np.int32)
         self._ways: list[
-            tuple[strategies.Ways, np.ndarray[Any, Any]]
+            tuple[strategies.WayTables, np.ndarray[Any, Any]]
         ] = []  # of each thread, with the targets that it wants
 
     def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.Steps:
@@ -176,10 +176,11 @@ class StrategySteps:
     def strategies(self, games: rules.Games) -> strategies.Strategies:
         """Return the strategies as one more thread plays them."""
         state, wanted = self._state, np.zeros(_MOST_ASKED, np.int64)
-        ways = strategies.Ways(state.streets.num_nodes, wanted.data)
+        ways = strategies.WayTables(state.streets.num_nodes, wanted.data)
         self._ways.append((ways, wanted))
         self._share()
         noted = len(self._columns) * len(state.roster.names)
+        most_legal = int(np.diff(state.streets.offsets).max(initial=0))
         return strategies.Strategies(
             games,
             self._steps,
@@ -189,6 +190,8 @@ class StrategySteps:
             _column(state.streets.targets, np.int32),
             _column(state.streets.columns.node_ids, np.int64),
             _column(state.draw_keys().reshape(-1), np.uint64),
+            _column(np.zeros(most_legal), np.float64),
+            _column(np.zeros(most_legal), np.int64),
             memory=self._memory.reshape(-1).data,
             noted=np.zeros(noted, np.int64).data,
             has_noted=np.zeros(noted, np.uint8).data,
