@@ -415,3 +415,10 @@ def test_nodes_have_one_number_each_in_the_order_in_which_they_come(ids):
     assert list(written) == [known.index(one) for one in ids]
     assert list(numbers.ids[: numbers.count]) == known
     assert [numbers.number(one) for one in known] == list(range(len(known)))
+
+
+def test_an_agent_comes_back_when_it_has_missed_its_turns_as_often_as_it_may():
+    assert not core.comes_back(3, 2, 4, 0, -1)
+    assert core.comes_back(3, 2, 5, 7, -1)
+    assert core.comes_back(3, 2, 5, 0, 1)
+    assert not core.comes_back(3, 2, 5, 1, 1)

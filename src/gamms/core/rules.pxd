@@ -38,6 +38,7 @@ cdef class Events:
 
 @cython.locals(row=i64, node=i64)
 cpdef int respawn(Games games, Events events, i64 game, i64 agent) except -1 nogil
+cpdef bint comes_back(i64 out, i64 wait, i64 turn, i64 times, i64 most) noexcept nogil
 @cython.locals(row=i64)
 cpdef int eliminate(Games games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef int end_game(Games games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil

@@ -183,6 +183,19 @@ def respawn(games: Games, events: Events, game: int, agent: int) -> int:
     return events.put(game, games.turn[game], NOBODY, RESPAWNED, agent, -1, node)
 
 
+def comes_back(out: int, wait: int, turn: int, times: int, most: int) -> bool:
+    """Return whether an agent that is out comes back at the end of a turn.
+
+    Args:
+        out: the turn in which it went out.
+        wait: how many turns it misses.
+        turn: the turn.
+        times: how often it came back before.
+        most: how often it may come back; -1: always.
+    """
+    return out + wait <= turn and times != most
+
+
 def eliminate(games: Games, events: Events, game: int, agent: int) -> int:
     """Take an agent out of a game; nothing happens if it is out already."""
     row = game * games.agents + agent
@@ -1056,7 +1069,7 @@ class Returns(Rule):
                 continue
             if self.out[row] < 0:
                 self.out[row] = self.games.turn[game]
-            if self.out[row] + self.wait <= self.games.turn[game] and self.times[row] != self.most:
+            if comes_back(self.out[row], self.wait, self.games.turn[game], self.times[row], self.most):
                 self.times[row] += 1
                 self.out[row] = -1
                 respawn(self.games, self.events, game, agent)

@@ -13,7 +13,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, reason_of_goals
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import living_teams, turn_of
+from gamms.rules.meetings import column, living_teams, turn_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Team
@@ -340,9 +340,9 @@ def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
 
 def _leader(ctx: Context) -> Hashable:
     """Return the team with the highest score; None if there are several, or no other team."""
-    scores = {team: ctx.game.scores[team] for team in ctx.agent.teams if team is not None}
-    best = [team for team, score in scores.items() if score == max(scores.values())]
-    return best[0] if len(best) == 1 < len(scores) else None
+    teams = [team for team in ctx.agent.teams if team is not None]
+    best = core.leader(column("d", [ctx.game.scores[team] for team in teams]))
+    return None if best < 0 else teams[best]
 
 
 def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple, cast
 from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
+from gamms.core import rules as core
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.settings import Rank, RuleSpec, declared
@@ -102,10 +103,9 @@ class _Tagging(NamedTuple):
 
     def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
         """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
-        territory = None if self.ground is None else self.ground.now(ctx)
         found, roster = turn.find(ctx, self.taggers, self.tagged, self.nearness), turn.roster
+        owners = NO_TERRITORY if self.ground is None else self.ground.in_turn(ctx, turn)
         if found is not None:
-            owners = NO_TERRITORY if territory is None else roster.owners(territory, turn.numbers)
             roster.tags.add(found, number, self.mutual, owners, roster.team)
 
 
@@ -190,8 +190,10 @@ def respawn(
                 continue
             if agent.alive or not (those is None or agent.team in those):
                 out.pop(name, None)
-            elif out.setdefault(name, ctx.game.turn) + wait <= ctx.game.turn and done.get(name, 0) != most:
-                done[name] = done.get(name, 0) + 1
+                continue
+            gone, before = out.setdefault(name, ctx.game.turn), done.get(name, 0)
+            if core.comes_back(gone, wait, ctx.game.turn, before, -1 if most is None else most):
+                done[name] = before + 1
                 del out[name]
                 ctx.game.respawn(agent)
 

@@ -138,14 +138,10 @@ class Ground(NamedTuple):
         as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
 
-    def now(self, ctx: Context) -> Territory:
-        """Return node -> team in a game."""
-        given = self.given
-        return self.of(ctx.game.facts) if isinstance(given, str) else given
-
     def in_turn(self, ctx: Context, turn: InTurn) -> Any:
         """Return the numbers of the teams of a turn that own nodes, (nodes,); -1 for a node of no team that plays."""
-        return turn.roster.owners(self.now(ctx), turn.numbers)
+        owners = self.of(ctx.game.facts) if isinstance(self.given, str) else self.given
+        return turn.roster.owners(owners, turn.numbers)
 
     def rows(self, facts: Mapping[str, Any], streets: Streets, teams: Sequence[Hashable]) -> IntArray:
         """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
