@@ -266,7 +266,7 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
     for memory in (required(state, "memory"), shared):
-        _prune(memory, forgotten_before(state["turn"], as_count(horizon, "horizon")))
+        _prune(memory, _forgotten_before(state["turn"], as_count(horizon, "horizon")))
     _join(shared, state["turn"])
 
 
@@ -429,7 +429,7 @@ def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     if not len(order):
         return []
     ids, chances = node_ids[order], detection[order]
-    chances = as_written(chances)
+    chances = np.where(chances < 1.0, np.minimum(np.round(chances, 6), _ALMOST), 1.0)
     is_even = bool((chances == chances[0]).all())
     is_everywhere = len(ids) == len(ctx.graph.columns().node_ids)
     steps = None if is_everywhere and is_even else np.diff(ids, prepend=0).tolist()
@@ -437,12 +437,6 @@ def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     if covered.is_convex and is_by_metres(ctx):
         return [*look, not_shown, 1]
     return [*look, *([not_shown] if not_shown else [])]
-
-
-def as_written(chances: FloatArray) -> FloatArray:
-    """Return chances to notice agents as they are remembered."""
-    found: FloatArray = np.where(chances < 1.0, np.minimum(np.round(chances, 6), _ALMOST), 1.0)
-    return found
 
 
 @lru_cache(maxsize=1 << 14)
@@ -507,7 +501,7 @@ def _keys_of(memory: Mapping[Any, Any]) -> list[Key]:
     return [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] in (ENTRY, _REPORTS)]
 
 
-def forgotten_before(turn: int, horizon: int) -> int:
+def _forgotten_before(turn: int, horizon: int) -> int:
     """Return the turn before which looks are forgotten, that of all agents of a team; it changes seldom.
 
     What is worked out from the first look on has to be worked out again whenever it does.

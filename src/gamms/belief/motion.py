@@ -46,9 +46,7 @@ class Chain:
     Attributes:
         rows, shares: see `Transitions`.
         edges: (states,) rows of the edges that the targets are on; -1: on the node.
-        offsets_m: (states,) how far from the node; 0.0 on it.
         ends: (states,) rows of the nodes at the ends of these edges; -1: on the node.
-        are_nodes: whether each state is a node, in the same row.
         ways: where a step leads, as the core reads it.
         core: the states, likewise.
     """
@@ -56,9 +54,8 @@ class Chain:
     def __init__(self, found: Transitions, ground: Ground, parts: tuple[IntArray, FloatArray] | None = None) -> None:
         self.rows, self.shares = found.rows, found.shares
         states = len(found.rows)
-        self.are_nodes = np.array_equal(found.rows, np.arange(states))
         self.edges: IntArray = np.full(states, -1) if parts is None else parts[0]
-        self.offsets_m: FloatArray = np.zeros(states) if parts is None else parts[1]
+        offsets_m: FloatArray = np.zeros(states) if parts is None else parts[1]
         self.ends: IntArray = np.full(states, -1)
         between = np.flatnonzero(self.edges >= 0)
         self.ends[between] = ground.columns.targets[self.edges[between]]
@@ -73,16 +70,12 @@ class Chain:
             kernels.buffer(states_on.astype(np.int32)),
             kernels.buffer(self.ends),
             kernels.buffer(np.isin(self.edges, bent).view(np.uint8)),
-            kernels.buffer(self.offsets_m),
+            kernels.buffer(offsets_m),
         )
         self._nodes = ground.size
 
-    def make_work(self) -> core.Work:
-        """Return working memory for the functions of the core."""
-        return self.work_with(np.empty(len(self.rows)))
-
     def work_with(self, likelihoods: FloatArray) -> core.Work:
-        """Return working memory that has its likelihoods in an array (states,)."""
+        """Return working memory for the core, which has its likelihoods in an array (states,)."""
         sums, weighed, missed = np.empty(len(self.rows)), np.empty(len(self.rows)), np.ones(self._nodes)
         return core.Work(*map(kernels.buffer, (likelihoods, sums, weighed, missed)))
 
@@ -105,7 +98,8 @@ class Chain:
             Arrays of the shapes (games, targets, states) and (games, targets).
         """
         games, targets, states = masses.shape
-        found, totals, work = np.empty_like(masses), np.empty((games, targets)), self.make_work()
+        found, totals = np.empty_like(masses), np.empty((games, targets))
+        work = self.work_with(np.empty(states))
         values, out, bounds = kernels.buffer(masses), kernels.buffer(found), looks.tolist()
         for game in range(games):
             at, begin, end = game * targets * states, bounds[game], bounds[game + 1]

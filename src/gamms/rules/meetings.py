@@ -15,6 +15,7 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
+from gamms.game.batch.travelers import NO_LEGS
 from gamms.game.moves import TurnMoves
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
@@ -49,34 +50,6 @@ class Nearness(NamedTuple):
 Near = core.Reach | core.Places | core.Lines | None
 
 
-class Room:
-    """Room for what finding contacts in one game or batch needs, as much as the largest turn so far has needed.
-
-    Attributes:
-        pieces: the scratch that there is.
-        keys: for how many keys it has room.
-    """
-
-    def __init__(self) -> None:
-        self.pieces = _pieces(0, 0)
-        self.keys = 0
-        self._most = 0
-        self._contacts: core.Contacts | None = None
-
-    def scratch(self, pieces: int, keys: int) -> core.Pieces:
-        """Return scratch with room for so many pieces and keys."""
-        if pieces > self._most or keys > self.keys:
-            self._most, self.keys = 2 * pieces, 2 * keys
-            self.pieces = _pieces(self._most, self.keys)
-        return self.pieces
-
-    def contacts(self, pieces: core.Pieces) -> core.Contacts:
-        """Return what finds contacts once."""
-        if self._contacts is None or self._contacts.pieces is not pieces:
-            self._contacts = core.Contacts(pieces)
-        return self._contacts
-
-
 def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_metres: bool) -> None:
     """Say what contacts are to be found.
 
@@ -107,16 +80,10 @@ def column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, whi
     return memoryview(array(kind, values))
 
 
-def most_pieces(agents: int, most: int, most_legs: int) -> int:
-    """Return how many pieces there are at most: visits and legs, each with two entries."""
-    return 2 * agents * (most + 2 * most_legs + 1)
-
-
 _NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
 _NO_PLACES = core.Places(column("q"), column("d"))
 _NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
-NO_LEGS = core.Legs(0, *[column("q")] * 5, *[column("d")] * 5)  # in games that count edges
 
 
 # -- in the game of a context ------------------------------------------------------------------------------------------
@@ -365,7 +332,8 @@ class InTurn:
     def scratch(self, parts: int = 0) -> core.Pieces:
         """Return scratch with room for what these agents do, and so many parts of lines."""
         agents = len(self.roster.names)
-        pieces = max(parts, most_pieces(agents, self.most, self.most_legs))
+        entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two
+        pieces = max(parts, entries)
         return self.game.scratch(pieces, self.numbers.count + self.most_legs * agents)
 
     def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
@@ -433,8 +401,10 @@ def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
     return core.SEARCHES["near places" if isinstance(near, core.Places) else "on lines"]
 
 
-class InGame(Room):
+class InGame:
     """What finding contacts in one game has learned of its map, and of the last turn.
+
+    It has scratch for as much as the largest turn so far has needed.
 
     Args:
         ctx: the context, with the map as it is now.
@@ -447,10 +417,15 @@ class InGame(Room):
         numbers: as given.
         place: node id -> where the node is, on the ground.
         near: unit and limit of a `Nearness` -> what is so near nodes.
+        pieces: the scratch that there is.
+        keys: for how many keys it has room.
     """
 
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
-        super().__init__()
+        self.pieces = _pieces(0, 0)
+        self.keys = 0
+        self._most = 0
+        self._contacts: core.Contacts | None = None
         self.numbers = numbers
         self.state = ctx.game.internals.state
         self._turns = ctx.game.internals.parts.turns
@@ -466,6 +441,20 @@ class InGame(Room):
         self._moves: TurnMoves | None = None  # of which this turn is, in this block, with these versions
         self._block: AgentBlock | None = None
         self._versions = 0, 0, 0, 0
+
+    def scratch(self, pieces: int, keys: int) -> core.Pieces:
+        """Return scratch with room for so many pieces and keys."""
+        if pieces > self._most or keys > self.keys:
+            self._most = 2 * pieces
+            self.keys = 2 * keys
+            self.pieces = _pieces(self._most, self.keys)
+        return self.pieces
+
+    def contacts(self, pieces: core.Pieces) -> core.Contacts:
+        """Return what finds contacts once."""
+        if self._contacts is None or self._contacts.pieces is not pieces:
+            self._contacts = core.Contacts(pieces)
+        return self._contacts
 
     def _place(self, node: int) -> Position:
         _, x, y = self.graph.get_node(node)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from gamms import kernels
 from gamms.core import contacts as core
 from gamms.ir.graph import FloatArray, IntArray
 
@@ -58,35 +57,3 @@ class NearNodes:
             self._ends = np.concatenate((self._ends[: self._used], np.empty(2 * after - self._used, np.int64)))
             self._far = np.concatenate((self._far[: self._used], np.empty(2 * after - self._used)))
         self._ends[self._used : after], self._far[self._used : after], self._used = ends, far, after
-
-
-def reached(arcs: kernels.Arcs, limit: float, rows: IntArray) -> Reached:
-    """Return what can be reached from nodes within a distance, as `NearNodes` asks for it.
-
-    The weights of a path are added from its start, so that the sums are those of `kernels.shortest_distances`.
-    """
-    nodes = len(arcs.offsets) - 1
-    keys, far = np.arange(len(rows)) * nodes + rows, np.zeros(len(rows))
-    order = np.argsort(keys)
-    keys, far = keys[order], far[order]
-    new, new_far = keys, far
-    while len(new):
-        entries, runs = kernels.chosen_runs(arcs.offsets, new % nodes)
-        lines = np.repeat(np.arange(len(new)), np.diff(runs))
-        sums = new_far[lines] + arcs.weights[entries]
-        reached = (new // nodes)[lines] * nodes + arcs.ends[entries]
-        is_near = sums <= limit
-        reached, sums = reached[is_near], sums[is_near]
-        order = np.lexsort((sums, reached))
-        new, first = np.unique(reached[order], return_index=True)
-        new_far = sums[order][first]
-        at = kernels.rows_of(keys, new)
-        is_known = at >= 0
-        is_better = ~is_known | (new_far < far[at])
-        far[at[is_known & is_better]] = new_far[is_known & is_better]
-        added = ~is_known
-        keys, far = np.concatenate((keys, new[added])), np.concatenate((far, new_far[added]))
-        order = np.argsort(keys, kind="stable")
-        keys, far = keys[order], far[order]
-        new, new_far = new[is_better], new_far[is_better]
-    return np.bincount(keys // nodes, minlength=len(rows)), keys % nodes, far
