@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms import belief, limits
 from gamms.errors import BadValue, TooLarge
-from gamms.game.batch import flows, surroundings
+from gamms.game.batch import flows
 from gamms.game.batch.flows import Flows
 from gamms.game.streets import Streets
 
@@ -45,12 +45,10 @@ def test_probabilities_diffuse_as_those_of_filters(edges, stay, turns):
     edges=EDGES,
     limit=st.sampled_from([0.0, 1.0, 3.0]),
     weight=st.sampled_from(["length", None]),
-    most=st.integers(0, 20),
 )
-def test_nodes_in_reach_are_those_that_the_graph_gives(edges, limit, weight, most):
-    with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+def test_nodes_in_reach_are_those_that_the_graph_gives(edges, limit, weight):
+    with gamms.create_context(seed=1) as ctx:
         found, ids = small_map(ctx, edges), ctx.graph.columns().node_ids
-        patch.setattr(surroundings, "_MOST_KNOWN", most)
         for nodes in (np.array([[0, 3], [3, 6]]), np.arange(7)):
             reached = found.within(nodes, limit, weight)
             for place in np.ndindex(nodes.shape):

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import TooLarge, UnknownName
-from gamms.game.batch import reports
-from gamms.game.batch.sight import Seen
+from gamms.game.batch import sensing
+from gamms.game.batch.sensing import Seen
 from gamms.sensor import views
 from gamms.strategies import chase, flee, goto, mix
 
@@ -164,8 +164,8 @@ def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(mon
             for _ in range(3):
                 games.step()
             expected = games.observe("red").seen()
-            for what, number in (("_AT_ONCE", 21), ("_AT_ONCE", 7), ("_FEW", 1)):
-                monkeypatch.setattr(reports, what, number)
+            for number in (100, 1):
+                monkeypatch.setattr(sensing, "_MOST_MARKS", number)
                 games.reset()
                 for _ in range(3):
                     games.step()
@@ -200,11 +200,9 @@ sensors = st.fixed_dictionaries(
     carried=st.lists(st.tuples(kinds, sensors), min_size=2, max_size=4),
     strategies=st.lists(st.sampled_from([chase, flee]), min_size=2, max_size=2),
     seeds=st.lists(st.integers(0, 2**40), min_size=1, max_size=2),
-    few=st.sampled_from([1, 128]),
 )
-def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, seeds, few):
-    with scene(max_turns=5).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reports, "_FEW", few)
+def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, seeds):
+    with scene(max_turns=5).build(seed=1) as ctx:
         ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
         for i, (name, agent) in enumerate(ctx.agent.agents.items()):
             for number in {i % len(carried), i * i % len(carried)}:
@@ -255,17 +253,16 @@ by_metres = pytest.mark.parametrize(
 @by_metres
 def test_agents_on_edges_see_whom_their_sensors_show(kind, keywords):
     to_and_fro = {team: lambda ctx: mix(0.5, goto(ctx, 0), goto(ctx, 24)) for team in ("red", "blue")}
-    keywords = {
-        name: value for name, value in keywords.items() if name != "delay_turns"
-    }  # then the last look of a turn counts
+    # Of late reports the last look of a turn counts.
+    keywords = {name: value for name, value in keywords.items() if name != "delay_turns"}
     with on_edges(kind, keywords, "turn", to_and_fro) as ctx, ctx.game.batch(seeds=[2, 1]) as games:
         ctx.game.time_budget = 60.0
         with ctx.game.batch(seeds=[1]) as slow:
             for _ in range(9):
                 for viewer in ("red_0", "red_1", "red_2"):
                     expected = ctx.game.observation(viewer)["sensor"]["eye"][1]
-                    for batch, number in ((games, 1), (slow, 0)):  # those that turn look from nodes, one by one
-                        assert "fov" in keywords or agents_seen(batch, number, viewer, "eye") == expected
+                    for batch, number in ((games, 1), (slow, 0)):
+                        assert agents_seen(batch, number, viewer, "eye") == expected
                 for batch in (games, slow):
                     batch.step()
                 ctx.game.step()

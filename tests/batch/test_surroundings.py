@@ -6,7 +6,7 @@ from batch_scenes import scene
 
 import gamms
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch import surroundings
+from gamms.game.batch import sensing
 from gamms.sensor.ground import MapSensor
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
@@ -78,18 +78,11 @@ def test_sensors_without_an_array_form_are_named():
             games.observe("red").seen_nodes("mine")
 
 
-def test_views_that_were_forgotten_are_worked_out_again(monkeypatch):
+def test_more_nodes_than_arrays_hold_are_refused(monkeypatch):
     with scene().build(seed=1) as ctx:
         with_eyes(ctx, "RANGE", {"sensor_range": 20.0})
-        with ctx.game.batch(4) as games, ctx.game.batch(4) as others:
-            for _ in range(4):
-                expected = games.observe("red").seen_nodes().mask
-                monkeypatch.setattr(surroundings, "_MOST_KNOWN", 0)
-                assert (others.observe("red").seen_nodes().mask == expected).all()
-                monkeypatch.undo()
-                games.step()
-                others.step()
-            monkeypatch.setattr(surroundings, "_MOST_PAIRS", 10)
+        with ctx.game.batch(4) as games:
+            monkeypatch.setattr(sensing, "_MOST_PAIRS", 10)
             with pytest.raises(TooLarge, match="Ask for fewer games"):
                 games.observe("red").seen_nodes()
 

@@ -520,7 +520,7 @@ READERS = {
     "Agent": "",
     "AerialAgent": "",
     "SensorEngine": "get_sensor",
-    "Sensor": "coverage heading in_arrays last_view nodes_in_arrays outline place places_of pose sense_many",
+    "Sensor": "coverage heading in_arrays last_view outline place places_of pose sense_many",
     "DetectionModel": "chances in_arrays is_noticed rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place

@@ -183,6 +183,37 @@ class Nodes:
         self.values = values
 
 
+def mark_seen(
+    looks: strategies.Looks,
+    viewers: memoryview[int],
+    team: memoryview[int],
+    is_asked: memoryview[int],
+    alive: memoryview[int],
+    marks: memoryview[int],
+) -> int:
+    """Mark whom agents see in some games.
+
+    Args:
+        looks: the sensors of all agents of a game, whose places are those of all agents of these games.
+        viewers: (agents that look,) their numbers among all agents.
+        team: (agents,) the number of the team of each.
+        is_asked: (games * agents that look,) 1: it looks.
+        alive: (games * agents,)
+        marks: (games * agents that look * agents,) 1 from now on: it sees the other.
+    """
+    agents = len(team)
+    for row in range(len(is_asked)):
+        if is_asked[row]:
+            viewer = viewers[row % len(viewers)]
+            first = row // len(viewers) * agents
+            for other in range(agents):
+                if other == viewer or not alive[first + other]:
+                    continue
+                if strategies.shows(looks, viewer, team[other], first + viewer, first + other):
+                    marks[row * agents + other] = 1
+    return 0
+
+
 def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
     """Write the vectors of the agents of one game."""
     for i in range(o.agents):

@@ -104,7 +104,7 @@ class Looks:
         squares: (sensors,) of the radius; may be infinite.
         shows: (sensors * teams,) 1: it shows the agents of a team.
         teams: how many there are.
-        places: (2 * nodes,) x and y of each node, map units.
+        places: (2 * nodes,) x and y of each node, map units; or of whatever else `shows` is asked about.
     """
 
     def __init__(

@@ -25,7 +25,6 @@ from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_co
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import Sensed
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import Departure, IAgent
@@ -123,13 +122,23 @@ class TurnEngine:
         slots = [order.slots[order.index_of[name]] for name in names if name in order.index_of]
         return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in slots}
 
-    def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Sensed]:
-        """Return what sensors of an agent will show in the next turn; these looks are not counted."""
-        asked, self._phase.agent = self._phase.agent, agent.name
-        try:
-            return {name: agent.sensors[name].sense_many([agent.current_node_id]) for name in names}
-        finally:
-            self._phase.agent = asked
+    def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
+        """Return what sensors show an agent now, as its state has it; these looks are not counted."""
+        found = {}
+        with self._phase.suspended(changes_world=False):
+            block = self._ctx.agent.block
+            progress = block.on_edge(block.row_of(agent.name))
+            place = None if progress is None else self.travel.roads.located(progress)
+            for name in names:
+                sensor: Any = agent.sensors[name]
+                node = agent.current_node_id
+                if not hasattr(sensor, "data_from"):  # of a class of the user's own
+                    found[name] = sensor.sense_many([node])[0][0]
+                elif place is None or not getattr(sensor, "looks_from_points", False):
+                    found[name] = sensor.data_from(node, agent.name)
+                else:
+                    found[name] = sensor.data_from(place[2], agent.name)
+        return found
 
     def restart_streams(self) -> None:
         """Let agents draw by the seed that the context has now."""

@@ -3,13 +3,11 @@
 from collections.abc import Callable, Hashable, Sequence, Sized
 from dataclasses import dataclass, field
 from itertools import accumulate
-from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -56,93 +54,25 @@ class Coverage:
 
 
 class AgentLook(NamedTuple):
-    """How a sensor shows agents, in a form that is computed for many games at once; equal if two show the same.
+    """How a sensor shows agents, so that others may look in its place.
 
     Attributes:
-        radius: map units, of one that looks from the air in space; may be infinite.
-        place: (x, y) to look from, in the air (x, y, z), or None: from where the agent is that carries it.
-        cone: heading (cos, sin) and full opening angle; None: all around.
+        radius: map units; may be infinite.
         teams: the teams whose agents alone it shows; None: all.
         others: the teams whose agents it does not show.
-        chances: pairs (distance, probability) of noticing an agent; None: always.
-        draws: the names of the sensor and of its owner, which what is drawn follows from; None: nothing is drawn.
-        height: of its sight lines above the ground; None: obstacles hide nothing.
-        hides: returns which nodes (ids of nodes,) obstacles hide from a node, or from `place`.
-        hides_pairs: returns which agents obstacles hide from others, (pairs,), where some are on edges: called with the
-            ids of the nodes that those who look have passed last, where they are (pairs, 2), which of them are on
-            edges, and likewise the ids of nodes and the places of those that they look at.
-        chance: returns probabilities of noticing agents at distances, (agents,); None: `chances` says them.
-        noise: the standard deviation of the error of a reported place along each axis, map units; 0.0: no error.
-        nearest: returns the ids of the nodes that are nearest to places x and y.
-        turns: whether the cone turns with the agent that carries it.
-        false_alarms: how many agents are to be expected in a look that are reported falsely.
-        covers: returns the ids of the nodes that are in view from a node, or from `place`, all around if it turns.
-        delay: how many turns old the look is that is reported.
-        quat: how one that looks from the air is turned, `(w, x, y, z)`, relative to the agent that carries it, at a
-            fixed place by itself; None: it looks along the ground.
-        fov: the full opening angle of its cone, radians.
-        in_line: returns between which points, (pairs, 3) both, no obstacle is; None: obstacles hide nothing in the air.
+        is_plain: whether it shows all these agents that are within the radius of its own one, where they are.
+        is_late: whether it reports what it saw in earlier turns.
     """
 
     radius: float
-    place: tuple[float, ...] | None = None
-    cone: tuple[tuple[float, float], float] | None = None
     teams: tuple[Hashable, ...] | None = None
     others: tuple[Hashable, ...] = ()
-    chances: tuple[tuple[float, float], ...] | None = None
-    draws: tuple[str, str] | None = None
-    height: float | None = None
-    hides: "Callable[[int, IntArray], BoolArray] | None" = None
-    hides_pairs: "Callable[[IntArray, FloatArray, BoolArray, IntArray, FloatArray], BoolArray] | None" = None
-    chance: "Callable[[FloatArray], FloatArray] | None" = None
-    noise: float = 0.0
-    nearest: "Callable[[FloatArray, FloatArray], IntArray] | None" = None
-    turns: bool = False
-    false_alarms: float = 0.0
-    covers: "Callable[[int], IntArray] | None" = None
-    delay: int = 0
-    quat: tuple[float, float, float, float] | None = None
-    fov: float = inf
-    in_line: "Callable[[FloatArray, FloatArray], BoolArray] | None" = None
-
-    @property
-    def errs(self) -> bool:
-        """Whether agents may be reported where they are not."""
-        return bool(self.noise or self.false_alarms or self.delay)
-
-    @property
-    def what(self) -> "AgentLook":
-        """The same without what is others for each sensor though they look alike."""
-        return self._replace(hides=None, hides_pairs=None, draws=None, nearest=None, covers=None, in_line=None)
+    is_plain: bool = False
+    is_late: bool = False
 
     def shows(self, team: Hashable) -> bool:
         """Whether it shows agents of a team where they are in view."""
         return (self.teams is None or team in self.teams) and team not in self.others
-
-
-class NodeLook(NamedTuple):
-    """How a sensor shows nodes, in a form that is computed for many games at once; equal if two show the same.
-
-    Attributes:
-        radius: map units; may be infinite; None: it shows the nodes that edges lead to, itself first.
-        place: (x, y) to look from, or None: from the node of the agent that carries it; in the air as for `AgentLook`.
-        cone: heading (cos, sin) and full opening angle; None: all around.
-        height: of its sight lines above the ground; None: obstacles hide nothing.
-        from_node: returns the ids of the nodes that it shows from a node, or from `place`, and all around if the cone
-            turns; None: what the rest says.
-        turns: whether the cone turns with the agent that carries it.
-        quat, fov, in_line: of one that looks from the air; see `AgentLook`.
-    """
-
-    radius: float | None
-    place: tuple[float, ...] | None = None
-    cone: tuple[tuple[float, float], float] | None = None
-    height: float | None = None
-    from_node: "Callable[[int], IntArray] | None" = None
-    turns: bool = False
-    quat: tuple[float, float, float, float] | None = None
-    fov: float = inf
-    in_line: "Callable[[FloatArray, FloatArray], BoolArray] | None" = None
 
 
 def _no_points() -> FloatArray:

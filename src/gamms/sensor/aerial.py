@@ -1,7 +1,6 @@
 """AERIAL, AERIAL_AGENT and what obstacles leave of them: looking from the air along an axis."""
 
 from collections.abc import Sequence
-from functools import partial
 from math import inf, pi, sqrt
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -12,7 +11,7 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged
+from gamms.ir.sensed import Sensed, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
@@ -20,7 +19,7 @@ from gamms.sensor.ground import map_view
 from gamms.sensor.nearby import Coordinates, memory_of
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import are_unhidden, ground_at, on_ground
+from gamms.sensor.views import ground_at, on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -135,12 +134,6 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
-    def _geometry_in_arrays(self) -> dict[str, Any]:
-        """Return where it looks, by the attributes of an `AgentLook` or a `NodeLook`."""
-        in_line = partial(are_unhidden, self.ctx) if self._is_occluded else None
-        height = 0.0 if self._is_occluded else None
-        return {"place": self._at, "quat": self._quat, "fov": self.fov, "height": height, "in_line": in_line}
-
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return which offsets (points, 3) lie in range and in the cone, by index."""
         # Squares are compared, which are the same on every machine and in batches.
@@ -193,10 +186,6 @@ class AerialSensor(FlyingSensor):
         if pose is not None and not self._is_occluded:  # what obstacles leave of it is not a polygon
             outline = fov_geometry.footprint(*pose, self.range, self.fov)
         return map_view(self.data, outline)
-
-    def nodes_in_arrays(self) -> NodeLook | str:
-        """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
-        return NodeLook(self.range, **self._geometry_in_arrays()) if self._is_ours else "is of a class of its own"
 
     def _seen(self, pose: Pose | None) -> Surroundings:
         if pose is None:
@@ -267,19 +256,6 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             return seen
         report = self._report(look, None, seen)
         return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in report.items()}
-
-    def in_arrays(self, owner: str) -> AgentLook | str:
-        """Return how it shows agents, to be computed for many games at once; else in words why it cannot.
-
-        What follows from that must be what `sense` shows.
-        """
-        found = self._notice_in_arrays(self.range, owner)
-        if isinstance(found, str):
-            return found
-        carrier = self.ctx.agent.agents.get(owner)  # none: one of a game of a batch that the context does not have now
-        if self._at is None and carrier is not None and carrier.type is not AgentType.AERIAL:
-            return "needs an agent that flies"
-        return found._replace(**self._geometry_in_arrays())
 
     def _reportable_rows(self) -> list[int]:
         flyers = set(self.ctx.agent.positions.flyers.tolist())

@@ -140,25 +140,14 @@ class DetectionModel(Guarded):
         twin._is_trial = True
         return twin
 
-    def in_arrays(self, radius: float, owner: str) -> AgentLook:
-        """Return which agents are reported, and how exactly, to be computed for many games at once.
-
-        Args:
-            radius: of the sensor.
-            owner: the agent that what is drawn follows from.
-        """
-        detection = self.detection
-        chances = None if detection is None or callable(detection) else as_chances(detection, "detection")
+    def in_arrays(self, radius: float) -> AgentLook:
+        """Return which agents are reported around an agent, and whether this is exact."""
         return AgentLook(
             radius,
             teams=None if self.team is None else tuple(teams_in(self.team)),
             others=() if self.exclude is None else tuple(teams_in(self.exclude)),
-            chances=None if chances is None else tuple((far, chance) for far, chance in chances.tolist()),
-            draws=(self._sensor_id, owner) if self.needs_look else None,
-            chance=detection if callable(detection) else None,
-            noise=self.position_noise_m or 0.0,
-            false_alarms=self.false_alarm_rate or 0.0,
-            delay=self.delay_turns or 0,
+            is_plain=not self.needs_look,
+            is_late=bool(self.delay_turns),
         )
 
     @contextmanager
@@ -228,6 +217,7 @@ class DetectingSensor(Sensor):
 
     _notice: DetectionModel | None
     _at: Any  # a fixed place, or None
+    range: float  # map units
 
     @property
     def notice(self) -> DetectionModel:
@@ -237,12 +227,17 @@ class DetectingSensor(Sensor):
             self._phase.sensor_changes += 1  # from now on it counts its looks
         return self._notice
 
-    def _notice_in_arrays(self, radius: float, owner: str) -> AgentLook | str:
-        """Return how it notices agents, for `in_arrays`; else in words why it cannot."""
+    def in_arrays(self) -> AgentLook | None:
+        """Return how it shows agents; of a class of the user's own None."""
         if not self._is_ours:
-            return "is of a class of its own"
-        notice = DetectionModel(self.sensor_id) if self._notice is None else self._notice
-        return notice.in_arrays(radius, owner)
+            return None
+        found = AgentLook(self.range, is_plain=True) if self._notice is None else self._notice.in_arrays(self.range)
+        return found if self._is_all_around else found._replace(is_plain=False)
+
+    @property
+    def _is_all_around(self) -> bool:
+        """Whether it sees all around its agent."""
+        return False
 
     def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:
         """Return on which nodes it would show agents on the ground now; a class of the user's own is not asked."""

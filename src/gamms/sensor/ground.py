@@ -13,9 +13,8 @@ from gamms.core import sight
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged, sensed_arrays
+from gamms.ir.sensed import Sensed, SensorView, ragged, sensed_arrays
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.nearby import memory_of
@@ -25,10 +24,7 @@ from gamms.sensor.views import (
     FULL_CIRCLE,
     Place,
     View,
-    are_unhidden,
     coordinates,
-    ground_at,
-    ground_of,
     in_sight,
     is_unhidden,
     nodes_ahead,
@@ -121,6 +117,11 @@ class GroundSensor(Sensor):
             return 0
         ground = self.ctx.graph.graph.ground([self.ctx.agent.get_agent(self._owner).current_node_id])
         return 0 if ground is None else int(ground.tunnels[0])
+
+    @property
+    def turns_with_agent(self) -> bool:
+        """Whether its field of view turns with the agent that carries it."""
+        return self.fov != FULL_CIRCLE and self._at is None
 
     def heading(self) -> Heading:
         """Return where it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
@@ -223,24 +224,6 @@ class MapSensor(GroundSensor):
         views = [known.get(id) or self._look(self.place(id), heading) for id in as_ids(node_ids, "node_ids")]
         return sensed_arrays([view.node_ids for view in views], partial(_edges_of, views))
 
-    def nodes_in_arrays(self) -> NodeLook | str:
-        """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
-        if not self._is_ours:
-            return "is of a class of its own"
-        is_all_around = self.fov == FULL_CIRCLE
-        return NodeLook(
-            self.range,
-            None if self._at is None else coordinates(self.ctx, self._at),
-            None if is_all_around else (self.orientation, self.fov),
-            self._observer_height if self._is_occluded else None,
-            None if not self._is_occluded and (_LEAST < self.range < _MOST or self.range == inf) else self._ids_from,
-            turns=not is_all_around and self._at is None,
-        )
-
-    def _ids_from(self, node_id: int) -> IntArray:
-        heading = ALL_AROUND if self.fov == FULL_CIRCLE or self._at is None else self.orientation
-        return self._look(self.place(node_id), heading).node_ids
-
     @of_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the field of view from where they were seen."""
@@ -302,10 +285,6 @@ class NeighborSensor(Sensor):
             self._last[0] = [*self._neighborhoods[node_id]]
         except TypeError:  # not hashable, or no id
             self._last[0] = [*self._neighborhoods[as_int(node_id, "The id of a node")]]
-
-    def nodes_in_arrays(self) -> NodeLook | str:
-        """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
-        return NodeLook(None) if self._is_ours else "is of a class of its own"
 
     @of_data
     def last_view(self) -> SensorView:
@@ -396,9 +375,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
             return self._named(reports)
 
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
-        return self._covered_ahead(node_id, ALL_AROUND if self.fov == FULL_CIRCLE else self.heading())
-
-    def _covered_ahead(self, node_id: int | None, heading: Heading) -> tuple[IntArray, FloatArray]:
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         place = self.place(node_id)
         nodes = nodes_ahead(self.ctx, place, self.range, self.fov, heading)
         if self._is_occluded:
@@ -406,46 +383,9 @@ class AgentSensor(DetectingSensor, GroundSensor):
             nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
         return nodes.ids, np.hypot(*(nodes.xy - coordinates(self.ctx, place)).T)
 
-    def in_arrays(self, owner: str) -> AgentLook | str:
-        """Return how it shows agents to its owner, to be computed for many games at once; else in words why it cannot.
-
-        What follows from that must be what `sense` shows.
-        """
-        found = self._notice_in_arrays(self.range, owner)
-        if isinstance(found, str):
-            return found
-        return found._replace(
-            place=None if self._at is None else coordinates(self.ctx, self._at),
-            cone=None if self.fov == FULL_CIRCLE else (self.orientation, self.fov),
-            height=self._observer_height if self._is_occluded else None,
-            hides=self._hidden_from if self._is_occluded else None,
-            hides_pairs=self._hidden_between if self._is_occluded else None,
-            nearest=self.ctx.graph.graph.nearest_node,
-            turns=self.fov != FULL_CIRCLE and self._at is None,
-            covers=self._covered_from,
-        )
-
-    def _covered_from(self, node_id: int) -> IntArray:
-        is_around = self.fov == FULL_CIRCLE or self._at is None
-        return self._covered_ahead(node_id, ALL_AROUND if is_around else self.orientation)[0]
-
-    def _hidden_from(self, node_id: int, others: IntArray) -> BoolArray:
-        nodes = NodeColumns(others, self.ctx.graph.graph.positions(others))
-        return ~in_sight(self.ctx, self.place(node_id), nodes, self.range, self._observer_height)
-
-    def _hidden_between(
-        self, nodes: IntArray, xy: FloatArray, are_on_edges: BoolArray, other_nodes: IntArray, other_xy: FloatArray
-    ) -> BoolArray:
-        ctx, height, there = self.ctx, self._observer_height, ground_of(self.ctx, other_nodes)
-        if self._at is not None:
-            xy, here = np.array([coordinates(ctx, self._at)]), ground_at(ctx, self._at)
-        else:
-            here = ground_of(ctx, nodes)
-            here.z[are_on_edges] = ground_of(ctx, ctx.graph.graph.nearest_node(*xy[are_on_edges].T)).z
-        ends = there.eyes(other_xy, height)
-        eyes = np.broadcast_to(here.eyes(xy, height), ends.shape)
-        is_near: BoolArray = here.tunnels == there.tunnels
-        return ~(is_near & are_unhidden(ctx, eyes, ends))
+    @property
+    def _is_all_around(self) -> bool:
+        return self.fov == FULL_CIRCLE and self._at is None and not self._is_occluded
 
     @property
     def _is_convex(self) -> bool:

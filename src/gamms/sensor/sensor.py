@@ -155,6 +155,14 @@ class Sensor(ContextPart, ISensor):
         return True
 
     @refused_while_deciding
+    def data_from(self, place: Any, owner: str | None) -> Any:
+        """Return what it would show an agent now, as `data`; no look is counted."""
+        twin = self._copy_for_view()
+        twin._owner = owner
+        twin.sense(place)
+        return twin._last[0]
+
+    @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return what it would see now, for drawing; a class of the user's own is not asked, but what it saw last."""
         if not self._is_ours:

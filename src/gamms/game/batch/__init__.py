@@ -6,11 +6,11 @@ phases of the core; else `one_by_one.py` plays one game after the other. Both gi
 
 `state.py` is the block: what a batch remembers, `columns.py` who plays, `scores.py` the scores, `begun.py` what of
 that is taken from a game that has begun. Array rules get a turn (`turn.py`), array strategies and observers a view
-(`view.py`): `movement.py`, `by_edges.py` and `travel.py` (`reach.py`) say what is legal there, `sight.py`, `reports.py`
-and `sight_lines.py` whom sensors show, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `routes.py`
-knows how far it is, `roads.py` which roads are closed in games that are observed, `flows.py` what spreads, `deeds.py`
-and `channels.py` check what agents do and send, `given.py` what comes from outside. `forms.py` has what strategies
-declare; `alone.py` plays array functions in games that are played alone, with the moves of `last_turn.py`.
+(`view.py`): `movement.py`, `by_edges.py` and `travel.py` (`reach.py`) say what is legal there, `sensing.py` whom and
+which nodes sensors show, `vectors.py` puts that into numbers, `routes.py` knows how far it is, `roads.py` which roads
+are closed in games that are observed, `flows.py` what spreads, `deeds.py` and `channels.py` check what agents do and
+send, `given.py` what comes from outside. `forms.py` has what strategies declare; `alone.py` plays array functions in
+games that are played alone, with the moves of `last_turn.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy

@@ -21,10 +21,9 @@ from gamms.game.batch.forms import F, StrategySpec, declare
 from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.last_turn import LastTurn
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement, Places
-from gamms.game.batch.one_by_one import Noted, note_sights
-from gamms.game.batch.sight import Seen, noted_node_sensors, noted_sensors
+from gamms.game.batch.one_by_one import Noted
+from gamms.game.batch.sensing import SHOWING_NODES, note_sensors, note_sights, noted_sensors, rows_covered
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
-from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
@@ -37,9 +36,9 @@ from gamms.ir.graph import FloatArray, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
-from gamms.typing import IContext
+from gamms.typing import IAgent, IContext
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
+from gamms.typing.sensor_engine import ON_GROUND
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
 _LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
@@ -218,6 +217,9 @@ class _ViewOfOne(ArrayView):
         game.turn[0], game.facts, game.shared = state["turn"], state["facts"], shared
         game.blocked[0, number] = "in conflict" in (state.get("blocked") or "")
         game.kept = state["memory"].setdefault(_KEPT, {})
+        game.noted = {number: noted_sensors(roster.agents[number])}
+        game.noted_nodes = {number: [name for name, (kind, _) in state["sensor"].items() if kind in SHOWING_NODES]}
+        game.look = self._look
         super().__init__(game, np.zeros(1, np.int64), np.array([number]))
         self.draw = _DrawsOfOne(state["draw"])
         self._host, self._internals, self._memory = host, internals, state["memory"]
@@ -273,9 +275,8 @@ class _ViewOfOne(ArrayView):
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
         game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
-        game.noted = {number: noted_sensors(here[number]) for number in agents.tolist()}
-        game.noted_nodes = {number: noted_node_sensors(here[number]) for number in agents.tolist()}
-        note_sights(game, self._host, self._internals.parts.turns, 0)
+        note_sensors(game, agents.tolist(), with_nodes=True)
+        note_sights(game, self._host, self._internals.parts.turns.looks, 0)
         return ArrayView(game, self.games, agents)
 
     def _plain_outbox(self) -> list[dict[str, Any]]:
@@ -299,43 +300,24 @@ class _ViewOfOne(ArrayView):
         known, done = self._state.deeds, [one for one in self._deeds or () if len(one.at)]
         return {one.kind: {key: known.plain(one, key)[0] for key in one.values} for one in done}
 
+    def _look(self, games: IntArray) -> None:  # noqa: ARG002 - there is one
+        """Note what `state["sensor"]` shows."""
+
+        def shown_to(agent: IAgent, names: Sequence[str]) -> dict[str, Any]:  # noqa: ARG001 - the one that is asked
+            return {name: self._sensed[name][1] for name in names}
+
+        note_sights(self._state, self._host, shown_to, 0)
+
     def _plain_looks(self) -> None:
         """Return nothing: `state["sensor"]` says what is seen."""
-
-    def _looked(self, names: tuple[str, ...]) -> Seen:
-        """Return what `state["sensor"]` shows."""
-        found: dict[str, int] = {}
-        for name, (kind, data) in self._sensed.items():
-            if kind in ON_GROUND and (not names or name in names):
-                found.update(data)
-            if kind in IN_AIR and (not names or name in names):
-                nearest = self._host.graph.graph.nearest_node
-                found = {other: nearest(*place[:2]) for other, (_, place) in data.items()} | found
-        own = self.roster.names[self.agents[0]]
-        number = {name: i for i, name in enumerate(self.roster.names) if name in found and (names or name != own)}
-        nodes = self.streets.rows([found[name] for name in number])
-        none = np.zeros(len(number), np.int64)
-        return Seen((1, 1, len(self.roster.names)), none, none, np.array([*number.values()], np.int64), nodes)
 
     def covered(self) -> BoolArray:
         """Return on which nodes the sensors of the agent would show agents with some probability, (1, 1, nodes)."""
         name, found = self.roster.names[self.agents[0]], np.zeros((1, 1, self.streets.num_nodes), np.bool_)
         sensors = self.roster.agents[self.agents[0]].sensors
         for sensor in [sensors[key] for key, (kind, _) in self._sensed.items() if kind in ON_GROUND]:
-            there = sensor.coverage(int(self.streets.ids(self.node[0, 0])), name)
-            found[0, 0, self.streets.rows(there.node_ids[there.detection > 0.0])] = True
+            found[0, 0, rows_covered(self._state, sensor, int(self.streets.ids(self.node[0, 0])), name)] = True
         return found
-
-    def seen_nodes(self, *names: str) -> SeenNodes:
-        """Return what `state["sensor"]` shows."""
-        found = [np.zeros(0, np.int64)]
-        for name, (kind, data) in self._sensed.items():
-            if kind in SHOWING_NODES and (not names or name in names):
-                found.append(self.streets.rows([*(data if isinstance(data, list) else data["nodes"])]))
-        rows = np.concatenate(found)
-        rows = np.unique(rows) if len(found) > 2 else rows
-        none = np.zeros(len(rows), np.int64)
-        return SeenNodes((1, 1, len(self.streets.counts)), none, none, rows)
 
 
 class _TurnOfOne(ArrayTurn):

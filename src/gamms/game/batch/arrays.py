@@ -11,6 +11,7 @@ from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import CoreGames
 from gamms.game.batch.movement import Movement
+from gamms.game.batch.sensing import ContextOfRows, note_sensors
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
@@ -76,6 +77,8 @@ class ArrayEngine:
         self._groups = _groups(roster, settings["plans"])
         self._core = CoreGames(game, self.state)
         self._beginning = Beginning(game, self.state)
+        note_sensors(self.state, range(len(roster.names)), with_nodes=False)
+        self.state.look = ContextOfRows(game, self.state).look
         self._publish_facts(game.facts)
         self._core.begin(np.arange(len(seeds)))
 

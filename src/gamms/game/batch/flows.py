@@ -3,15 +3,12 @@
 How far it is and which action leads there is in `routes.py`; what is believed of targets in `gamms.belief.GamesFilter`.
 """
 
-from functools import partial
-
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_count, as_float, as_int, as_key, as_one_shape, as_range
 from gamms.core.belief import Ways, predict
 from gamms.errors import BadValue, TooLarge
-from gamms.game.batch.surroundings import KnownRows
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -19,7 +16,6 @@ from gamms.limits import max_memory, refuse_above
 from gamms.text import shown
 
 _MOST_DENSE = 1 << 28  # nodes in masks
-_MOST_LIMITS = 4  # for which it is kept what is in reach
 _AT_ONCE = 1 << 22  # nodes that are searched at once, in all
 _MOST_BYTES = 1 << 28  # of distances to all nodes that are kept, by each weight
 _BYTES_PER_ROW = 8  # of walks
@@ -38,7 +34,6 @@ class Flows:
     def __init__(self, streets: Streets) -> None:
         self._streets = streets
         self._walks: dict[float | None, Ways] = {}
-        self._reached: dict[tuple[str | None, float], KnownRows] = {}
         self._searches: dict[str | None, _Searches] = {}
 
     def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
@@ -146,13 +141,18 @@ class Flows:
             BadType, BadValue: they are no rows of nodes.
             TooLarge: these are more than 268 million.
         """
-        nodes, most = self._streets.checked(nodes, "nodes"), as_range(limit, "limit")
-        if (as_key(weight, "weight"), most) not in self._reached:
-            if len(self._reached) >= _MOST_LIMITS:
-                self._reached.clear()
-            find = partial(self._in_reach, limit=most, weight=weight)
-            self._reached[weight, most] = KnownRows(len(self._streets.counts), find)
-        return self._reached[weight, most].of(nodes)
+        places, most = self._streets.checked(nodes, "nodes"), as_range(limit, "limit")
+        starts, which = np.unique(places, return_inverse=True)
+        runs = self._in_reach(starts, most, as_key(weight, "weight"))
+        none = np.zeros(0, np.int64)
+        lines, rows = (np.concatenate([none, *(run[side] for run in runs)]) for side in (0, 1))
+        known = np.bincount(lines, minlength=len(starts))
+        counts = known[which]
+        ends = np.concatenate(([0], np.cumsum(counts)))
+        if ends[-1] > _MOST_DENSE:
+            raise TooLarge(f"{ends[-1]} nodes are in reach, too many for arrays. Ask for fewer games.")
+        first = (np.cumsum(known) - known)[which]
+        return ends, rows[np.arange(ends[-1]) + np.repeat(first - ends[:-1], counts)]
 
     def edges(self, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return how many edges paths have from nodes to others; infinite where there is none.

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from gamms.deciding import phase_of
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Radio
@@ -16,20 +15,17 @@ from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
 from gamms.game.batch.movement import Anywhere, Movement, Places
 from gamms.game.batch.roads import RoadMap
-from gamms.game.batch.sight import noted_node_sensors, noted_sensors
+from gamms.game.batch.sensing import note_sensors, note_sights
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
-from gamms.game.turn import TurnEngine
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import Sensed
 from gamms.text import shown
 from gamms.typing import AgentType
-from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
 _ABSENT: dict[str, Any] = {}  # how a game is over that another engine plays
@@ -230,10 +226,7 @@ class OneByOneEngine:
 
     def _note_sensors(self, state: GameArrays) -> None:
         """Note which sensors the agents of the roster carry."""
-        sensors = {i: noted_sensors(agent) for i, agent in enumerate(self._roster.agents)}
-        state.noted = {i: names for i, names in sensors.items() if names}
-        turning = {i: noted_node_sensors(agent) for i, agent in enumerate(self._roster.agents)}
-        state.noted_nodes = {i: names for i, names in turning.items() if names}
+        note_sensors(state, range(len(self._roster.agents)), with_nodes=True)
         state.shared.clear()
 
     def _observe(self, number: int) -> None:
@@ -266,7 +259,7 @@ class OneByOneEngine:
         for i in self._flyers:
             if agents[i].type is AgentType.AERIAL and state.heights is not None:  # another kind may have come
                 *xy[i], state.heights[number, i] = agents[i].position
-        note_sights(state, ctx, self._game.internals.parts.turns, number)
+        note_sights(state, ctx, self._game.internals.parts.turns.looks, number)
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):
             progress = block.on_edge(block.row_of(agent.name)) if agent.name in known else None
@@ -386,36 +379,6 @@ def _functions_of(game: PlayedGame, roster: Roster) -> list[Callable[..., object
     functions += [one.fn for one in game.internals.parts.collectors.by_name.values()]
     functions.append(None if conflicts is None else conflicts.resolve)
     return [*{id(one): one for one in functions if one is not None}.values()]
-
-
-def note_sights(state: GameArrays, ctx: HostContext, turns: TurnEngine, number: int) -> None:
-    """Note what sensors show in the game of a context that only its turn engine can ask."""
-    numbers = {name: i for i, name in enumerate(state.roster.names)}
-    for i, names in state.noted.items():
-        agent, found = ctx.agent.agents.get(state.roster.names[i]), dict[str, tuple[IntArray, IntArray]]()
-        carried = [] if agent is None or not agent.alive else [name for name in names if name in agent.sensors]
-        for sensor, report in (turns.looks(agent, carried) if agent is not None and carried else {}).items():
-            known = [(numbers[name], node) for name, node in _reported(report, ctx) if name in numbers]
-            others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
-            found[sensor] = others, state.streets.rows(nodes)
-        state.sighted[number, i] = found
-    for i, names in state.noted_nodes.items():
-        agent = ctx.agent.agents.get(state.roster.names[i])
-        carried = [] if agent is None or not agent.alive else [name for name in names if name in agent.sensors]
-        own = state.sighted_nodes[number, i] = {}
-        with phase_of(ctx).suspended(changes_world=False):
-            for name in carried if agent is not None else ():
-                own[name] = state.streets.rows(agent.sensors[name].sense_many([agent.current_node_id])[0])
-
-
-def _reported(report: Sensed, ctx: HostContext) -> list[tuple[str, int]]:
-    """Return whom a sensor shows, and the ids of the nodes where; of those in the air the nearest ones."""
-    if not report.names:  # of a class of its own
-        return [*dict(report[0][0]).items()] if len(report[0]) else []
-    names = [report.names[row] for row in report[0].tolist()]
-    places = [] if report.places is None else report.places.tolist()
-    nodes = [ctx.graph.graph.nearest_node(*at[:2]) if isinstance(at, list) else at for at in places]
-    return [*zip(names, nodes, strict=True)]
 
 
 class Noted(Movement):

@@ -254,10 +254,11 @@ class GameArrays:
         deeds: what agents may do besides moving, and did.
         radio: by what agents send messages, and what was sent; None: by nothing.
         places, heights: where agents are in games that are played one by one; None: on their nodes.
-        noted, noted_nodes: agent -> its sensors of which the turn engine says which agents, or nodes, they show, in
-            games that are played one by one.
+        noted, noted_nodes: agent -> its sensors that are asked themselves which agents, or nodes, they show.
         sighted: game and agent -> such a sensor -> others, and the rows of nodes where they are reported.
-        sighted_nodes: game and agent -> a sensor that turns with it -> the rows of the nodes that it shows.
+        sighted_nodes: game and agent -> such a sensor -> the rows of the nodes that it shows.
+        covered: game and agent -> a sensor that turns with it -> the rows of the nodes on which it would show agents.
+        look: asks these sensors in some games; None: they were asked.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         roads: which are open in each game.
@@ -304,10 +305,13 @@ class GameArrays:
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.heights: FloatArray | None = None
-        self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
-        self.noted, self.noted_nodes = dict[int, list[str]](), dict[int, list[str]]()
+        self.noted: dict[int, list[str]] = {}
+        self.noted_nodes: dict[int, list[str]] = {}
         self.now = dict[Hashable, Any]()
+        self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
         self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
+        self.covered: dict[tuple[int, int], dict[str, IntArray]] = {}
+        self.look: Callable[[IntArray], None] | None = None
         self.memory_of = locked(np.arange(len(roster.names)))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}

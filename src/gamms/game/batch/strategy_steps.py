@@ -12,7 +12,6 @@ from gamms.core import rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
-from gamms.game.batch.sight import SHOWING_AGENTS, look_of
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
@@ -21,11 +20,11 @@ from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import ON_GROUND
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 _MOST_BYTES = 128 * 2**20  # of the tables of ways between all nodes; on larger maps arrays play
 _BYTES = 12  # of a node in a table
-_MOST_LOOKING = 1024  # agents that are compared with each other; among more, arrays find those that are near by cells
+MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
 _MOST_ASKED = 1 << 14  # ways that a thread asks for at once
 _UNKNOWN = -3  # an action that `gamms.core.strategies` asks for
 _LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
@@ -41,9 +40,9 @@ def why_not_by_steps(game: PlayedGame, roster: Roster, streets: Streets) -> Iter
     looking = [agent for agent, own in zip(agents, steps, strict=True) if _looks(own)]
     if any(steps) and streets.num_nodes**2 * _BYTES > _MOST_BYTES:
         yield "ways on a large map"
-    if looking and len(agents) > _MOST_LOOKING:
+    if looking and len(agents) > MOST_LOOKING:
         yield "many agents that look at each other"
-    if not all(_is_plain(look) for agent in looking for look in _looks_on_ground(agent)):
+    if not all(map(has_plain_looks, looking)):
         yield "sensors that do more than to show who is near"
 
 
@@ -57,36 +56,45 @@ def _looks(steps: Sequence[CoreStep]) -> bool:
     return any(step.kind in _LOOKING for step in steps)
 
 
-def _looks_on_ground(agent: IAgent) -> list[AgentLook | None]:
-    return [look_of(sensor, agent) for sensor in getattr(agent, "sensors", {}).values() if sensor.type in ON_GROUND]
+def _plain_look(sensor: Any) -> AgentLook | None:
+    """Return how a sensor shows the agents of some teams that are within a radius of its agent; None: it does not."""
+    look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+    if look is None or not look.is_plain:
+        return None
+    return look if _LEAST < look.radius < _MOST or look.radius == np.inf else None
 
 
-def _is_plain(look: AgentLook | None) -> bool:
-    """Whether a sensor shows the agents of some teams that are within a radius of its agent."""
-    if look is None or not (_LEAST < look.radius < _MOST or look.radius == np.inf):
-        return False
-    return look.what == AgentLook(look.radius, teams=look.teams, others=look.others)
+def has_plain_looks(agent: IAgent) -> bool:
+    """Whether `looks_of` has all that the sensors of an agent show of others."""
+    sensors = getattr(agent, "sensors", {}).values()
+    return all(_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
 
 
-def are_plain_looks(agents: Sequence[IAgent]) -> bool:
-    """Whether `made_looks` has all that the sensors of agents show."""
-    sensors = [(one, agent) for agent in agents for one in getattr(agent, "sensors", {}).values()]
-    looks = [look_of(sensor, agent) for sensor, agent in sensors if sensor.type in SHOWING_AGENTS]
-    return len(agents) <= _MOST_LOOKING and all(map(_is_plain, looks))
+def looks_of(roster: Roster, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
+    """Return the plain sensors of the agents of a roster that look, of these names or all, as the core takes them.
 
-
-def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.Looks:
-    """Return the plain sensors of the agents of the roster that look, for the core."""
-    roster = state.roster
-    looks = [_looks_on_ground(one) if looks else [] for one, looks in zip(roster.agents, looking, strict=True)]
-    listed = [look for of_agent in looks for look in of_agent if look is not None]
-    return strategies.Looks(
+    That is `begins`, `squares` and `shows` of `strategies.Looks`.
+    """
+    looks: list[list[AgentLook]] = [[] for _ in roster.agents]
+    for agent, own in [
+        pair for pair, is_looking in zip(zip(roster.agents, looks, strict=True), looking, strict=True) if is_looking
+    ]:
+        for name, sensor in getattr(agent, "sensors", {}).items():
+            look = _plain_look(sensor) if sensor.type in ON_GROUND else None
+            if look is not None and (not names or name in names):
+                own.append(look)
+    listed = [look for own in looks for look in own]
+    return (
         _column([0, *accumulate(map(len, looks))], np.int64),
         _column([look.radius * look.radius for look in listed], np.float64),
         _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
-        len(roster.teams),
-        flat(state.streets.columns.xy, np.float64),
     )
+
+
+def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.Looks:
+    """Return the plain sensors of the agents of the roster that look from their nodes, for the core."""
+    xy = flat(state.streets.columns.xy, np.float64)
+    return strategies.Looks(*looks_of(state.roster, looking), len(state.roster.teams), xy)
 
 
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:

@@ -14,12 +14,10 @@ from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Movement, Places
-from gamms.game.batch.reports import Covered, Lookout, Reports, World, covered, reports
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.sight import SHOWING_AGENTS, Seen, lookouts, names_of, seen
+from gamms.game.batch.sensing import SHOWING_AGENTS, SHOWING_NODES, Seen, SeenNodes, covered, names_of, seen, seen_nodes
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
-from gamms.game.batch.strategy_steps import are_plain_looks, made_looks
-from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, noted_nodes, seen_nodes
+from gamms.game.batch.strategy_steps import made_looks
 from gamms.game.batch.vectors import Encoder, Vectors, legal_of
 from gamms.game.conflicts import flat
 from gamms.game.random_streams import ViewDraws
@@ -27,7 +25,6 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import locked
 from gamms.text import shown
-from gamms.typing.sensor_engine import ON_GROUND
 
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
@@ -255,7 +252,6 @@ class ArrayView(Mapping[str, Any]):
 
         Raises:
             UnknownName (KeyError): no agent carries such a sensor that shows agents.
-            BadValue: a sensor has no array form.
         """
         key = as_key(names, "The name of a sensor")
         if key not in self._sights:
@@ -270,14 +266,14 @@ class ArrayView(Mapping[str, Any]):
         known: Seen | None = state.now.get(key)
         if known is not None:
             return known if are_all else known.in_games(self.games)
-        if key not in state.shared:
-            state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted, kinds=SHOWING_AGENTS)
-        found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
-        if state.sighted:
-            found = found.with_sights(state.sighted, names, (self.games, self.agents), self._whole)
+        found = seen(state, self.games, self.agents, self._whole, names, self._xy_of_all)
         if are_all:
             state.now[key] = found
         return found
+
+    def _xy_of_all(self) -> FloatArray:
+        """Return where all agents of these games are, (games, all agents, 2)."""
+        return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._places().xy
 
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return which nodes the sensors show to those in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
@@ -287,26 +283,15 @@ class ArrayView(Mapping[str, Any]):
 
         Raises:
             UnknownName (KeyError): no agent carries such a sensor that shows nodes.
-            BadValue: a sensor has no array form.
+            BadValue: a sensor is of a class of its own.
             TooLarge: the agents see more than 268 million nodes together.
         """
-        shared = self._state.shared
-        key = "nodes", self.agents.tobytes(), as_key(names, "The name of a sensor")
-        if key not in shared:
-            shared[key] = node_lookouts(self._state.streets, self.roster.agents, self.agents, names)
-        near, state = self._near if self._state.roads.are_closed else None, self._state
-        noted = noted_nodes(state.sighted_nodes, names, (self.games, self.agents), self.mask)
-        return seen_nodes(self.node, self.mask, shared[key], self.streets.num_nodes, near, noted)
+        named = as_key(names, "The name of a sensor")
+        return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
 
     def covered(self) -> BoolArray:
         """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes)."""
-        found = np.zeros((*self.node.shape, self.streets.num_nodes), np.bool_)
-        for _, (at, viewers, rows, _), _ in looks_in(self):
-            found[at, viewers, rows] = True
-        return found
-
-    def _near(self, at: IntArray, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        return self._state.roads.legal_of(nodes, self.games[at])
+        return covered(self._state, self.games, self.agents, self.node, self.mask)
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
@@ -385,9 +370,8 @@ class ArrayView(Mapping[str, Any]):
         if places is not None and (places.edge[..., 0] >= 0).any():
             return None
         if "looks" not in state.shared:
-            agents = self.roster.agents
-            state.shared["looks"] = made_looks(state, [True] * len(agents)) if are_plain_looks(agents) else None
-        found: strategies.Looks | None = state.shared["looks"]
+            state.shared["looks"] = made_looks(state, [True] * len(self.roster.names))
+        found: strategies.Looks = state.shared["looks"]
         return found
 
     @property
@@ -517,15 +501,6 @@ def observers_in(view: ArrayView) -> observe.Observers:
     return view._observers(are_looking=True)
 
 
-def looks_in(view: ArrayView) -> Iterator[tuple[Lookout, Covered, Iterator[Reports]]]:
-    """Yield what the sensors on the ground of the agents in the mask of a view show; for the strategies of GAMMS."""
-    state, key, world = view._state, ("covers", view.agents.tobytes()), World(view._state, view.games)
-    if key not in state.shared:
-        state.shared[key] = lookouts(view.roster, view.agents, (), kinds=ON_GROUND)
-    for one in state.shared[key]:
-        yield one, covered(world, one, view.mask), reports(world, one, view.mask, with_own=True)
-
-
 class _ByName(Mapping[str, T]):
     """What sensors show, or channels have brought, to the agents of a view; worked out when it is read."""
 
@@ -543,8 +518,9 @@ class _ByName(Mapping[str, T]):
 
 
 def _sensors(view: ArrayView) -> Mapping[str, Seen | SeenNodes]:
-    agents, of_nodes = view.roster.agents, node_sensors_of(view.roster.agents, view.agents)
-    names = sorted({*names_of(agents, view.agents), *of_nodes})
+    agents = view.roster.agents
+    of_nodes = names_of(agents, view.agents, SHOWING_NODES)
+    names = sorted({*names_of(agents, view.agents, SHOWING_AGENTS), *of_nodes})
     return _ByName(names, lambda name: view.seen_nodes(name) if name in of_nodes else view.seen(name))
 
 

@@ -9,7 +9,7 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
-from gamms.game.batch.sight import looks_from_the_air, reports_late, turns_with_its_agent, why_not_seen
+from gamms.game.batch.sensing import why_not_asked_in_core
 from gamms.game.batch.strategy_steps import why_not_by_steps
 from gamms.game.batch.travelers import Waypoints, why_not_by
 from gamms.game.conflicts import ranked
@@ -67,12 +67,8 @@ def _why_not_agents(roster: Roster) -> Iterator[str]:
             yield f"agent {shown(agent.name)}, which flies"
         if agent.team is None:
             yield f"agent {shown(agent.name)}, which has no team"
-        if looks_from_the_air(agent):
-            yield f"a sensor of agent {shown(agent.name)}, which looks from the air"
-        if reports_late(agent):
-            yield f"a sensor of agent {shown(agent.name)}, which reports late"
-        if turns_with_its_agent(agent):
-            yield f"a sensor of agent {shown(agent.name)}, which turns with it"
+        for name, why in why_not_asked_in_core(agent):
+            yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
 
 
 def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
@@ -114,7 +110,7 @@ def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
 
 
 def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: bool) -> Iterator[str]:
-    """Yield, in words, why the core does not have the decider of an agent, or arrays a sensor that it asks."""
+    """Yield, in words, why the core does not have the decider of an agent."""
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
     form = core_form_of(decider, is_plain=is_plain)
@@ -126,7 +122,3 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
         yield f"the {kind} {as_code(decider)}, of agents that go along one edge in a turn among others"
     if isinstance(form, Waypoints) and settings["on_illegal"] == "raise":
         yield f"the {kind} {as_code(decider)}, of which illegal actions are raised"
-    for name in getattr(agent, "sensors", {}) if spec.array_form is not None and spec.looks else ():
-        why = why_not_seen(agent, name)
-        if why is not None:
-            yield why

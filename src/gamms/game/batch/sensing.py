@@ -1,0 +1,468 @@
+"""What the sensors of agents show in the games of a batch: plain ones by the core, all others by their own code.
+
+A plain sensor shows the agents of some teams that are within a radius of its agent. Any other is asked in a context
+that is pointed at the game, once for each agent that carries it.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_array, as_numbers_of
+from gamms.core import observe, strategies
+from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.batch.columns import PlayedGame, places_of, some_rows
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
+from gamms.game.conflicts import flat
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Progress
+from gamms.ir.sensed import AgentLook
+from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import FROM_AIR, IN_AIR, ON_GROUND, SensorType
+
+SHOWING_AGENTS = ON_GROUND | IN_AIR
+SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
+_MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
+_MOST_MARKS = 1 << 24  # pairs of agents that the core compares at once
+
+
+class Seen(NamedTuple):
+    """The agents that agents see, as pairs: by game, then by the agent that sees, then by the name of the other.
+
+    Attributes:
+        shape: games and agents of the view, agents of the roster.
+        at: (pairs,) the game in the view.
+        viewers: (pairs,) the agent of the view that sees.
+        others: (pairs,) the number in the roster of the agent that is seen.
+        nodes: (pairs,) the row of the node where it is seen.
+    """
+
+    shape: tuple[int, int, int]
+    at: IntArray
+    viewers: IntArray
+    others: IntArray
+    nodes: IntArray
+
+    @property
+    def mask(self) -> BoolArray:
+        """Who sees whom, (games, agents of the view, agents of the roster).
+
+        Raises:
+            TooLarge: it would take more than 256 MB; the pairs do not.
+        """
+        use = "at, viewers, others and nodes of view.seen()"
+        return _mask_of_pairs(self.shape, (self.at, self.viewers, self.others), use)
+
+    def in_games(self, games: IntArray) -> "Seen":
+        """Return the pairs of some games, which ascend, as a view of these has them."""
+        at = places_of(games, self.shape[0])[self.at]
+        return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
+
+    def of(self, chosen: BoolArray | IntArray) -> "Seen":
+        """Return some of the pairs: which, (pairs,), or their places.
+
+        Raises:
+            BadType, BadValue: there are no such pairs.
+        """
+        if getattr(chosen, "dtype", None) == np.bool_:
+            return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
+        return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
+
+
+class SeenNodes(NamedTuple):
+    """The nodes that agents see, as pairs: by game, then by the agent that sees.
+
+    Those of one agent are in the order of the nodes on the map; of one sensor alone, as it shows them.
+
+    Attributes:
+        shape: games and agents of the view, nodes of the map.
+        at: (pairs,) the game in the view.
+        viewers: (pairs,) the agent of the view that sees.
+        nodes: (pairs,) the row of the node.
+    """
+
+    shape: tuple[int, int, int]
+    at: IntArray
+    viewers: IntArray
+    nodes: IntArray
+
+    @property
+    def mask(self) -> BoolArray:
+        """Which nodes are seen, (games, agents, nodes).
+
+        Raises:
+            TooLarge: it would take more than 256 MB; the pairs may not.
+        """
+        return _mask_of_pairs(self.shape, (self.at, self.viewers, self.nodes), "at, viewers and nodes")
+
+
+def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) -> BoolArray:
+    """Return a mask that is true at these places; `use` says in a message what to use where it would be too large."""
+    if np.prod(shape, dtype=np.float64) > _MOST_PAIRS:
+        raise TooLarge(f"A mask of {shape} is too large. Use the pairs: {use}.")
+    found = np.zeros(shape, np.bool_)
+    found[pairs] = True
+    return found
+
+
+def carried_by(agent: IAgent) -> Mapping[str, Any]:
+    """Return the sensors of an agent by their names."""
+    found: Mapping[str, Any] = getattr(agent, "sensors", {})
+    return found
+
+
+def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
+    """Return the names of the sensors of some agents of a roster that are of some kinds."""
+    carried = [carried_by(agents[number]) for number in numbers.tolist()]
+    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
+
+
+def turns_with_agent(sensor: Any) -> bool:
+    """Whether a sensor has a field of view that turns with the agent that carries it."""
+    return getattr(sensor, "turns_with_agent", False)
+
+
+def noted_sensors(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that show agents, that which counts first.
+
+    Of what several sensors show, the last one on the ground counts, else the first one in the air.
+    """
+    carried = carried_by(agent)
+    ground = [name for name, one in carried.items() if one.type in ON_GROUND]
+    return [*ground[::-1], *(name for name, one in carried.items() if one.type in IN_AIR)]
+
+
+def noted_node_sensors(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that show nodes and may show others in other games from the same node.
+
+    That is what turns with the agent, and what shows the nodes to which open roads lead.
+    """
+    nodes = {name: one for name, one in carried_by(agent).items() if one.type in SHOWING_NODES}
+    return [name for name, one in nodes.items() if one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
+
+
+def why_not_asked_in_core(agent: IAgent) -> Iterator[tuple[str, str]]:
+    """Yield the sensors of an agent that see more of a game than what the core has, and why, in words."""
+    for name, sensor in carried_by(agent).items():
+        look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+        if sensor.type in IN_AIR | FROM_AIR:
+            yield name, "looks from the air"
+        elif turns_with_agent(sensor):
+            yield name, "turns with it"
+        elif sensor.type in ON_GROUND and look is None:
+            yield name, "is of a class of its own"
+        elif look is not None and look.is_late:
+            yield name, "reports late"
+
+
+def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) -> None:
+    """Note which sensors of some agents are asked in a context that is pointed at their games.
+
+    Args:
+        state: of the games.
+        agents: numbers in the roster.
+        with_nodes: whether maps may be others, and agents turned; in the core they are not.
+    """
+    roster, are_few = state.roster, len(state.roster.names) <= MOST_LOOKING
+    odd = [number for number in agents if not (are_few and has_plain_looks(roster.agents[number]))]
+    found = {number: noted_sensors(roster.agents[number]) for number in odd}
+    state.noted = {number: names for number, names in found.items() if names}
+    if with_nodes:
+        found = {number: noted_node_sensors(roster.agents[number]) for number in agents}
+        state.noted_nodes = {number: names for number, names in found.items() if names}
+
+
+# -- agents ---------------------------------------------------------------------------------------------------------
+
+
+def seen(
+    state: GameArrays,
+    games: IntArray,
+    agents: IntArray,
+    asked: BoolArray,
+    names: Sequence[str],
+    axes: Callable[[], FloatArray],
+) -> Seen:
+    """Return which agents some agents see.
+
+    Args:
+        state: of the games.
+        games: their numbers.
+        agents: their numbers in the roster.
+        asked: (games, agents) which of them are asked.
+        names: of the sensors, which show their own agents then if they look from a fixed place; none: all.
+        axes: returns where all agents are, (games, all agents, 2).
+
+    Raises:
+        UnknownName (KeyError): no agent carries such a sensor that shows agents.
+    """
+    known = names_of(state.roster.agents, agents, SHOWING_AGENTS)
+    for name in names:
+        if name not in known:
+            raise UnknownName("sensor that shows agents", name, known)
+    shape = len(games), len(agents), len(state.roster.names)
+    noted = np.isin(agents, [*state.noted])
+    parts = [*_seen_in_core(state, games, agents, asked & ~noted, names, axes)]
+    if noted.any() and len(games):
+        if state.look is not None:
+            state.look(games)
+        parts += _sighted(state, names, (games, agents), asked)
+    none = np.zeros(0, np.int64)
+    at, viewers, others, nodes = (np.concatenate(columns) for columns in zip((none,) * 4, *parts, strict=True))
+    _, first = np.unique((at * shape[1] + viewers) * shape[2] + others, return_index=True)
+    return Seen(shape, at[first], viewers[first], others[first], nodes[first])
+
+
+def _seen_in_core(
+    state: GameArrays,
+    games: IntArray,
+    agents: IntArray,
+    asked: BoolArray,
+    names: Sequence[str],
+    axes: Callable[[], FloatArray],
+) -> Iterator[tuple[IntArray, ...]]:
+    """Yield columns of the games, agents, others and nodes that plain sensors show."""
+    key = "plain", tuple(names), tuple(state.noted)
+    if key not in state.shared:
+        looking = [number not in state.noted for number in range(len(state.roster.names))]
+        state.shared[key] = looks_of(state.roster, looking, names)
+    columns = state.shared[key]
+    if columns[0][-1] == 0 or not asked.any():
+        return
+    shape = len(agents), len(state.roster.names)
+    xy = axes()
+    step = max(1, _MOST_MARKS // (shape[0] * shape[1]))
+    for first in range(0, len(games), step):
+        some = games[first : first + step]
+        marks = np.zeros((len(some), *shape), np.uint8)
+        begins, squares, shows = columns
+        places = flat(xy[first : first + step], np.float64)
+        looks = strategies.Looks(begins, squares, shows, len(state.roster.teams), places)
+        observe.mark_seen(
+            looks,
+            flat(agents, np.int64),
+            flat(state.roster.team_of, np.int64),
+            flat(asked[first : first + step].view(np.uint8), np.uint8),
+            flat(state.alive[some].view(np.uint8), np.uint8),
+            marks.reshape(-1).data,
+        )
+        at, viewers, others = np.nonzero(marks)
+        yield at + first, viewers, others, state.node[some[at], others]
+
+
+def _sighted(
+    state: GameArrays, names: Sequence[str], who: tuple[IntArray, IntArray], asked: BoolArray
+) -> Iterator[tuple[IntArray, ...]]:
+    """Yield the same columns of what was noted, of one agent that first which counts."""
+    for at, game in enumerate(who[0].tolist()):
+        for column, agent in enumerate(who[1].tolist()):
+            sights = state.sighted.get((game, agent), {}) if asked[at, column] else {}
+            for others, nodes in [sight for name, sight in sights.items() if name in names or not names]:
+                counts = (others != agent) | bool(names)
+                here = np.full(int(counts.sum()), at)
+                yield here, np.full_like(here, column), others[counts], nodes[counts]
+
+
+# -- nodes ----------------------------------------------------------------------------------------------------------
+
+
+def seen_nodes(
+    state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray, names: Sequence[str]
+) -> SeenNodes:
+    """Return which nodes some agents see; see `seen`.
+
+    Args:
+        state: of the games.
+        games: their numbers.
+        agents: their numbers in the roster.
+        node: where they are, rows (games, agents).
+        asked: (games, agents) which of them are asked.
+        names: of the sensors; none: all.
+
+    Raises:
+        UnknownName (KeyError): no agent carries such a sensor that shows nodes.
+        BadValue: a sensor is of a class of its own.
+        TooLarge: the agents see more than 268 million nodes together.
+    """
+    known = names_of(state.roster.agents, agents, SHOWING_NODES)
+    for name in names:
+        if name not in known:
+            raise UnknownName("sensor that shows nodes", name, known)
+    if state.look is not None and state.noted_nodes:
+        state.look(games)
+    shape, none = (*node.shape, state.streets.num_nodes), np.zeros(0, np.int64)
+    parts = [(none, none, none)]
+    for column, number in enumerate(agents.tolist()):
+        carried = [name for name in names or known if _shows_nodes(state.roster.agents[number], name)]
+        own = [_nodes_shown(state, games, number, name, node[:, column], asked[:, column]) for name in carried]
+        if not own:
+            continue
+        at, rows = (np.concatenate(side) for side in zip(*own, strict=True))
+        if len(own) > 1:
+            at, rows = np.divmod(np.unique(at * shape[2] + rows), max(shape[2], 1))
+        parts.append((at, np.full_like(at, column), rows))
+        if sum(len(part[0]) for part in parts) > _MOST_PAIRS:
+            raise TooLarge("The agents see too many nodes together for arrays. Ask for fewer games.")
+    at, viewers, rows = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    order = np.argsort(at * shape[1] + viewers, kind="stable")
+    return SeenNodes(shape, at[order], viewers[order], rows[order])
+
+
+def _shows_nodes(agent: IAgent, name: str) -> bool:
+    sensor = carried_by(agent).get(name)
+    return sensor is not None and sensor.type in SHOWING_NODES
+
+
+def _nodes_shown(
+    state: GameArrays, games: IntArray, number: int, name: str, node: IntArray, asked: BoolArray
+) -> tuple[IntArray, IntArray]:
+    """Return what a sensor of an agent shows in the games in which it is asked: columns of games and rows of nodes."""
+    agent = state.roster.agents[number]
+    at = np.flatnonzero(asked)
+    if name in state.noted_nodes.get(number, ()):
+        none = np.zeros(0, np.int64)
+        noted = [state.sighted_nodes.get((int(games[i]), number), {}).get(name, none) for i in at]
+        return np.repeat(at, [len(rows) for rows in noted]), np.concatenate((none, *noted))
+    sensor = carried_by(agent)[name]
+    if not sensor.sees_world_only:
+        raise BadValue(
+            f"The sensor {shown(name)} of agent {shown(agent.name)} is of a class of its own, and so has no array "
+            "form. Look with state['sensor'], in a strategy for one agent."
+        )
+    starts, which = np.unique(node[at], return_inverse=True)
+    found = sensor.sense_many(state.streets.ids(starts))
+    ends = found.offsets[:-1]
+    counts = np.diff(found.offsets)[which]
+    total = int(counts.sum())
+    if total > _MOST_PAIRS:
+        raise TooLarge(f"The agents see {total} nodes together, too many for arrays. Ask for fewer games.")
+    places = np.arange(total) - np.repeat(np.cumsum(counts) - counts - ends[which], counts)
+    return np.repeat(at, counts), state.streets.rows(found.values)[places]
+
+
+def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray) -> BoolArray:
+    """Return on which nodes sensors on the ground would show agents with some probability, (games, agents, nodes)."""
+    found = np.zeros((*node.shape, state.streets.num_nodes), np.bool_)
+    for column, number in enumerate(agents.tolist()):
+        agent, here = state.roster.agents[number], node[:, column]
+        for name, sensor in carried_by(agent).items():
+            if sensor.type not in ON_GROUND:
+                continue
+            for start in np.unique(here[asked[:, column]]).tolist():
+                at = np.flatnonzero(asked[:, column] & (here == start))
+                if turns_with_agent(sensor):
+                    for i in at.tolist():
+                        found[i, column, state.covered.get((int(games[i]), number), {}).get(name, [])] = True
+                    continue
+                rows = rows_covered(state, sensor, int(state.streets.ids(np.array(start))), agent.name)
+                found[at[:, None], column, rows] = True
+    return found
+
+
+def rows_covered(state: GameArrays, sensor: Any, node_id: int, owner: str) -> IntArray:
+    """Return the rows of the nodes where a sensor would show agents with some probability, from a node."""
+    there = sensor.coverage(node_id, owner)
+    return state.streets.rows(there.node_ids[there.detection > 0.0])
+
+
+# -- what is noted --------------------------------------------------------------------------------------------------
+
+
+def note_sights(
+    state: GameArrays, ctx: HostContext, look: Callable[[IAgent, Sequence[str]], dict[str, Any]], number: int
+) -> None:
+    """Note what sensors show in the game of a context.
+
+    Args:
+        state: of all games.
+        ctx: the context.
+        look: returns what some sensors of an agent show it, as `state["sensor"]` has it.
+        number: of the game.
+    """
+    names = {name: i for i, name in enumerate(state.roster.names)}
+    for i in {**state.noted, **state.noted_nodes}:
+        agent = ctx.agent.agents.get(state.roster.names[i])
+        carried = carried_by(agent) if agent is not None and agent.alive else {}
+        of_agents = [name for name in state.noted.get(i, ()) if name in carried]
+        of_nodes = [name for name in state.noted_nodes.get(i, ()) if name in carried]
+        data = look(agent, of_agents + of_nodes) if carried else {}
+        sights = state.sighted[number, i] = {}
+        for name in of_agents:
+            known = [(names[other], node) for other, node in _places_in(data[name], ctx) if other in names]
+            others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
+            sights[name] = others, state.streets.rows(nodes)
+            if turns_with_agent(carried[name]):
+                rows = rows_covered(state, carried[name], agent.current_node_id, agent.name)
+                state.covered.setdefault((number, i), {})[name] = rows
+        state.sighted_nodes[number, i] = {name: state.streets.rows(_nodes_in(data[name])) for name in of_nodes}
+
+
+def _places_in(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, int]]:
+    """Return whom a sensor shows, and the ids of the nodes where; of those in the air the nearest ones."""
+    nearest = ctx.graph.graph.nearest_node
+    return [(name, nearest(*at[1][:2]) if isinstance(at, tuple) else int(at)) for name, at in data.items()]
+
+
+def _nodes_in(data: Any) -> list[int]:
+    return [*(data if isinstance(data, list) else data["nodes"])]
+
+
+class ContextOfRows:
+    """A context that is pointed at games whose agents are rows of arrays, so that sensors look there.
+
+    Args:
+        game: in a context that is not played in; it is as it was after each look.
+        state: of all games of the batch.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+        self._game, self._state = game, state
+
+    def look(self, games: IntArray) -> None:
+        """Note what sensors show in some games, of which it is not known yet."""
+        known: set[int] = self._state.now.setdefault("looked", set())
+        new = [number for number in games.tolist() if number not in known]
+        if not new:
+            return
+        ctx, values = self._game.ctx, self._game.internals.state
+        block = ctx.agent.block
+        before = block.values(), block.structure_values()
+        turn, seed, is_seeded, rng = values.turn, ctx.seed, ctx.is_seeded, ctx.rng_state()
+        try:
+            for number in new:
+                self._point(number, before)
+                note_sights(self._state, ctx, self._game.internals.parts.turns.looks, number)
+        finally:
+            block.restore(*before)
+            ctx.reseed(seed, rng)
+            ctx.is_seeded = is_seeded
+            values.turn = turn
+        known.update(new)
+
+    def _point(self, number: int, before: tuple[dict[str, Any], dict[str, list[Any]]]) -> None:
+        state, ctx = self._state, self._game.ctx
+        block = ctx.agent.block
+        ctx.reseed(state.seeds[number])
+        self._game.internals.state.turn = int(state.turn[number])
+        values = {**before[0], "games": before[0]["games"].copied(), "progress": before[0]["progress"].copy()}
+        node, alive = values["games"].row("node"), values["games"].row("alive")
+        ids = state.streets.ids(state.node[number]).tolist()
+        edge = state.movement.edge[number].tolist() if len(state.movement.edge) else [-1] * len(ids)
+        for i, name in enumerate(state.roster.names):
+            row = block.row_of(name)
+            node[row] = ids[i]
+            alive[row] = bool(state.alive[number, i])
+            values["progress"][row] = None if edge[i] < 0 else self._progress(number, i, ids[i], edge[i])
+        block.restore(values, before[1])
+
+    def _progress(self, number: int, agent: int, node: int, edge: int) -> Progress:
+        movement = self._state.movement
+        columns = movement.columns
+        target = int(columns.node_ids[columns.targets[edge]])
+        share, motion = float(movement.share[number, agent]), int(movement.motion[number, agent])
+        return Progress(node, target, share, int(columns.edge_ids[edge]), motion)
