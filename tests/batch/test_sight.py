@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from gamms.errors import TooLarge, UnknownName
 from gamms.game.batch import sensing
 from gamms.game.batch.sensing import Seen
-from gamms.sensor import views
 from gamms.strategies import chase, flee, goto, mix
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
@@ -222,8 +221,7 @@ def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, see
 def on_edges(kind, keywords, decide, strategies):
     """Open a game by metres on hilly ground with a tunnel and a wall, in which agents go by strategies."""
     settings = {"speed_unit": "metres", "decide": decide}
-    with scene(max_turns=9, settings=settings).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(views, "_MOST_FACES", 0 if "at" in keywords else 9)
+    with scene(max_turns=9, settings=settings).build(seed=1) as ctx:
         ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
         for node, z in ((7, 20.0), (12, 3.0)):
             ctx.graph.graph.update_node({"id": node, "z": z, "underground": node == 7})

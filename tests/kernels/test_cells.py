@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gamms import kernels
 
@@ -83,24 +81,3 @@ def test_a_disc_over_everything_is_left_to_a_scan():
     assert kernels.candidate_rows(cells, 0.0, 0.0, 1e6) is None
     assert kernels.candidate_rows(cells, 0.0, 0.0, float("inf")) is None
     assert kernels.rows_between(cells, (0.5, -1e6), (0.5, 1e6)) is None
-
-
-@given(
-    sizes=st.tuples(st.integers(0, 150), st.integers(0, 150)),
-    groups=st.tuples(st.integers(1, 9), st.integers(1, 9)),
-    limit=st.sampled_from([0.0, 0.3, 2.0, 20.0]),
-    seed=st.integers(0, 99),
-)
-def test_pairs_are_of_one_map_alone_where_there_are_several(sizes, groups, limit, seed):
-    rng = np.random.default_rng(seed)
-    a, b = (
-        kernels.Area(*rng.integers(0, 9, (2, n)).astype(float), rng.integers(0, groups_of, n))
-        for n, groups_of in zip(sizes, groups, strict=True)
-    )
-    found = [
-        pair
-        for rows in kernels.near_each_other(a, b, limit)
-        for pair in zip(*map(np.ndarray.tolist, rows), strict=True)
-    ]
-    near = np.hypot(a.x[:, None] - b.x, a.y[:, None] - b.y) <= limit
-    assert found == [tuple(pair) for pair in np.argwhere(near & (a.group[:, None] == b.group)).tolist()]

@@ -6,12 +6,10 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.core.draws`, `gamms.
 
 from gamms.core.draws import below, bits_at, first_key, fraction, turn_key
 from gamms.kernels.cells import (
-    Area,
     CellIndex,
     build_cells,
     candidate_rows,
     candidates_of_each,
-    near_each_other,
     rows_around,
     rows_between,
 )
@@ -67,7 +65,6 @@ from gamms.kernels.paths import (
     first_steps,
     lacks_scipy,
     last_arcs,
-    last_arcs_to_nearest,
     least_matching,
     make_arcs,
     reached_from,

@@ -14,10 +14,7 @@ _POINTS_PER_CELL = 4.0
 _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
 _FAR = 1e150  # coordinates beyond are as far away as this: their squares would overflow
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
-_MOST_PAIRS = 1 << 18  # that are compared at a time
 _MOST_CANDIDATES = 1 << 15  # that are written out at a time, which caches hold
-_FEW_PAIRS = 1 << 12  # that are compared without cells
-_MOST_CELLS_OF_AREA = 1 << 20  # per axis of an area
 
 
 class CellIndex(NamedTuple):
@@ -110,99 +107,6 @@ def _expanded(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple
         ranges, positions = expand_ranges(first[begin:end].ravel(), last[begin:end].ravel())
         yield begin, end, ranges // first.shape[1], rows[positions]
         begin = end
-
-
-class Area(NamedTuple):
-    """Points on maps of their own that have the same coordinates, such as the agents of several games.
-
-    Attributes:
-        x: (points,) finite.
-        y: (points,) likewise.
-        group: (points,) the number of the map, from 0; None: all are on one.
-    """
-
-    x: FloatArray
-    y: FloatArray
-    group: IntArray | None = None
-
-
-def near_each_other(a: Area, b: Area, limit: float) -> Iterator[tuple[IntArray, IntArray]]:
-    """Find the pairs of points of one map, one of each set, that are at most `limit` apart, some at a time.
-
-    dx * dx + dy * dy <= limit * limit is what is compared, in 64-bit floats.
-
-    Args:
-        a: points.
-        b: others, with groups if the points have some.
-        limit: not negative, at most 1e150; so are all coordinates.
-
-    Yields:
-        Rows of `a` and of `b`, (pairs,), by row of `a`, then by row of `b`.
-    """
-    if len(a.x) * len(b.x) <= _FEW_PAIRS:
-        dx, dy = b.x - a.x[:, None], b.y - a.y[:, None]
-        dx *= dx
-        dy *= dy
-        dx += dy
-        is_near = dx <= limit * limit
-        if a.group is not None:
-            is_near &= a.group[:, None] == b.group
-        pairs = np.flatnonzero(is_near)
-        row = pairs // len(b.x)
-        yield row, pairs - row * len(b.x)
-        return
-    first, last, order = _stripes(a, b, limit)
-    counts = last - first
-    ends = np.cumsum(counts.sum(axis=1))
-    x, y = b.x[order], b.y[order]
-    begin = 0
-    while begin < len(a.x):
-        before = int(ends[begin - 1]) if begin else 0
-        end = max(begin + 1, int(np.searchsorted(ends, before + _MOST_PAIRS, side="right")))
-        runs = counts[begin:end].ravel()
-        shift = first[begin:end].ravel() - (np.cumsum(runs) - runs)
-        place = np.arange(int(ends[end - 1]) - before) + np.repeat(shift, runs)
-        row = np.repeat(np.arange(end - begin), np.diff(ends[begin:end], prepend=before))
-        dx, dy = x[place], y[place]
-        dx -= a.x[begin:end][row]
-        dy -= a.y[begin:end][row]
-        dx *= dx
-        dy *= dy
-        dx += dy
-        near = np.flatnonzero(dx <= limit * limit)
-        pairs = row[near] * len(b.x) + order[place[near]]
-        pairs.sort()
-        row = pairs // len(b.x)
-        yield begin + row, pairs - row * len(b.x)
-        begin = end
-
-
-def _stripes(a: Area, b: Area, limit: float) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the ranges of candidates (points, ranges), first and one behind the last, in an order of the others."""
-    low = [min(float(getattr(points, axis).min()) for points in (a, b)) for axis in "xy"]
-    high = [max(float(getattr(points, axis).max()) for points in (a, b)) for axis in "xy"]
-    span = max(high[0] - low[0], high[1] - low[1])
-    greatest = max(map(abs, (*low, *high)))
-    least = max(greatest * 1e-8, 1.0 / _FAR)  # smaller cells drown in rounding
-    size = max(limit * (1.0 + 1e-9) + least, span / _MOST_CELLS_OF_AREA)
-    wide, tall = (int((top - bottom) / size) + 4 for bottom, top in zip(low, high, strict=True))
-    near, keys = (
-        ((0 if points.group is None else points.group * tall) + ((points.y - low[1]) / size).astype(np.int64) + 1)
-        * wide
-        + ((points.x - low[0]) / size).astype(np.int64)
-        + 1
-        for points in (a, b)
-    )
-    order = np.argsort(keys, kind="stable")
-    groups = 1 if a.group is None or b.group is None else 1 + max(int(a.group.max()), int(b.group.max()))
-    cells = groups * tall * wide
-    near = near[:, None] + wide * np.array([-1, 0, 1])
-    if cells <= _POINTS_PER_CELL * (len(a.x) + len(b.x)):
-        begins = np.zeros(cells + 1, np.int64)
-        np.cumsum(np.bincount(keys, minlength=cells), out=begins[1:])
-        return begins[near - 1], begins[near + 2], order
-    keys = keys[order]
-    return np.searchsorted(keys, near - 1), np.searchsorted(keys, near + 2), order
 
 
 def _cell_of(value: float, origin: float, size: float) -> int:

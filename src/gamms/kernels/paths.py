@@ -179,28 +179,12 @@ def last_arcs(arcs: Arcs, roots: IntArray, ids: IntArray, reached: Reached) -> I
         ids: (nodes,) different numbers.
         reached: what `reached_from` returns of the roots.
     """
-    return _last_arcs(arcs, np.arange(len(roots)) * len(ids) + roots, ids, reached, len(roots))
-
-
-def last_arcs_to_nearest(arcs: Arcs, roots: IntArray, ids: IntArray, far: FloatArray) -> IntArray:
-    """Return the last arcs on the shortest paths from the nearest root, (nodes,); -1 at roots, and where there is none.
-
-    Args:
-        arcs: the ways.
-        roots: (roots,) rows, each once, of which no node is as near to two.
-        ids: (nodes,) numbers, different for those that are near to one root.
-        far: (nodes,) what `shortest_distances` returns of the roots.
-    """
-    rows = np.flatnonzero(far < inf)
-    found = np.full(len(ids), -1, np.int64)
-    found[rows] = _last_arcs(arcs, roots, ids, Reached(np.zeros_like(rows), rows, far[rows]), 1)
-    return found
-
-
-def _last_arcs(arcs: Arcs, begins: IntArray, ids: IntArray, reached: Reached, trees: int) -> IntArray:
-    """Return the last arcs in so many graphs side by side, whose roots are `begins`."""
-    nodes, (lines, rows, far) = len(ids), reached
-    near, flat = lines * nodes + rows, np.full(trees * nodes, inf)
+    nodes = len(ids)
+    lines, rows, far = reached
+    trees = len(roots)
+    begins = np.arange(trees) * nodes + roots
+    near = lines * nodes + rows
+    flat = np.full(trees * nodes, inf)
     flat[near] = far
     used, runs = chosen_runs(arcs.offsets, rows)
     # The arcs of all roots side by side, as if each had a graph of its own, in which rows are `before` and `after`.

@@ -37,7 +37,6 @@ _FEWEST, _MOST_AHEAD = 16, 4096  # views that are worked out together
 _GROWTH = 4
 _MOST_BEHIND = 64  # looks from nodes that were passed, before it goes back to one, and
 _NODES_PER_LOOK_BEHIND = 16  # one more for each so many nodes
-_MOST_FACES = 1 << 12  # of obstacles, all of which are compared with each of many sight lines
 _SHARE_AHEAD = 4  # one in so many words may be of views that are worked out together
 _MOST_RADII = 64  # at which looks are counted
 
@@ -396,25 +395,6 @@ def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float, 
         return ctx.graph.visible(origin, at_height(nodes.xy, height))
     is_near: BoolArray = there.tunnels == (tunnel if isinstance(place, tuple) else here.tunnels)
     return is_near & ctx.graph.visible(origin, there.eyes(nodes.xy, height))
-
-
-def are_unhidden(ctx: IContext, eyes: FloatArray, ends: FloatArray) -> BoolArray:
-    """Return between which points, (pairs, 3) both, no obstacle is."""
-    corners = ctx.graph.obstacle_columns().corners
-    if len(corners) <= _MOST_FACES:
-        return kernels.visible_pairs(corners, eyes, ends)
-    seen, (starts, which) = np.ones(len(eyes), np.bool_), np.unique(eyes, axis=0, return_inverse=True)
-    runs, order = kernels.group_rows(which.reshape(-1), len(starts))
-    for i, start in enumerate(starts):
-        rows = order[runs[i] : runs[i + 1]]
-        seen[rows] = ctx.graph.visible(start, ends[rows])
-    return seen
-
-
-def ground_of(ctx: IContext, ids: IntArray) -> NodeGround:
-    """Return the ground at nodes, that of a flat map too."""
-    ground = ctx.graph.graph.ground(ids)
-    return NodeGround(np.zeros(len(ids)), np.zeros(len(ids), np.int64)) if ground is None else ground
 
 
 def ground_at(ctx: IContext, place: Place) -> NodeGround:

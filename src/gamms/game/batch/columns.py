@@ -44,12 +44,6 @@ def _chosen(column: Any, which: BoolArray | IntArray) -> Any:
     return column[which] if isinstance(column, np.ndarray) else column
 
 
-def as_slice(numbers: IntArray) -> IntArray | slice:
-    """Return numbers as a slice where they follow each other, which takes no copy."""
-    first, last = int(numbers[0]), int(numbers[-1])
-    return slice(first, last + 1) if last - first == len(numbers) - 1 else numbers
-
-
 def lock(arrays: Iterable[Column]) -> None:
     """Let arrays be read alone, but for `put_locked`."""
     for array in arrays:

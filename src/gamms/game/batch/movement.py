@@ -23,9 +23,6 @@ LIMITED = 2  # how many `AIMS` an action has from where on the rest says how man
 _MOST_ACTIONS = 4096  # that masks and vectors have
 
 
-Which = tuple[IntArray | slice, IntArray]  # games and agents, as an index
-
-
 class Places(NamedTuple):
     """Where agents are that may be on edges; arrays begin with the games and the agents."""
 

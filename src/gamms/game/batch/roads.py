@@ -193,17 +193,6 @@ class OpenRoads:
             self._order = np.argsort(known, kind="stable")
         return kernels.rows_of(known, edge_ids, self._order)
 
-    def legal_of(self, node: IntArray, games: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the legal nodes from some nodes in games as offsets (nodes + 1,) and rows, one after the other."""
-        found: list[IntArray] = [node] * len(node)
-        for roads, places in self.by_map(games):
-            streets = self.streets if roads is None else roads.streets
-            ends, rows = streets.legal_of(node[places])
-            for place, legal in zip(places.tolist(), np.split(rows, ends[1:-1]), strict=True):
-                found[place] = legal
-        ends = np.cumsum([0, *map(len, found)])
-        return ends, np.concatenate([np.zeros(0, np.int64), *found])
-
 
 # -- where maps differ ------------------------------------------------------------------------------------------------
 
