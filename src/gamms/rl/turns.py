@@ -188,4 +188,4 @@ class Hand:
     @property
     def strategy_spec(self) -> StrategySpec:
         """How the core plays it: what it is given stands in place of what it decides."""
-        return StrategySpec(core_form=moves.STAY, looks=False)
+        return StrategySpec(core_form=moves.STAY)

@@ -38,8 +38,6 @@ class StrategySpec:
         core_steps: what the core tries, one after the other, for agents along one edge in a turn whose `core_form` is
             no number; None: it does not play it.
         flies: whether the array form decides for agents that fly, too, and returns how far they fly.
-        looks: whether the array form asks what sensors show or have in view. Agents may carry any sensor if it does
-            not.
         begins: returns what is kept of agents in a game that has begun, see `array_strategy`; None: memories are not
             taken up.
         takes_up_all: whether agents that come later begin with what `begins` returns, or with nothing.
@@ -49,7 +47,6 @@ class StrategySpec:
     core_form: Any = None
     core_steps: tuple[CoreStep, ...] | None = None
     flies: bool = False
-    looks: bool = True
     begins: Callable[..., Any] | None = None
     takes_up_all: bool = False
 

@@ -23,7 +23,7 @@ from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import FROM_AIR, IN_AIR, ON_GROUND, SensorType
+from gamms.typing.sensor_engine import FROM_AIR, IN_AIR, ON_GROUND, ISensor, SensorType
 
 SHOWING_AGENTS = ON_GROUND | IN_AIR
 SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
@@ -122,9 +122,9 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[Sens
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
 
 
-def turns_with_agent(sensor: Any) -> bool:
+def turns_with_agent(sensor: ISensor) -> bool:
     """Whether a sensor has a field of view that turns with the agent that carries it."""
-    return getattr(sensor, "turns_with_agent", False)
+    return bool(getattr(sensor, "turns_with_agent", False))
 
 
 def noted_sensors(agent: IAgent) -> list[str]:
@@ -364,7 +364,7 @@ def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray
     return found
 
 
-def rows_covered(state: GameArrays, sensor: Any, node_id: int, owner: str) -> IntArray:
+def rows_covered(state: GameArrays, sensor: ISensor, node_id: int, owner: str) -> IntArray:
     """Return the rows of the nodes where a sensor would show agents with some probability, from a node."""
     there = sensor.coverage(node_id, owner)
     return state.streets.rows(there.node_ids[there.detection > 0.0])

@@ -20,7 +20,7 @@ from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
 _MOST_BYTES = 128 * 2**20  # of the tables of ways between all nodes; on larger maps arrays play
 _BYTES = 12  # of a node in a table
@@ -56,7 +56,7 @@ def _looks(steps: Sequence[CoreStep]) -> bool:
     return any(step.kind in _LOOKING for step in steps)
 
 
-def _plain_look(sensor: Any) -> AgentLook | None:
+def _plain_look(sensor: ISensor) -> AgentLook | None:
     """Return how a sensor shows the agents of some teams that are within a radius of its agent; None: it does not."""
     look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     if look is None or not look.is_plain:
