@@ -10,6 +10,7 @@ from batch_scenes import plain
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from random_games import TEAMS, Drawn, games
+from random_players import FirstOnly
 
 from gamms.errors import GammsError
 
@@ -136,6 +137,35 @@ def test_a_game_is_the_same_among_a_thousand_others_by_itself_and_in_another_ord
                 one.reset(seeds=[seeds[number]])
                 one.run()
                 assert plain(one.result(0)) == plain(some.result(place)) == plain(many.result(number))
+
+
+@st.composite
+def games_with_plain_parts(draw):
+    """A random game along one edge in a turn, in which one context is pointed at the games for plain functions."""
+    drawn = draw(games(("one edge",)))
+    kinds = st.lists(st.sampled_from([0, 1, 9, 13, 14, 16]), min_size=1, max_size=3, unique=True)
+    called = st.tuples(st.sampled_from(["look", "push", "purge", "toll"]), st.sampled_from(["before", "after"]))
+    return replace(
+        drawn,
+        order=None,
+        deeds=None,
+        channels={},
+        closed=set(),
+        reserved={},
+        conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
+        eyes=draw(st.lists(kinds, min_size=1, max_size=3)),
+        asked=draw(st.sampled_from(["a", "bc", "abc", "p", "bcw", "abcw"])),
+        called=draw(st.lists(called, max_size=3)),
+    )
+
+
+@settings(LAWS, max_examples=12)
+@given(drawn=games_with_plain_parts(), **drawn_for_all)
+def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):
+    with drawn.open() as ctx:
+        with ctx.game.batch(seeds=seeds) as played:
+            assert played.is_in_arrays
+        check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
 def check_games(ctx, drawn, seeds, again, from_outside):

@@ -101,7 +101,6 @@ def check(ctx, seeds, *, restart=None):
             alone.game.reset(seed=seed)
             result = plain(alone.game.run())
             assert all(plain(games.result(number)) == result for number, one in enumerate(seeds) if one == seed)
-        assert games.detached == {}
 
 
 @settings(LAWS, max_examples=8)
@@ -494,7 +493,7 @@ def test_a_batch_is_played_by_one_thread_at_a_time():
     def play(games):
         with pytest.raises(BadValue, match="Another thread plays this batch"):
             games.step()
-        refused.put(games.turn.tolist())
+        refused.put(len(games))
 
     def play_elsewhere(ctx):
         if not batches.empty():
@@ -507,7 +506,7 @@ def test_a_batch_is_played_by_one_thread_at_a_time():
         with ctx.game.batch(2) as games:
             batches.put(games)
             games.step()
-            assert refused.get() == [0, 0]
+            assert refused.get() == 2
             assert games.turn.tolist() == [1, 1]
 
 

@@ -360,14 +360,18 @@ class Decisions:
 
     def close(self) -> list[tuple[int, str]]:
         """Merge team memories and publish errors; return the slots of those whose wish was not done, and why."""
-        undone = [(i, _REASONS.get(kind, message)) for i, kind, message in sorted(self.failures, key=itemgetter(0))]
+        undone = self.undone()
         if self.written:
-            self._merge_team_memories()
+            self.merge_team_memories()
         for i, kind, message in sorted(self.failures, key=itemgetter(0)):
             slot = self.slots[i]
             slot.counts[COUNT_OF.get(kind, kind)] += 1
             self.state.errors.append({"turn": self.state.turn, "agent": slot.name, "kind": kind, "message": message})
         return undone
+
+    def undone(self) -> list[tuple[int, str]]:
+        """Return the slots of those whose wish is not done, and why."""
+        return [(i, _REASONS.get(kind, message)) for i, kind, message in sorted(self.failures, key=itemgetter(0))]
 
     # -- answers ------------------------------------------------------------------------------------------------
 
@@ -532,7 +536,7 @@ class Decisions:
             if copy or self.slots[i].team in self.state.team_memories:
                 self.note(i, copy)
 
-    def _merge_team_memories(self) -> None:
+    def merge_team_memories(self) -> None:
         """Make one memory of what the members of each team have written."""
         shared = self.state.team_memories
         written: dict[Any, list[tuple[int, Memory]]] = {}

@@ -9,6 +9,12 @@ import numpy as np
 from gamms.typing.context import HostContext
 
 
+def global_state() -> tuple[object, ...]:
+    """Return the states of both generators, equal to those of another moment if nothing was drawn since."""
+    numpy = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - as below
+    return random.getstate(), numpy["pos"], numpy["key"].tobytes()
+
+
 @contextmanager
 def seeded_for_run(ctx: HostContext, turn: int) -> Iterator[None]:
     """Seed `random` and `numpy.random` for the block, from the seed of a context; afterwards they are as before.

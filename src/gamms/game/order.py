@@ -20,6 +20,7 @@ from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import ISensor
 
@@ -283,6 +284,11 @@ class TurnOrder:
     def names(self) -> list[str]:
         """Names of the agents."""
         return self.slots.names if isinstance(self.slots, LazySlots) else [slot.name for slot in self.slots]
+
+    @cached_property
+    def living(self) -> list[IAgent]:
+        """The agents."""
+        return [slot.agent for slot in self.slots]
 
     @cached_property
     def index_of(self) -> dict[str, int]:

@@ -333,6 +333,11 @@ class SlotMaker:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
 
+    @property
+    def table(self) -> DrawTable | None:
+        """What the agents of the slots that were made last draw by; None: none were made."""
+        return self._table
+
     def rekey(self) -> None:
         """Let the agents of the slots that were made last draw by the seed that the context has now."""
         if self._table is not None:

@@ -20,6 +20,7 @@ from gamms.game.legality import Legality, ResolvedAction, action_of
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
+from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy
 from gamms.ir.agents import AgentBlock
@@ -107,11 +108,30 @@ class TurnEngine:
         groups = self._groups if self.is_moving else settings.order
         return TurnOrder(slots, block, settings, groups, before, change)
 
+    def take_order(self, order: TurnOrder) -> None:
+        """Let the living agents be those of an order that was made here before, and that live again."""
+        state, version = self._state, self._ctx.agent.block.structure.version
+        is_public = not (state.agent_facts or state.team_facts)
+        order.structure_version = version
+        self._order = order
+        self._order_key = order.block, self._phase.setting_changes, state.stream_version, is_public, version
+        self._near = self._ctx.graph.graph.neighborhoods
+
+    @property
+    def draw_table(self) -> DrawTable:
+        """What the draws of agents follow from."""
+        self.order()
+        table = self._slots.table
+        assert table is not None  # noqa: S101 - an order has slots
+        return table
+
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of their names."""
         agents, order = self._ctx.agent, self._order
+        if order is not None and order.structure_version == agents.structure_version and not order.is_lazy:
+            return [*order.living]
         is_deciding = order is not None and self._phase.agent is not None
-        if is_deciding or agents.block.has_teams or (order and order.structure_version == agents.structure_version):
+        if is_deciding or agents.block.has_teams:
             return [slot.agent for slot in self.order().slots]
         # NOTE: one that has gone or come makes no order of the next turn yet, which costs more (decision 0057).
         return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
@@ -355,6 +375,15 @@ class TurnEngine:
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
+        decisions = self.decide(order, part, observers)
+        blocked = self._state.blocked
+        # NOTE: no call in each turn (benchmarks: turns)
+        if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
+            self._publish(order, part, decisions)
+        return TurnMoves(order, decisions.starts, decisions.ends_to_write(), decisions.actions, decisions.moves)
+
+    def decide(self, order: TurnOrder, part: Part, observers: Sequence[Observer] = ()) -> Decisions:
+        """Return what the agents of a part decide; nothing of it is published."""
         phase = self._phase
         decisions = self._decisions.begin(order.slots, *order.begin())
         if part.paced:
@@ -379,11 +408,7 @@ class TurnEngine:
         finally:
             phase.agent = phase.moment = None
             self.is_deciding = False
-        blocked = self._state.blocked
-        # NOTE: no call in each turn (benchmarks: turns)
-        if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
-            self._publish(order, part, decisions)
-        return TurnMoves(order, decisions.starts, decisions.ends_to_write(), decisions.actions, decisions.moves)
+        return decisions
 
     def _publish(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Publish what went wrong, what teams remember and what agents send, once all have decided."""
@@ -504,7 +529,7 @@ class TurnEngine:
             if not isinstance(slots, LazySlots) or slots.is_made(i):
                 slots[i].set_blocked(None)
 
-    def _observe_first(self, order: TurnOrder, part: Part, observers: list[Observer]) -> dict[int, dict[str, Any]]:
+    def _observe_first(self, order: TurnOrder, part: Part, observers: Sequence[Observer]) -> dict[int, dict[str, Any]]:
         """Return the states of all by slot, where none may decide before all have observed."""
         seen = {i: self.observation(order.slots[i]) for i in part.observing}
         for observe in observers:

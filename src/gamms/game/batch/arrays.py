@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms.game.batch.begun import Beginning
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns
+from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import CoreGames
@@ -25,7 +26,7 @@ from gamms.typing.game import strategy_name
 
 
 class Group(NamedTuple):
-    """Agents that one array function decides for."""
+    """Agents that one array function decides for, or those that plain functions decide for."""
 
     name: str
     agents: IntArray  # numbers in the roster
@@ -75,7 +76,16 @@ class ArrayEngine:
         self._last: int | None = settings["max_turns"]
         self._before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])
-        self._core = CoreGames(game, self.state)
+        rules, asked = as_called(game.rules), asked_of(game, roster)
+        calls_each = len(asked) > 0 or any(map(is_plain_rule, rules))
+        self._core = CoreGames(game, self.state, is_apart=calls_each)
+        self._cursor: Cursor | None = None
+        if calls_each:
+            has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
+            self._cursor = Cursor(game, self.state, self._core, asked, has_array_functions=has_arrays)
+        if self._cursor is not None and asked:
+            named = as_code(decider_of(roster.agents[asked[0]], settings["plans"]))
+            self._groups.append(Group(named, np.array(asked), self._cursor.decide))
         self._beginning = Beginning(game, self.state)
         note_sensors(self.state, range(len(roster.names)), with_nodes=False)
         self.state.look = ContextOfRows(game, self.state).look
@@ -91,9 +101,24 @@ class ArrayEngine:
 
     @property
     def functions(self) -> list[Callable[..., object]]:
-        """The array functions that it calls."""
+        """The functions that it calls."""
         rules = [one.spec.array_form for one in as_called(self._game.rules) if one.spec.is_array_function]
-        return [*(group.form for group in self._groups), *filter(None, rules)]
+        plain = [] if self._cursor is None else self._cursor.functions
+        return [*(group.form for group in self._groups), *filter(None, rules), *plain]
+
+    @property
+    def calls_each(self) -> bool:
+        """Whether plain functions are called game by game."""
+        return self._cursor is not None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back what happens from now on, where plain functions are called."""
+        return _keep if self._cursor is None else self._cursor.checkpoint()
+
+    def release(self) -> None:
+        """Have the context as it was before plain functions were called."""
+        if self._cursor is not None:
+            self._cursor.release()
 
     def leave(self, games: IntArray) -> None:
         """Play these games no more until they start again: another engine plays them."""
@@ -104,6 +129,8 @@ class ArrayEngine:
         self.state.reset(games, seeds, self.state.streets.rows(start))
         self._beginning.put(self.state, games)
         self._core.begin(games)
+        if self._cursor is not None:
+            self._cursor.forget(games)
 
     @property
     def is_over(self) -> BoolArray:
@@ -132,7 +159,7 @@ class ArrayEngine:
             threads: how many play.
 
         Raises:
-            NotTakenUp: an array function asks for what the core does not have.
+            NotTakenUp: a function asks for what the core does not have.
         """
         state = self.state
         if given and self._before:
@@ -179,6 +206,7 @@ class ArrayEngine:
             actions[games] = numbers.actions[games]
             actions[games] *= (actions[games] >= 0) & (actions[games] < counts)  # a rule may have moved the agent
             is_given |= numbers.is_given
+            self._note_given(games, np.flatnonzero(is_given), actions)
         for team, wanted in given.items():
             agents = state.roster.members(team)
             view = self._asked(games, agents)
@@ -186,6 +214,7 @@ class ArrayEngine:
                 wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}"
             )
             is_given[agents] = True
+            self._note_given(games, agents, actions)
         for team, wanted in given.items():
             wanted.act(self._asked(np.arange(len(state)), state.roster.members(team)))
         for group in groups:
@@ -200,6 +229,11 @@ class ArrayEngine:
                 is_given[agents] = True
         return actions, is_given
 
+    def _note_given(self, games: IntArray, agents: IntArray, actions: IntArray) -> None:
+        """Note the actions that agents were given, (games of the batch, agents of the roster)."""
+        if self._cursor is not None:
+            self._cursor.note_given(ArrayView(self.state, games, agents), actions[np.ix_(games, agents)])
+
     def _asked(self, games: IntArray, agents: IntArray) -> ArrayView:
         """Return the view of agents that are asked what they do."""
         view = ArrayView(self.state, games, agents)
@@ -208,10 +242,15 @@ class ArrayEngine:
         return view
 
     def _call(self, named: NamedRule, games: IntArray) -> None:
-        """Call an array rule for some games."""
-        form, turn = named.spec.array_form, ArrayTurn(self.state, games)
-        if form is None or not len(games):
+        """Call a rule that is a function for some games."""
+        if not len(games):
             return
+        form = named.spec.array_form
+        if form is None:
+            if self._cursor is not None:
+                self._cursor.call(named, games)
+            return
+        turn = ArrayTurn(self.state, games)
         turn.starts, turn.ends, turn.took_part = self._core.last_moves(games)
         turn._lock()
         try:
@@ -274,6 +313,10 @@ class ArrayEngine:
             provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},
             **over,
         )
+
+
+def _keep() -> None:
+    """Take nothing back."""
 
 
 def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:

@@ -60,7 +60,10 @@ class Beginning:
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
-        self._turn, self._values = game.turn, values
+        self._turn = game.turn
+        self._scores = dict(values.scores)
+        self._errors = [*values.errors]
+        self._events = [*values.events]
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
         own = [block.row_of(names[number]) for number in self._agents.tolist()]
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
@@ -98,7 +101,6 @@ class Beginning:
 
     def put(self, state: GameArrays, games: IntArray) -> None:
         """Let some games begin here, which were reset."""
-        values = self._values
         state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
         state.placed[games] = self._placed
         for one in NUMBERS:
@@ -112,15 +114,14 @@ class Beginning:
                 state.movement.put_on(games, number, place)
         for kind, numbers in self._counts.items():
             state.counts[kind][games] = numbers
-        for key, points in values.scores.items():
+        for key, points in self._scores.items():
             state.scores.add(key, games, points)
         self._put_logs(state, games)
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
-        values = self._values
         for game in games.tolist():
-            state.errors[game] += values.errors
-        state.events.begin(games, values.events)
+            state.errors[game] += self._errors
+        state.events.begin(games, self._events)
 
 
 def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:

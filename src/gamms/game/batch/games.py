@@ -18,7 +18,8 @@ from gamms.game.batch.maps import MapEngines, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, NotTakenUp
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import why_not_decided, why_not_in_core, why_not_on_map
+from gamms.game.batch.why_not import first_called, why_not_decided, why_not_in_core, why_not_on_map
+from gamms.game.global_random import global_state
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -106,6 +107,7 @@ class Batch(Fixed):
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
         self._steps = 0
+        self._ran_from: int | None = None  # how many entries the log had when the run that plays now began
         self._is_said = False  # whether it was logged what slows it down
         self._was_given = False  # whether actions came from outside and were not kept
         self._lock = RLock()  # of the thread that plays
@@ -132,6 +134,7 @@ class Batch(Fixed):
             except GammsError as error:
                 self._put_public(slow=str(error))
                 return None
+        self._put_public(slow=first_called(games[0], self._rosters[0]))
         return MapEngines(engines, self.maps.copy())
 
     def _made_one_by_one(self) -> MapEngines:
@@ -244,12 +247,19 @@ class Batch(Fixed):
             self._engine.step({} if numbers is not None else given, numbers, threads)
         except NotTakenUp as error:
             self._leave_arrays(" ".join((f"{error}.", *getattr(error, "__notes__", ()))))
-            self._engine.step(given)
+            if self._ran_from is None:
+                self._engine.step(given)
 
     def _leave_arrays(self, why: str) -> None:
-        """Let the turn engine play all games from their starts to the last turn that was played, and go on there."""
+        """Let the turn engine play all games from their starts to the last turn that was played, and go on there.
+
+        In `run` it plays them up to the first turn of that, as it seeds the global generators for all of a run.
+        """
+        self._engine.release()
         engine = self._made_one_by_one()
         log = self._log or []
+        if self._ran_from is not None:
+            del log[self._ran_from :]
         for number in range(len(self)):
             for given in log[self._entry_of(number) :]:
                 if engine.over(number) is None:
@@ -272,6 +282,8 @@ class Batch(Fixed):
 
     def _note(self, given: dict[Hashable, Given]) -> None:
         """Note the actions of a turn that was played."""
+        if self._ran_from is not None and not self.is_in_arrays:  # it begins the run again
+            return
         if self._log is not None:
             self._log.append(given)
         self._was_given |= self._log is None and bool(given)
@@ -317,7 +329,11 @@ class Batch(Fixed):
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
             if self.is_in_arrays:
-                self._run_in_core(self._engine, num_threads, show)
+                self._ran_from = None if self._log is None else len(self._log)
+                try:
+                    self._run_in_core(self._engine, num_threads, show)
+                finally:
+                    self._ran_from = None
             if not self.is_in_arrays:  # or they have left the core
                 self._run_one_by_one(self._engine, show)
 
@@ -325,6 +341,7 @@ class Batch(Fixed):
         """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         has_functions = len(engine.functions) > 0
+        before = global_state() if engine.calls_each else None
         while self._engine is engine and not engine.is_over.all():
             if has_functions:
                 self.step()
@@ -336,6 +353,8 @@ class Batch(Fixed):
                     self._steps += played
             if show is not None:
                 self._show_progress(show)
+        if self._engine is engine and before is not None and global_state() != before:
+            self._leave_arrays("a plain function draws from the global generators of random numbers")
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())
@@ -346,6 +365,9 @@ class Batch(Fixed):
             return
         self._is_said = True
         logger = self.game.ctx.logger
+        if self.is_in_arrays:
+            logger.info(f"A batch calls plain functions game by game, because of {self.slow}.")
+            return
         is_usual = self.slow in why_not_decided(self.game, self._roster).values() or len(self) < _FEWEST_WARNED
         say = logger.info if is_usual else logger.warning
         say(f"A batch is played one game after the other, because of {self.slow}.")
@@ -431,7 +453,7 @@ class Batch(Fixed):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> ArrayEngine:
-        if not self.is_in_arrays:
+        if not self.is_in_arrays or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} is for games that are played in arrays; these are not, because of {why}.")
         if len(self._sources) > 1:
@@ -597,6 +619,8 @@ class Batch(Fixed):
             BadValue: the games are played in arrays: `scenario.batch(…, one_by_one=True)` plays them in a context.
         """
         number = self._as_game(game)
+        if self._engine.calls_each:
+            self._leave_arrays("its context shows a game")
         if self.is_in_arrays:
             way = "scenario.batch(…, one_by_one=True)" if self._sources[0].build else "ctx.game.fork(seed) has one"
             raise BadValue(f"Games in arrays have no context: {way}.")

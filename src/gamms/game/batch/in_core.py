@@ -236,19 +236,29 @@ def core_form_of(decider: object, *, is_plain: bool) -> int | Waypoints | None:
     return moves.BY_STEPS if any(step.kind in ALWAYS_ACT for step in spec.core_steps or ()) else None
 
 
+def is_function(rule: NamedRule) -> bool:
+    """Whether a rule is a function that is called, of arrays or of the context, and no rule of the core."""
+    return rule.spec.is_array_function or rule.spec.core_form is None
+
+
 class CoreGames:
     """The games of a batch in the core.
 
     Args:
         game: at its start.
         state: of all games, which turns change.
+        is_apart: whether rules are played when all agents of all games have moved, because functions are called
+            between them.
+
+    Attributes:
+        has_functions: whether functions are called between its phases.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, *, is_apart: bool) -> None:
         settings, shape = game.settings(), state.node.shape
         self._state = state
         self._rules = [one for one in as_called(game.rules) if one.phase == "after"]
-        self.has_functions = any(one.spec.is_array_function for one in self._rules)
+        self.has_functions = is_apart or any(map(is_function, self._rules))
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         found = [core_form_of(one, is_plain=type(state.movement) is Movement) for one in deciders]
@@ -269,7 +279,7 @@ class CoreGames:
         self._until = np.zeros(shape[0], np.int64)
         self._score = np.zeros((shape[0], len(state.roster.teams)))
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
-        self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are array functions
+        self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
 
@@ -285,6 +295,11 @@ class CoreGames:
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return where agents of some games were before they moved, where they went, and which took part."""
         return self._start[games], self._ends[games], self._takes_part[games] > 0
+
+    @property
+    def moves(self) -> tuple[IntArray, IntArray, np.ndarray[Any, Any]]:
+        """The columns of the last moves: where agents were, where they went, and which took part, (games, agents)."""
+        return self._start, self._ends, self._takes_part
 
     def play(self, until: IntArray, given: tuple[IntArray, BoolArray] | None = None, threads: int = 1) -> None:
         """Play games until so many turns of each are played, or it is over.
@@ -316,8 +331,12 @@ class CoreGames:
         self._take_in()
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
-        """Apply the rules of some games that have moved; yield each array function where it has its turn."""
+        """Apply the rules of some games that have moved; yield each function where it has its turn."""
         numbers = flat(games, np.int64)
+        state = self._state
+        has_gone = np.zeros_like(state.alive)
+        has_gone[games] = (self._takes_part[games] > 0) & (self._ends[games] != self._start[games])
+        np.copyto(state.previous, self._start, where=has_gone)
         for part in self._parts:
             if isinstance(part, NamedRule):
                 yield part
@@ -362,7 +381,7 @@ class CoreGames:
                 len(roster.teams),
                 node=memory_of(state.node),
                 start=memory_of(self._start),
-                previous=ints(state.node.size),
+                previous=memory_of(state.previous),
                 alive=memory_of(state.alive),
                 placed=memory_of(state.placed),
                 stops=memory_of(state.stops),
@@ -406,10 +425,10 @@ class CoreGames:
         return turn.Player(games, movers, walkers, travelers, first, self._until.data), making
 
     def _made_rules(self, making: Making) -> list[Any]:
-        """Return array functions, and the first of the rules of the core between them, each chain as one."""
+        """Return functions, and the first of the rules of the core between them, each chain as one."""
         parts: list[Any] = []
-        for is_function, several in groupby(self._rules, lambda one: one.spec.is_array_function):
-            if is_function:
+        for are_functions, several in groupby(self._rules, is_function):
+            if are_functions:
                 parts += several
             else:
                 parts.append(

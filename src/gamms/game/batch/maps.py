@@ -12,6 +12,7 @@ from gamms.game.batch.arrays import ArrayEngine, Numbers
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.given import Given
 from gamms.game.batch.one_by_one import OneByOneEngine
+from gamms.game.batch.state import NotTakenUp
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
 from gamms.ir.graph import IntArray
@@ -63,6 +64,16 @@ class MapEngines:
         return [function for engine in self.in_core for function in engine.functions]
 
     @property
+    def calls_each(self) -> bool:
+        """Whether plain functions are called game by game, in the core."""
+        return any(engine.calls_each for engine in self.in_core)
+
+    def release(self) -> None:
+        """Have contexts as they were before plain functions were called."""
+        for engine in self.in_core:
+            engine.release()
+
+    @property
     def loaded(self) -> int | None:
         """The number of the game that a context has, of those that are played one by one; None: of none."""
         return self.one_by_one[self.current].loaded if self.one_by_one else None
@@ -104,9 +115,17 @@ class MapEngines:
         if self.one_by_one:
             self._step_one_by_one(given)
             return
+        undoing = [engine.checkpoint() for engine in self.in_core] if (~self.is_over).sum() > 1 else []
         phases = [engine.phases(given, numbers, threads) for engine in self.in_core]
-        for _ in zip_longest(*phases):  # the games of all maps come to the end of a phase before the next begins
-            pass
+        try:
+            for _ in zip_longest(*phases):  # the games of all maps come to the end of a phase before the next begins
+                pass
+        except NotTakenUp:
+            raise
+        except BaseException:
+            for undo in undoing:
+                undo()
+            raise
 
     def _step_one_by_one(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over; of several none is played where one raises."""

@@ -1,6 +1,7 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
@@ -166,6 +167,20 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         found, self._unread[reader] = self._unread[reader], []
         return found
 
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that is noted from now on."""
+        pending = [*self._pending]
+        lengths = [len(entries) for entries in self._of_game]
+        unread = {reader: [*noted] for reader, noted in self._unread.items()}
+
+        def undo() -> None:
+            self._pending[:] = pending
+            self._unread = unread
+            for entries, number in zip(self._of_game, lengths, strict=True):
+                del entries[number:]
+
+        return undo
+
     def forget(self, games: IntArray) -> None:
         """Forget the events of some games."""
         super().forget(games)
@@ -245,6 +260,7 @@ class GameArrays:
         streets: where they go.
         seeds: of the games.
         node, start: (games, agents) rows of nodes: where agents are, and where they began.
+        previous: (games, agents) rows of nodes that agents have come from, where plain functions are called.
         alive: (games, agents)
         is_there: (games, agents) which agents are in the game, dead or alive; the others may come.
         turn: (games,) how many turns were played.
@@ -285,6 +301,7 @@ class GameArrays:
         games, shape = len(seeds), (len(seeds), len(roster.names))
         movement.begin(shape)
         self.start, self.node = start, start.copy()
+        self.previous = start.copy()
         self.roads = movement.all_roads
         self._of_maps: World | None = None  # of games that have several maps
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
@@ -325,7 +342,7 @@ class GameArrays:
         """Begin some games again, before `Beginning.put`."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
-        self.start[games] = self.node[games] = start
+        self.start[games] = self.node[games] = self.previous[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games] = True
         self.put_roads(games, None)
@@ -456,6 +473,48 @@ class GameArrays:
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make
         return known
+
+    def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
+        """Return a function that takes back all that happens from now on, also in these other columns.
+
+        For games along one edge in a turn.
+        """
+        by_key: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
+        columns = [
+            self.node,
+            self.previous,
+            self.alive,
+            self.turn,
+            self.stops,
+            self.placed,
+            self.blocked,
+            self.is_going,
+        ]
+        columns += [
+            *more,
+            *self.counts.values(),
+            *self.numbers.values(),
+            *chain.from_iterable(map(dict.values, by_key)),
+        ]
+        copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
+        known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
+        over = [*self.over]
+        undo_events = self.events.checkpoint()
+        num_errors = [len(errors) for errors in self.errors]
+
+        def undo() -> None:
+            for column, values in zip(columns, copies, strict=True):
+                column[...] = values
+            for one, keys in known:
+                for key in one.keys() - keys:
+                    del one[key]
+            self.over[:] = over
+            undo_events()
+            for errors, number in zip(self.errors, num_errors, strict=True):
+                del errors[number:]
+            self.now.clear()
+
+        return undo
 
     def note_failure(self, failure: Failure, turn: int | None = None) -> None:
         """Note in the log of a game what an agent did wrong, and let it know; `turn` is when, None: now."""

@@ -350,6 +350,7 @@ class ArrayTurn:
         begun = np.where(is_first, self._state.start[games, agents], before)
         put_locked(self.node, (at, agents), begun)
         put_locked(self.alive, (at, agents), values=True)
+        self._state.previous[games, agents] = begun
         self._state.placed[games, agents] = True
         self._state.movement.clear(games, agents)
 

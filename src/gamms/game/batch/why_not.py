@@ -6,6 +6,7 @@ from typing import Any
 
 from gamms.game.batch.begun import may_forget, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
+from gamms.game.batch.cursor import asked_of, is_plain_rule, keep_in_columns
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
@@ -14,6 +15,7 @@ from gamms.game.batch.strategy_steps import why_not_by_steps
 from gamms.game.batch.travelers import Waypoints, why_not_by
 from gamms.game.conflicts import ranked
 from gamms.game.settings import NamedRule, as_called
+from gamms.plain import is_plain
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 
@@ -23,7 +25,40 @@ def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     decided = why_not_decided(game, roster).values()
     is_plain = _are_plain(game, roster)
     ruled = _why_not_ruled(game, is_plain=is_plain)
-    return next(chain(_why_not_played(game), _why_not_agents(roster), ruled, decided), None)
+    called = _why_not_called(game, roster)
+    return next(chain(_why_not_played(game), _why_not_agents(roster), ruled, decided, called), None)
+
+
+def first_called(game: PlayedGame, roster: Roster) -> str | None:
+    """Return the first plain function that is called game by game, in words; None: there is none."""
+    rules = [f"the rule {one.name!r}" for one in as_called(game.rules) if is_plain_rule(one)]
+    plans = game.settings()["plans"]
+    deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
+    return next(chain(rules, deciders), None)
+
+
+def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
+    """Yield what keeps one context from being pointed at games for their plain functions."""
+    first = first_called(game, roster)
+    if first is None:
+        return
+    block, values, asked = game.ctx.agent.block, game.internals.state, asked_of(game, roster)
+    if not _are_plain(game, roster):
+        yield f"{first}, of agents that do not go along one edge in a turn"
+    if game.turn or game.ctx.rng_state() is not None or list(block.previous) != list(block.node):
+        yield f"{first}, in a game that has begun"
+    if values.agent_facts or values.team_facts:
+        yield f"{first}, with facts of single agents or teams"
+    if block.has_teams or not all(is_plain(vars(agent)) for agent in roster.agents):
+        yield f"{first}, with attributes of agents that cannot be compared"
+    for number in asked:
+        agent = roster.agents[number]
+        for name, sensor in agent.sensors.items():
+            look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+            if (look is not None and not look.is_plain) or not getattr(sensor, "sees_world_only", False):
+                yield f"the sensor {shown(name)} of agent {shown(agent.name)}"
+    if game.settings()["team_memory"] and asked and keep_in_columns(game, roster):
+        yield f"{first}, among others of which the teams remember something in columns"
 
 
 def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
@@ -90,9 +125,7 @@ def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
 
 
 def _is_played(rule: NamedRule) -> bool:
-    if rule.spec.is_array_function:
-        return rule.phase in ("before", "after")
-    return rule.phase == "after" and rule.spec.core_form is not None
+    return rule.phase == "after" or (rule.phase == "before" and rule.spec.core_form is None)
 
 
 def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
@@ -114,7 +147,7 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
     form = core_form_of(decider, is_plain=is_plain)
-    if form is None and spec.array_form is None:
+    if form is None and spec.array_form is None and not is_plain:
         yield f"the {kind} {as_code(decider)}"
     if may_forget(game, agent):
         yield f"the {kind} {as_code(decider)}, which remembers something"

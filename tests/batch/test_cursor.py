@@ -1,0 +1,369 @@
+"""Plain functions in batches that are played together: one context is pointed at each game for the time of a call."""
+
+import random
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadValue
+from gamms.rules import Conflicts, contacts
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+BACK = {"rule": "respawn", "with": {"after": 2}}
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+PAID = {"rule": "payoff", "with": {"table": {"bonus": {"agent": 0.5}, "respawned": {"agent": 1}}}}
+SENSORS = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}, "next": {"type": "NEIGHBOR"}}
+
+
+def check(ctx, seeds=(1, 2, 3), *, stays=True):
+    """Check that the games of a batch are those that are played alone, and whether they stay together."""
+    with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+        assert games.is_in_arrays
+        games.run()
+        for number, seed in enumerate(seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())
+        assert (games.detached == {}) == stays, games.detached
+
+
+def change(ctx):
+    """Change all that a rule may change of a game."""
+    game, turn = ctx.game, ctx.game.turn
+    game.data["seen"] = game.data.get("seen", 0) + len(game.agents)
+    for agent in [*ctx.agent.create_iter()]:
+        lot = (agent.current_node_id * 7 + agent.prev_node_id + turn + ctx.seed) % 13
+        if lot == 0:
+            agent.current_node_id = 12
+        elif lot == 1:
+            game.eliminate(agent)
+        elif lot == 2:
+            game.respawn(agent)
+        elif lot == 3:
+            game.respawn(agent, 20)
+        elif lot == 4:
+            agent.prev_node_id = 3
+        elif lot == 5:
+            game.emit("bonus", agent=agent.name, moved=game.moves[agent.name].start if agent.name in game.moves else -1)
+        elif lot == 6:
+            game.scores[agent.team] += 0.5
+    game.scores["drawn"] += int(ctx.stream("change", turn).integers(5))
+    if game.data["seen"] > 40 + ctx.seed:
+        game.end("seen", winner="red")
+
+
+def tell(ctx):
+    """Publish what strategies look at."""
+    ctx.game.publish(alarm=ctx.game.turn % 3)
+    ctx.game.publish(secret=len(ctx.game.events) % 2)
+    ctx.game.scores["told"] += len(ctx.game.facts_of("red")) + len(ctx.game.facts_of("blue_1"))
+
+
+def count(ctx):
+    """Look at scores, nodes and events as they are in the middle of the rules."""
+    ctx.game.emit("count", scores=dict(ctx.game.scores), at=[one.current_node_id for one in ctx.game.agents])
+    ctx.game.scores["tags"] = sum(one["kind"] == "tag" for one in ctx.game.events)
+
+
+def decide(state):
+    """Decide by all that an agent gets, and remember."""
+    memory, shared = state["memory"], state["team_memory"]
+    memory["asked"] = memory.get("asked", 0) + 1
+    shared["last"] = state["name"]
+    seen = sorted(state["sensor"]["near"][1].values())
+    lot = sum(seen) + len(state["sensor"]["next"][1]) + memory["asked"] + len(shared) + state["draw"].below(5)
+    lot += int(state["rng"].integers(3)) + len(state["blocked"] or "") + sum(state["facts"].values())
+    if lot % 11 == 10:
+        return
+    state["action"] = [*state["legal"], 999][lot % (len(state["legal"]) + (lot % 7 == 0))]
+
+
+def fall(state):
+    """Raise, in some turns."""
+    if (state["turn"] + state["curr_pos"]) % 5 == 0:
+        raise ValueError(f"fell in turn {state['turn']}")
+    decide(state)
+
+
+def build(rules=(), strategies=None, **more):
+    teams = {
+        team: {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SENSORS]}
+        for team in ("red", "blue")
+    }
+    return scene(rules, teams=teams, sensors=SENSORS, **more).build(seed=1, strategies=strategies)
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("others", [[], [TAG, PAID], [OUT, BACK]])
+def test_a_rule_changes_in_each_game_what_it_changes_in_the_game_alone(phase, others):
+    with build(others) as ctx:
+        ctx.game.add(change, phase=phase)
+        check(ctx, seeds=[1, 5, 9, 13])
+
+
+def test_rules_see_what_those_before_them_have_done():
+    with build([OUT, BACK]) as ctx:
+        for name, phase in (("first", "before"), ("second", "after"), ("third", "after")):
+            ctx.game.add(count, phase=phase, name=name)
+        ctx.game.add(change)
+        ctx.game.add(gamms.rules.tag("blue", "red"))
+        ctx.game.add(count, name="last")
+        check(ctx)
+
+
+def test_contacts_that_rules_ask_for_are_those_of_the_seeds_of_their_games():
+    def meet(ctx):
+        for contact in contacts(ctx, "red", "blue"):
+            ctx.game.emit("met", a=contact.a, b=contact.b, node=contact.a_node)
+
+    strategy = {"count": 6, "strategy": "gamms.strategies:random_walk"}
+    crowded = scene(side=3, teams={"red": strategy, "blue": strategy}, max_turns=10)
+    with crowded.build(seed=1) as ctx:
+        ctx.game.add(meet)
+        check(ctx, seeds=range(8))
+
+
+def test_events_of_plain_rules_count_for_the_flags_that_are_carried():
+    def drop(ctx):
+        for agent in ctx.game.agents:
+            if (agent.current_node_id + ctx.game.turn) % 6 == 0:
+                ctx.game.respawn(agent, agent.current_node_id)
+
+    with build([FLAGS], max_turns=40) as ctx:
+        ctx.game.add(drop)
+        check(ctx, seeds=range(12))
+
+
+@pytest.mark.parametrize("strategy", [decide, fall])
+@pytest.mark.parametrize("default", ["stay", lambda state: state["legal"][-1]])
+def test_strategies_get_in_each_game_what_they_get_in_the_game_alone(strategy, default):
+    with build([OUT, BACK], {"red": strategy}) as ctx:
+        ctx.game.conflicts = Conflicts(capacity=1, allow_swaps=False)
+        ctx.game.on_illegal = ctx.game.on_error = "stay"
+        ctx.game.default_action = default
+        ctx.game.add(tell)
+        check(ctx, seeds=[1, 2, 3, 4])
+
+
+def test_facts_that_are_published_for_functions_of_arrays_are_those_of_their_games():
+    @gamms.array_strategy
+    def look(view):
+        return np.where(view["facts"]["alarm"] > 0, view.counts - 1, 0)
+
+    with build(strategies={"red": look}) as ctx:
+        ctx.game.publish(alarm=0)
+        ctx.game.add(tell)
+        check(ctx, stays=False)
+
+
+@pytest.mark.parametrize("shares", [True, False])
+def test_plans_of_teams_decide_in_each_game(shares):
+    def plan(states):
+        for number, state in enumerate(states.values()):
+            state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
+            state["action"] = state["legal"][(number + state["memory"]["turns"]) % len(state["legal"])]
+
+    def arrays(team):
+        return team.choose(team.draw.below(team.counts))
+
+    with build([OUT, BACK], {"red": decide} if shares else None) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.team_memory = shares
+        ctx.game.command("blue", plan)
+        if not shares:
+            ctx.game.command("red", arrays, arrays=True)
+        check(ctx)
+
+
+def test_strategies_that_are_awaited_decide_in_each_game():
+    async def wait(state):
+        state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
+
+    with build([TAG], {"red": wait}) as ctx:
+        check(ctx)
+
+
+def test_strategies_look_ahead_in_copies_of_their_games():
+    def look_ahead(state):
+        game = state["fork"](state["turn"]).game
+        game.step()
+        state["action"] = state["legal"][len(game.agents) % len(state["legal"])]
+
+    with build([TAG], {"red": look_ahead}, max_turns=4) as ctx, ctx.game.batch(2) as games:
+        games.run()
+        with ctx.game.fork(0).ctx as alone:
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize("given", [["red"], ["blue"], ["red", "blue"]])
+def test_teams_that_are_given_actions_are_not_asked_and_know_why_they_were_blocked_when_they_are(given):
+    def moves(turn, team):
+        return (np.arange(3) + turn + (team == "red")) % 2
+
+    def act(ctx, team):
+        def taken(states):
+            number = {name: i for i, name in enumerate(sorted(ctx.agent.agents)) if name.startswith(team)}
+            for name, state in states.items():
+                chosen = moves(state["turn"], team)[number[name] - min(number.values())]
+                state["action"] = state["legal"][chosen]
+
+        return taken
+
+    with build([OUT, BACK], {"red": decide, "blue": decide}) as ctx:
+        ctx.game.conflicts = Conflicts(capacity=1, allow_swaps=False)
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            for turn in range(8):
+                games.step({team: np.tile(moves(turn, team), (3, 1)) for team in given} if turn % 3 == 1 else None)
+            assert games.detached == {}
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                for turn in range(8):
+                    for team in given:
+                        alone.game.command(team, act(alone, team) if turn % 3 == 1 else None)
+                    alone.game.step()
+                assert plain(games.result(number)) == plain(alone.game.result())
+
+
+switch = {"is_on": False}
+
+
+def trip(ctx):
+    ctx.game.data.setdefault("tripped", []).append(ctx.game.turn)
+    ctx.game.scores["luck"] += int(ctx.stream("trip", ctx.game.turn).integers(9))
+    ctx.game.publish(trips=len(ctx.game.data["tripped"]))
+    if switch["is_on"] and ctx.seed == 2:
+        raise ZeroDivisionError("tripped")
+    ctx.game.emit("trips", number=len(ctx.game.data["tripped"]))
+
+
+def stumble(state):
+    decide(state)
+    if switch["is_on"] and state["name"] == "red_2" and state["memory"]["asked"] % 2:
+        raise ZeroDivisionError("stumbled")
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("strategy", [decide, stumble])
+def test_no_game_has_played_a_turn_in_which_one_raises(phase, strategy):
+    with build([OUT, BACK], {"red": strategy}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(trips=0)
+        ctx.game.add(trip, phase=phase)
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(4):
+                games.step()
+            switch["is_on"] = True
+            try:
+                with pytest.raises(ZeroDivisionError) as caught:
+                    games.step()
+            finally:
+                switch["is_on"] = False
+            assert any(note.startswith("In game ") for note in caught.value.__notes__)
+            assert games.turn.tolist() == [4, 4, 4]
+            games.run()
+            assert games.detached == {}
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_an_agent_that_a_function_holds_is_that_of_the_game_for_which_it_is_called():
+    with build([TAG]) as ctx:
+        one = ctx.agent.get_agent("red_0")
+
+        def follow(ctx):
+            ctx.game.emit("follow", held=one.current_node_id, own=ctx.agent.get_agent("red_0").current_node_id)
+
+        ctx.game.add(follow)
+        check(ctx)
+        with ctx.game.batch(3) as games:
+            games.run()
+            events = [
+                event for number in range(3) for event in games.result(number).events if event["kind"] == "follow"
+            ]
+        assert all(event["held"] == event["own"] for event in events)
+        assert len({event["own"] for event in events}) > 3
+
+
+def test_the_context_stands_on_the_game_that_it_was_pointed_at():
+    with build([OUT, BACK], {"red": decide}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        ctx.game.add(count)
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            shown = games.context(1)
+            alone.game.reset(seed=2)
+            for _ in range(5):
+                games.step()
+                alone.game.step()
+                assert shown.seed == 2
+                assert shown.game.turn == alone.game.turn
+                assert shown.game.scores == alone.game.scores
+                assert shown.game.events == alone.game.events
+                for agent in alone.agent.create_iter():
+                    one = shown.agent.get_agent(agent.name)
+                    wanted = agent.current_node_id, agent.prev_node_id, agent.alive
+                    assert (one.current_node_id, one.prev_node_id, one.alive) == wanted
+                assert shown.game.moves == alone.game.moves
+            assert "the present state" in shown.visual.as_html()
+
+
+def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
+    def gamble(state):
+        state["action"] = state["legal"][random.randrange(len(state["legal"]))]
+
+    def cast(ctx):
+        if ctx.game.turn == 3:
+            ctx.game.scores["cast"] += int(np.random.randint(9))  # noqa: NPY002 - as programs for 1.0.0 do
+
+    scenario = scene([TAG])
+    with scenario.batch(3, strategies={"red": gamble}) as games:
+        games.run()
+        for number, seed in enumerate(games.seeds):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"red": gamble}))
+    with build([TAG]) as ctx:
+        ctx.game.add(cast)
+        check(ctx, stays=False)
+
+
+def test_what_plain_functions_remember_is_in_no_columns():
+    said = r"columns is for games that are played in arrays; .* strategy decide"
+    with build([TAG], {"red": decide}) as ctx, ctx.game.batch(2) as games, pytest.raises(BadValue, match=said):
+        games.columns()
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda ctx: ctx.graph.close_roads([1]),
+        lambda ctx: ctx.agent.create_agent(f"new_{ctx.game.turn}", start_node_id=0, team="red"),
+        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "speed", 2),
+        lambda ctx: setattr(ctx.game, "conflicts", Conflicts(1)),
+        lambda ctx: ctx.game.add(count, name="later"),
+        lambda ctx: ctx.game.observation("red_0")["draw"].random(),
+        lambda ctx: ctx.agent.get_agent("red_0").get_state(),
+        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "orientation", (0.0, 1.0)),
+        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "team", "blue"),
+        lambda ctx: ctx.game.scores.update(red=True),
+        lambda ctx: ctx.game.publish(to="red", secret=1),
+        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "tired", True),
+        lambda ctx: ctx.rng.integers(9),
+        lambda ctx: ctx.game.memories,
+    ],
+)
+def test_games_in_which_a_rule_does_something_else_go_on_as_games_alone(act):
+    def rule(ctx):
+        if ctx.game.turn == 4 and ctx.seed % 2:
+            act(ctx)
+
+    with build([TAG], {"blue": decide}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        ctx.game.add(rule)
+        check(ctx, stays=False)
