@@ -364,25 +364,6 @@ class AgentBlock(AgentColumns):
         if self.kind[row]:
             self._unlocated.add(row)
 
-    # -- games in turn --------------------------------------------------------------------------------------------
-
-    def show_game(self, node: memoryview[int], previous: memoryview[int], alive: bytes | None) -> None:
-        """Let agents on the ground be where they are in another game, and note nothing, (agents,) each.
-
-        Args:
-            node: ids of nodes.
-            previous: likewise.
-            alive: whether they live; None: that stays as it is.
-        """
-        self.node[:] = node
-        self.previous[:] = previous
-        self._have_all_changed = True
-        if alive is not None:
-            before = bytes(self.alive)
-            self.alive[:] = memoryview(alive).cast("?")
-            self.inactive = {row for row, lives in enumerate(alive) if not lives}
-            self.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])
-
     # -- the nodes below flyers ---------------------------------------------------------------------------------
 
     def nearest(self, row: int) -> int:
@@ -559,3 +540,22 @@ class UnderWay:
         self.places.pop(row, None)
         self._departed.discard(row)
         self._block.write(row, {"node": node})
+
+
+def show_game(block: AgentBlock, node: memoryview[int], previous: memoryview[int], alive: bytes | None) -> None:
+    """Put agents on the ground where they are in another game of a batch, and note nothing in the journal.
+
+    Args:
+        block: of the agents.
+        node: (agents,) ids of nodes.
+        previous: (agents,) ids of nodes.
+        alive: (agents,) whether they live; None: that stays as it is.
+    """
+    block.node[:] = node
+    block.previous[:] = previous
+    block._have_all_changed = True
+    if alive is not None:
+        before = bytes(block.alive)
+        block.alive[:] = memoryview(alive).cast("?")
+        block.inactive = {row for row, lives in enumerate(alive) if not lives}
+        block.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])

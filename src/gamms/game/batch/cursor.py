@@ -20,6 +20,7 @@ from gamms.game.order import Part, TurnOrder
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
+from gamms.ir.agents import show_game
 from gamms.ir.game_state import GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
@@ -409,9 +410,9 @@ class Cursor:
         self._own_of_ctx["_seed"] = state.seeds[number]
         block = self._block
         if alive == self._alive:
-            block.show_game(node, previous, None)
+            show_game(block, node, previous, None)
         else:
-            block.show_game(node, previous, alive)
+            show_game(block, node, previous, alive)
             self._take_living(alive)
         if is_placed:
             block.placed = set(np.flatnonzero(state.placed[number][self._numbers]).tolist())
@@ -472,10 +473,10 @@ class Cursor:
         if known is None:
             lives = bytes(block.alive)
             with self._phase.suspended():  # a strategy may ask how agents have moved
-                block.show_game(block.node, block.previous, alive)
+                show_game(block, block.node, block.previous, alive)
                 self._take_living(alive)
                 known = self._living
-                block.show_game(block.node, block.previous, lives)
+                show_game(block, block.node, block.previous, lives)
                 self._take_living(lives)
         return known.order
 
