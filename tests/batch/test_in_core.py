@@ -291,12 +291,6 @@ OTHERWISE = {
     "channels": {"channels": {"radio": {"range_m": 3.0}}},
     "hops": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}]},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
-    "strategy": {
-        "teams": {
-            "red": {"count": 2, "strategy": {"function": "gamms.strategies:guard", "with": {"node": 3, "radius": 9}}},
-            "blue": {"count": 2},
-        }
-    },
 }
 
 

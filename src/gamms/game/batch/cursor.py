@@ -1,7 +1,6 @@
 """Points one context at each game of a batch in turn, for rules and strategies that are plain functions."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn
 
@@ -89,18 +88,12 @@ class _Start:
         make: returns the value of a field of the game that is read.
         began: returns where agents began.
         leave: lets the games leave the core.
-        blank: name -> what an agent remembers that remembers nothing.
     """
 
     def __init__(
-        self,
-        make: Callable[[str], Any],
-        began: Callable[[], dict[str, Any]],
-        leave: Callable[[str], NoReturn],
-        blank: dict[str, dict[Any, Any]],
+        self, make: Callable[[str], Any], began: Callable[[], dict[str, Any]], leave: Callable[[str], NoReturn]
     ) -> None:
         self.make = make
-        self.blank = blank
         self._began = began
         self._leave = leave
 
@@ -133,10 +126,9 @@ class _PointedState(GameState):
         setattr(self, name, value)
         return value
 
-    def memory_of(self, name: str) -> dict[Any, Any]:
-        """Return the memory of an agent, which the cursor replaces before the agent is asked."""
-        memory: dict[Any, Any] = self.start.blank[name]
-        return memory
+    def memory_of(self, name: str) -> dict[Any, Any]:  # noqa: ARG002 - as that of a game
+        """Return a memory in the place of that of the agent, which the cursor puts there before it is asked."""
+        return {}
 
 
 class _Own:
@@ -166,8 +158,7 @@ class _Own:
             values = Unknown(values, data.of_core, data.leave, data.what)
         twin = _Own(values)
         twin.memories = copied(self.memories)
-        is_known = not isinstance(self.team_memories, Unknown)
-        twin.team_memories = copied(self.team_memories) if is_known else self.team_memories
+        twin.team_memories = copied(self.team_memories)
         twin.facts = self.facts
         twin.undone = dict(self.undone)
         return twin
@@ -269,7 +260,6 @@ class Cursor:
         self._numbers = np.array([number[name] for name in block.names], np.int64)  # of the rows, in the roster
         self._agents = [self._ctx.agent.agents[name] for name in block.names]
         self._journal = Journal(block.names)
-        self._first_seed = self._ctx.seed
         self._first_data = {key: one for key, one in values.data.items() if key not in self._unknown}
         self._facts = values.facts
         self._first_facts = {
@@ -278,15 +268,14 @@ class Cursor:
         }
         self._first_attributes = [copied(vars(one)) for one in self._agents]
         self._orders: dict[bytes, _Living] = {}
-        self._blank = {name: dict[Any, Any]() for name in self._state.roster.names}
-        self._has_memories = any(values.memories.values())  # whether an agent of a game remembers something
-        self._start = _Start(self._make, self._began, self._leave, self._blank)
         for name in _READ:
             delattr(values, name)
         values.__class__ = _PointedState
-        values.start = self._start
+        values.start = _Start(self._make, self._began, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
+        if self._keeps_in_columns:
+            values.team_memories = self._no("ctx.game.team_memories")
         values.deeds = []
         values.messages = []
         self._block.journal = self._journal
@@ -404,7 +393,8 @@ class Cursor:
             self._forget_read()
         values.turn = turn
         values.data = row.data
-        values.team_memories = row.team_memories
+        if not self._keeps_in_columns:
+            values.team_memories = row.team_memories
         values.over = self._over = state.over[number]
         self._turns.seed_changes += 1
         self._own_of_ctx["_seed"] = state.seeds[number]
@@ -443,8 +433,6 @@ class Cursor:
             data = Unknown(data, self._unknown, self._leave, f"ctx.game.data, with that of {keys}")
         row = _Own(data)
         row.team_memories = copied(values["team_memories"])
-        if self._keeps_in_columns:
-            row.team_memories = self._no("ctx.game.team_memories")
         row.memories = copied({name: memory for name, memory in values["memories"].items() if memory})
         return row
 
@@ -531,8 +519,6 @@ class Cursor:
         turns, ctx = self._turns, self._ctx
         places = self._places(games)
         self._forget_read()
-        with suppress(AttributeError):  # those of agents that were asked
-            del self._values.memories
         turns.is_playing = True
         turns.is_moving = False
         drawn = self._drawn()
@@ -678,26 +664,16 @@ class Cursor:
         rows = movement_in(view).nodes(view._choices, actions)
         self._want(view.games, view.agents, self._state.streets.ids_of(rows), view.mask)
         names = self._state.roster.names
-        for number, alive in zip(view.games.tolist(), view.mask.tolist(), strict=True):
-            own = self._games[number]
-            if own is not None and own.undone:
-                for agent, decides in zip(view.agents.tolist(), alive, strict=True):
-                    if decides:
-                        own.undone.pop(names[agent], None)
+        for at, i in np.argwhere(view.mask).tolist():
+            own = self._games[view.games[at]]
+            if own is not None:
+                own.undone.pop(names[view.agents[i]], None)
 
     def _ask(self, row: _Own, asked: _Asked) -> list[int]:
         """Return the nodes to which agents of the game that the context is pointed at go."""
-        values, blank = self._values, self._blank
-        values.memories = blank
-        if self._has_memories:
-            for name, template in asked.templates:
-                template["memory"] = row.memories.setdefault(name, {})
-            values.memories = row.memories
+        for name, template in asked.templates:
+            template["memory"] = row.memories.setdefault(name, {})
         decisions = self._turns.decide(self._turns.order(), asked.part)
-        if not self._has_memories and any(blank.values()):
-            self._has_memories = True
-            row.memories = dict(blank)
-            self._blank = self._start.blank = {name: {} for name in blank}
         found = decisions.ends
         if decisions.actions or decisions.failures or decisions.written or row.undone:
             self._take_decisions(row, decisions, asked)
@@ -734,8 +710,6 @@ class Cursor:
             if len(members) < len(order.slots):
                 part = Part(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
             templates = [(name, order.slots[i].template) for i, name in members]
-            for name, template in templates:
-                template["memory"] = self._blank[name]
             asked = known.asked[which] = _Asked(part, places, members, templates)
         return asked
 
