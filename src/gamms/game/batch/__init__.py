@@ -2,7 +2,8 @@
 
 `games.py` is the front; read it first. `why_not.py` says whether the core has all parts of the games. Then `arrays.py`
 plays them there, from `in_core.py`, `strategy_steps.py` and `travelers.py`, and calls array functions between the
-phases of the core; else `one_by_one.py` plays one game after the other. Both give the same games.
+phases of the core, and plain functions in a context that `cursor.py` points at each game; else `one_by_one.py` plays
+one game after the other. Both give the same games.
 
 `state.py` is the block: what a batch remembers, `columns.py` who plays, `scores.py` the scores, `begun.py` what of
 that is taken from a game that has begun. Array rules get a turn (`turn.py`), array strategies and observers a view
