@@ -163,8 +163,6 @@ def games_with_plain_parts(draw):
 @given(drawn=games_with_plain_parts(), **drawn_for_all)
 def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):
     with drawn.open() as ctx:
-        with ctx.game.batch(seeds=seeds) as played:
-            assert played.is_in_arrays
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
