@@ -181,7 +181,7 @@ def test_run_warns_once_of_a_rule_without_an_array_form_in_many_games(number, is
             for _ in range(2):
                 games.run()
                 games.reset()
-    said = "A batch is played one game after the other, because of the rule 'linger'."
+    said = "A batch is played one game after the other, because of the check of the rule 'linger'."
     assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [said] * is_warned
 
 
