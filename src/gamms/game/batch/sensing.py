@@ -408,7 +408,7 @@ def _places_in(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, int
     return [(name, nearest(*at[1][:2]) if isinstance(at, tuple) else int(at)) for name, at in data.items()]
 
 
-def _nodes_in(data: Any) -> list[int]:
+def _nodes_in(data: list[int] | Mapping[str, Any]) -> list[int]:
     return [*(data if isinstance(data, list) else data["nodes"])]
 
 
