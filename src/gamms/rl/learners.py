@@ -75,7 +75,7 @@ class Learners:
         observation: gives what the agents observe; None: `default_observation`.
         reward: gives rewards; None: the change of the score of the agent's team.
         seed: of the first game; those of the others follow.
-        one_by_one: play the games in contexts, not in arrays; see `Batch.context`.
+        one_by_one: play the games in a context, not in the core; see `Batch.context`.
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.

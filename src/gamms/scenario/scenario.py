@@ -316,7 +316,7 @@ class Scenario(Fixed):
             seeds: of each game, instead of both.
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
-            one_by_one: play them so also where they could be played in arrays, as `batch.context` needs.
+            one_by_one: play them one after the other also where the core could, as `batch.context` needs.
             vis_engine: shows the games in turn, one by one; see `build`.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.

@@ -59,14 +59,14 @@ class BatchSource(NamedTuple):
 class Batch(Fixed):
     """Many games of one kind, each with a seed of its own: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
-    Game i is the one that `scenario.play(seed=seeds[i])` plays. Where all strategies, rules and conflicts have array
-    forms, the games are played at once. Otherwise one context is pointed at each game in turn, and `slow` says which
-    part has no array form. A batch is a context manager.
+    Game i is the one that `scenario.play(seed=seeds[i])` plays. The core plays games of which it has all parts, and
+    calls plain functions and array functions between its phases. Other games are played one after the other, in one
+    context. A batch is a context manager.
 
     Attributes:
         seeds: of the games, (games,).
         maps: (games,) the number of the map that each game is on, which its seed draws; 0 where there is one map.
-        slow: the first part without an array form, in words; None: all parts have one.
+        slow: the first part that the core does not have, or plain function that it calls, in words; None: neither.
         is_closed: whether `close` was called; results stay.
     """
 
@@ -311,7 +311,7 @@ class Batch(Fixed):
 
         Args:
             progress: show how far it is on a line of stderr, where that is a terminal.
-            warn: say once in the log which part has no array form.
+            warn: log once which part the core does not have.
             threads: how many threads play games of which all parts are in the core; the games are the same with any
                 number. Other games are played by one.
 
@@ -423,12 +423,10 @@ class Batch(Fixed):
         """Return what the next turns of all games follow from besides turn, scores and seeds, for `load`.
 
         That is where agents are and what rules and strategies remember, as arrays (games, …), of which rows can be
-        taken, repeated and put together. Where rules have closed or opened roads, `"roads"` says which, (games, edges)
-        in the order of the map and of those that were closed at the start: 0 as then, 1 closed since, -k the k-th of
-        those that were opened, which are behind the others. Without it roads are as at the start.
+        taken, repeated and put together.
 
         Raises:
-            BadValue: the games, or some of them, are not played in arrays, or they have several maps.
+            BadValue: the games are not played in the core, or they have several maps.
         """
         return self._arrays("columns").state.columns()
 
@@ -441,7 +439,7 @@ class Batch(Fixed):
             scores: key -> (games,) numbers; None: none.
 
         Raises:
-            BadType, BadValue: the games are not played in arrays, they have several maps, or these are no moments of
+            BadType, BadValue: the games are not played in the core, they have several maps, or these are no moments of
                 such games.
         """
         as_mapping(columns, "columns")
@@ -552,7 +550,7 @@ class Batch(Fixed):
         return late
 
     def result(self, game: int) -> Result:
-        """Return the result of a game so far; of one in arrays its timings are 0."""
+        """Return the result of a game so far; its timings are 0 if the core plays it."""
         return self._engine.result(self._as_game(game))
 
     @property
@@ -616,7 +614,7 @@ class Batch(Fixed):
         Of several maps, each has its context.
 
         Raises:
-            BadValue: the games are played in arrays: `scenario.batch(…, one_by_one=True)` plays them in a context.
+            BadValue: the games are played in the core: `scenario.batch(…, one_by_one=True)` plays them in a context.
         """
         number = self._as_game(game)
         if self._engine.calls_each:
@@ -633,7 +631,7 @@ class Batch(Fixed):
 
     @property
     def loaded(self) -> int | None:
-        """The number of the game that is played by itself right now; None: games are in arrays."""
+        """The number of the game that is played by itself right now; None: games are in the core."""
         return self._engine.loaded
 
     # -- inside -------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Plays the games of a batch one after the other in one context, for games of which some part has no array form."""
+"""Plays the games of a batch one after the other in one context, where the core does not have all their parts."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
