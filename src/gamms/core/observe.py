@@ -191,7 +191,7 @@ def mark_seen(
     alive: memoryview[int],
     marks: memoryview[int],
 ) -> int:
-    """Mark whom agents see in some games.
+    """Mark the agents that agents see in some games.
 
     Args:
         looks: the sensors of all agents of a game, whose places are those of all agents of these games.

@@ -136,18 +136,3 @@ cpdef Py_ssize_t reach_each(
     const i64[::1] motion, const double[::1] speed, const double[::1] now, bint goes_on,
     i64[::1] found, double[::1] times, i64[::1] counts
 ) except -1 nogil
-@cython.locals(number=i64, row=i64, edge=i64)
-cpdef int head_each(
-    Roads roads, Trips trips, const i64[::1] rows, const i64[::1] targets,
-    const double[::1] ahead, const double[::1] behind, i64[::1] motions
-) except -1 nogil
-@cython.locals(number=i64, row=i64, edge=i64, takes=double)
-cpdef int first_edges(
-    Roads roads, Trips trips, const i64[::1] rows, const i64[::1] motions, const i64[::1] nodes, i64[::1] edges
-) except -1 nogil
-@cython.locals(number=i64, row=i64)
-cpdef int go_each(
-    Roads roads, Trips trips, const i64[::1] rows, const i64[::1] motions, const i64[::1] nodes, i64[::1] goes_on
-) except -1 nogil
-@cython.locals(number=i64)
-cpdef int stand_each(Trips trips, const i64[::1] rows) except -1 nogil

@@ -149,7 +149,8 @@ class Roads:
     def __init__(
         self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
     ) -> None:
-        self._graph, self._columns = graph, columns
+        self._graph = graph
+        self._columns = columns
         self._costs = graph.weights(weight)
         self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self.ids: list[int] = columns.node_ids.tolist()

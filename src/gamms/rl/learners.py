@@ -433,7 +433,8 @@ class Learners:
         """Look at the games as they are now."""
         by_map = [self._views(number) for number in np.unique(self.games.maps).tolist()]
         self._now = list(zip(*by_map, strict=True))  # of each team, a view for each map that has games
-        self._scores, self.is_over = self.games.scores, self.games.is_over
+        self._scores = self.games.scores
+        self.is_over = self.games.is_over
         self.alive: BoolArray = joined([_in_order([view.mask for view in views], views) for views in self._now])
         if self._can_come:
             there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]

@@ -340,7 +340,8 @@ class SensorStorage(Guarded):
             if owner_of(sensor) != owner:
                 sensor.set_owner(owner)
         self._phase.sensor_changes += 1
-        self._settings_now, self._changes = settings, self._counts()
+        self._settings_now = settings
+        self._changes = self._counts()
 
     def _counts(self) -> tuple[int, int]:
         return self._phase.sensor_changes, self._phase.owner_changes

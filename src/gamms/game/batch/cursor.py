@@ -334,7 +334,7 @@ class Cursor:
         )
 
     def _refuse_changes(self) -> None:
-        """Let the games leave the core if a function has changed what is the same in all of them."""
+        """Leave the core if a function has changed a value that all games share."""
         if self._why:
             raise NotTakenUp(self._why)
         if self._what_is_fixed() != self._fixed:
@@ -552,7 +552,7 @@ class Cursor:
         return sum({id(one.table): one.table.begun for one in self._orders.values()}.values())
 
     def _take(self) -> None:
-        """Write what was changed in a game into the columns."""
+        """Write the changes of a game into the columns."""
         values, row, number = self._values, self._row, self._number
         if values.data is not row.data:
             if self._unknown:
@@ -680,7 +680,7 @@ class Cursor:
         return [found[i] for i in asked.places]
 
     def _take_decisions(self, row: _Own, decisions: Decisions, asked: _Asked) -> None:
-        """Take what is not said by the nodes to which agents go."""
+        """Take the decisions that are not nodes to go to."""
         for action in decisions.actions.values():
             if action.heading != ():
                 self._leave("sets the orientation of agents")

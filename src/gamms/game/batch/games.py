@@ -385,7 +385,7 @@ class Batch(Fixed):
                 self._log += [{}] * int((engine.turns() - before).max())
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
-        """Begin games again; with other seeds they draw their maps anew, where there are several.
+        """Begin games again; games with other seeds draw their maps again, if there are several.
 
         Args:
             which: the numbers of games, or an array (games,) of booleans; None: all.

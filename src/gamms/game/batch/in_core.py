@@ -284,7 +284,7 @@ class CoreGames:
         self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
 
     def begin(self, games: IntArray) -> None:
-        """Make all that turns are played with anew, because some games begin."""
+        """Make the objects that turns are played with again, because some games begin."""
         self._start[games] = self._ends[games] = self._state.node[games]
         self._takes_part[games] = 0
         self._made.clear()

@@ -78,7 +78,9 @@ class Choices:
     """
 
     def __init__(self, roads: core.Roads, streets: Streets, speeds: FloatArray, *, goes_on: bool) -> None:
-        self._roads, self._streets, self._nodes = roads, streets, streets.num_nodes
+        self._roads = roads
+        self._streets = streets
+        self._nodes = streets.num_nodes
         self._speeds, self._goes_on, self._reach = speeds, goes_on, Reach(self._nodes)
         self._forget()
 

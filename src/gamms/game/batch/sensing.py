@@ -403,7 +403,7 @@ def note_sights(
 
 
 def _places_in(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, int]]:
-    """Return whom a sensor shows, and the ids of the nodes where; of those in the air the nearest ones."""
+    """Return the agents that a sensor shows, with node ids; for agents in the air, the nearest nodes."""
     nearest = ctx.graph.graph.nearest_node
     return [(name, nearest(*at[1][:2]) if isinstance(at, tuple) else int(at)) for name, at in data.items()]
 
@@ -421,7 +421,8 @@ class ContextOfRows:
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
-        self._game, self._state = game, state
+        self._game = game
+        self._state = state
 
     def look(self, games: IntArray) -> None:
         """Note what sensors show in some games, of which it is not known yet."""

@@ -119,7 +119,7 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
 
 
 def _unremembered(kind: str, agents: int, games: int) -> Arrays:
-    """Return what is kept of agents that remember nothing yet."""
+    """Return the columns of agents that remember nothing yet."""
     return {name: np.full((games, agents), first) for name, first in _REMEMBERED[kind].items()}
 
 

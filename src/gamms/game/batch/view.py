@@ -60,7 +60,9 @@ class ArrayView(Mapping[str, Any]):
     _may_aim = False  # whether actions may lead towards nodes that are not legal
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
-        self._state, self.games, self.agents = state, games, agents
+        self._state = state
+        self.games = games
+        self.agents = agents
         self.streets, self._movement, self._shared = state.world(games)
         self.roster, self.memory_of = state.roster, state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
