@@ -2,13 +2,13 @@
 
 import json
 import re
-import urllib.error
-import urllib.request
 
 import pytest
+from typer.testing import CliRunner
 
 import gamms
 from gamms import scenario, web
+from gamms.cli import app
 from gamms.errors import BadValue
 
 HOSTILE = "</script><img src=x onerror='window.attacked=true'>"
@@ -150,102 +150,6 @@ def test_the_starts_of_other_seeds_are_those_of_the_game(chromium, folder):
     assert "not of this one" in page.value("gamms.panel.seedWords.textContent")
 
 
-@pytest.fixture
-def hunt(folder, tmp_path):
-    """A copy of the scenario that may be changed."""
-    for name in ("town.gamms", "hunt.yaml"):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    return tmp_path / "hunt.yaml"
-
-
-def called(editor, path, message, token=None, **headers):
-    """Call what a page calls; return the status and the answer."""
-    address, _, own = editor.url.partition("/#")
-    given = {"Authorization": f"Bearer {own if token is None else token}", **headers}
-    request = urllib.request.Request(address + path, json.dumps(message).encode(), given)
-    try:
-        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=60) as answer:
-            return answer.status, json.load(answer)["value"]
-    except urllib.error.HTTPError as error:
-        with error:
-            return error.code, error.read().decode()
-
-
-def test_what_was_clicked_is_saved_after_a_look_at_the_difference(chromium, hunt):
-    with web.PlaceEditor(hunt) as editor:
-        page = chromium.open(editor.url)
-        page.value("gamms.panel.targets.value = 'agents blue'; gamms.panel.targets.dispatchEvent(new Event('change'))")
-        for node in (8, 22):
-            page.click(*pixel_of(page, node))
-        page.value("gamms.panel.saveButton.click()")
-        page.wait("document.querySelector('dialog pre')")
-        words = page.value("document.querySelector('dialog').textContent")
-        assert "+      - {name: keeper, node: 8}  # at the gate" in words
-        assert "+      - {name: blue_0, node: 22}" in words
-        assert hunt.read_text() == SCENARIO
-        page.value(
-            "[...document.querySelectorAll('dialog button')].find((one) => one.textContent == 'Save it').click()"
-        )
-        page.wait("!gamms.panel.dialog.open")
-        found = (
-            "  blue:\n    agents:\n      - {name: keeper, node: 8}  # at the gate\n      - {name: blue_0, node: 22}\n"
-        )
-        assert hunt.read_text() == SCENARIO.replace(
-            "  blue:\n    agents:\n      - {name: keeper, node: 30}  # at the gate\n", found
-        )
-        page.wait("gamms.options.teams[1].agents.length == 2")
-        page.value("gamms.panel.seed.value = 5000; gamms.panel.seed.dispatchEvent(new Event('input'))")
-        page.wait("Array.isArray(gamms.options.starts.seeds[5000])")
-        nodes = page.value("gamms.options.starts.seeds[5000]")
-        assert nodes == [one.tolist()[0] for one in scenario.load(hunt).starts([5000]).values()]
-        assert page.messages == []
-
-
-def test_a_page_may_change_places_and_nothing_else(hunt):
-    near = {"keys": ["teams", "red", "near"], "value": [385060.0, 6672060.0]}
-    wrong = [
-        {"keys": ["teams", "red", "strategy"], "value": "mine:strategy"},
-        {"keys": ["teams", "blue", "agents"], "value": [{"name": "keeper", "node": 3, "strategy": "mine:strategy"}]},
-        {"keys": ["rules", 0, "with", "nodes"], "value": [{"function": "mine:nodes"}]},
-        {"keys": ["map", "file"], "value": "/etc/passwd"},
-        {"keys": ["teams", "red", "near"], "value": "mine"},
-        *(
-            {"keys": ["rules", 0, "with", "nodes"], "value": [node]}
-            for node in (
-                {"node_at": 8},
-                {"node_at": [X, Y], "more": 1},
-                {"node_at": {"lat": 60, "lon": 24, "more": 1}},
-                True,
-            )
-        ),
-    ]
-    with web.PlaceEditor(hunt) as editor:
-        for change in wrong:
-            assert called(editor, "/preview", {"changes": [change]})[0] == 400, change
-        assert called(editor, "/preview", {"changes": [near]}, token="guess")[0] == 401
-        assert called(editor, "/preview", {"changes": [near]}, Origin="http://elsewhere.example")[0] == 403
-        status, words = called(editor, "/preview", {"changes": [near | {"value": [0.0, 0.0]}]})
-        assert (status, "teams.red" in words) == (400, True)
-        status, shown = called(editor, "/preview", {"changes": [near]})
-        assert "+    near: [385060.0, 6672060.0]" in shown["difference"]
-        nodes = {"keys": ["rules", 0, "with", "nodes"], "value": [7, {"node_at": [X + 40, Y + 20]}]}
-        _, words = called(editor, "/preview", {"changes": [nodes]})
-        assert "[7, {node_at: [385040.0, 6672020.0]}]" in words["difference"]
-        hunt.write_text(SCENARIO + "# meanwhile\n")
-        assert called(editor, "/save", {"changes": [near], "id": shown["id"]})[0] == 400
-        assert hunt.read_text() == SCENARIO + "# meanwhile\n"
-
-
-def test_more_agents_than_a_page_may_put_are_refused_and_not_left_out(hunt, monkeypatch):
-    monkeypatch.setattr("gamms.web.place_editor._MOST_NODES", 2)
-    agents = [{"name": f"extra_{number}", "node": 3} for number in range(3)]
-    with web.PlaceEditor(hunt) as editor:
-        change = {"keys": ["teams", "blue", "agents"], "value": agents}
-        status, words = called(editor, "/preview", {"changes": [change]})
-        assert (status, "at most 2 agents of a team, not 3" in words) == (400, True)
-        assert called(editor, "/preview", {"changes": [change | {"value": agents[:2]}]})[0] == 200
-
-
 @pytest.mark.parametrize("name", ["roads.geojson", "roads.json"])
 def test_the_map_of_a_page_may_be_geojson(tmp_path, name):
     roads = {"type": "LineString", "coordinates": [[24.9, 60.2], [24.91, 60.2]]}
@@ -276,3 +180,10 @@ def test_a_page_of_a_map_holds_nothing_as_markup_and_reaches_nothing(folder):
     assert json.loads(options)["title"] == HOSTILE + "{data}"
     with pytest.raises(BadValue, match="'print'"):
         web.map_page(game, theme="print")
+
+
+def test_a_map_command_names_its_page_after_the_file(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["map", str(folder / "hunt.yaml"), "--no-open"])
+    assert (done.exit_code, done.output) == (0, "Wrote hunt.html.\n")
+    assert (tmp_path / "hunt.html").read_bytes() == web.map_page(folder / "hunt.yaml")

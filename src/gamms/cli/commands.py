@@ -79,29 +79,22 @@ def map(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="Write a page that needs no server, and cannot save.", metavar="PAGE", show_default=False),
+        typer.Option(help="The page to write; by default FILE's name with .html.", metavar="PAGE", show_default=False),
     ] = None,
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Whether to open it in the browser.")] = True,
-    port: Annotated[int, typer.Option(help="Of the page that can save; 0 takes a free one.")] = 0,
     theme: Annotated[
         str | None, typer.Option(help="light or dark; by default as the browser is.", show_default=False)
     ] = None,
 ) -> None:
-    """Choose places on a map, in the browser, for a scenario file."""
+    """Write a page on which to choose places of a map."""
     import webbrowser
 
-    from gamms.web import PlaceEditor, map_page
+    from gamms.web import map_page
 
-    if out is not None:
-        write_page(out, map_page(file, theme=theme))
-        if browser:
-            webbrowser.open(out.absolute().as_uri())
-        return
-    with PlaceEditor(file, theme=theme, port=port) as editor:
-        echo(f"{editor.url}\nCtrl-C ends it.")
-        if browser:
-            webbrowser.open(editor.url)
-        editor.stay_open()
+    page = Path(f"{file.name.partition('.')[0]}.html") if out is None else out
+    write_page(page, map_page(file, theme=theme))
+    if browser:
+        webbrowser.open(page.absolute().as_uri())
 
 
 def report(

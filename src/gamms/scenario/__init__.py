@@ -3,7 +3,7 @@
     scenario = gamms.scenario.load("match.yaml")
     result = scenario.replace(**{"teams.red.count": 8}).play(seed=7)
 
-Read `spec.py` first: the keys of a file and their types. `documents.py` reads files, `edits.py` changes them,
+Read `spec.py` first: the keys of a file and their types. `documents.py` reads files,
 `validation.py` checks what fits together beyond types, `code.py` finds, imports and calls the functions that a file
 names. `scenario.py` has the class: `maps.py` loads the map, `placement.py` draws where agents start, `builder.py` puts
 everything into a context.

@@ -9,8 +9,8 @@
 Read `pages.py` first: what such a file holds; then `live.py`: a game that is served while it is played, with
 `streams.py`, what its spectators are sent, `links.py`, what they may, and `server.py`, HTTP and WebSocket. People who
 play: `people.py`, then `choices.py`, what they are asked, `playing.py`, how that travels, and `study.py`, with
-`participants.py`, who takes part. `places.py` makes the page on which places of a map are chosen, and `place_editor.py`
-serves it. The viewer itself is JavaScript, in `viewer/`, where `main.js` is the first file to read;
+`participants.py`, who takes part. `places.py` makes the page of a map, on which people choose
+places. The viewer itself is JavaScript, in `viewer/`, where `main.js` is the first file to read;
 `bundle.py` makes one page of it.
 
 A client: it uses recordings and contexts as any program would.
@@ -19,13 +19,11 @@ A client: it uses recordings and contexts as any program would.
 from gamms.web.live import Live, ServeOptions, serve
 from gamms.web.pages import page, page_of_two
 from gamms.web.people import human
-from gamms.web.place_editor import PlaceEditor
 from gamms.web.places import map_page
 from gamms.web.study import Study, StudyOptions, study
 
 __all__ = [
     "Live",
-    "PlaceEditor",
     "ServeOptions",
     "Study",
     "StudyOptions",

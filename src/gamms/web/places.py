@@ -1,12 +1,12 @@
-"""A page on which places of a map are found, collected, and copied as a scenario file takes them.
+"""Make the page of a map: people find and choose places on it, and copy them as a scenario file takes them.
 
-The map is in the page, with the attributes of nodes and streets; so are the places at which the agents of a scenario
-start, for its own seed and some more. So the page needs no server; `place_editor.py` serves it where it may save, too.
+The page holds the map, with the attributes of nodes and streets, and the nodes where the agents of a scenario start,
+for its own seed and a hundred more. It needs no server.
 """
 
 import base64
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -42,11 +42,19 @@ def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", them
     """
     if theme not in (None, "light", "dark"):
         raise BadValue(f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None.")
-    game, is_scenario = opened(source)
-    return assembled(game, {"title": title, "theme": theme}, is_scenario=is_scenario)
+    game, is_scenario = _opened(source)
+    options = _options_of(game, is_scenario=is_scenario)
+    if title:
+        options["title"] = title
+    if theme is not None:
+        options["theme"] = theme
+    packed = base64.b64encode(_packed_map(game)).decode()
+    data = f'<script type="application/json" id="options">{as_json(options)}</script>\n'
+    words = {"title": escape(options["title"]), "still": "This page needs JavaScript.", "connect": "'none'"}
+    return filled("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')
 
 
-def opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
+def _opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
     """Return a scenario with the map, and whether it is more than a map.
 
     Raises:
@@ -67,25 +75,7 @@ def opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
     return Scenario(folder=file.absolute().parent, name=file.name, map=map, teams=teams), False
 
 
-def assembled(game: Scenario, look: Mapping[str, Any], *, is_scenario: bool, connect: str = "'none'") -> bytes:
-    """Return the page of a scenario.
-
-    Args:
-        game: the scenario.
-        look: options of the page, which take the place of those that follow from the scenario.
-        is_scenario: whether there is more than a map; else whole scenarios are copied.
-        connect: what the page may connect to, as a content security policy has it.
-    """
-    options = options_of(game, is_scenario=is_scenario) | {
-        name: one for name, one in look.items() if one not in (None, "", False)
-    }
-    packed = base64.b64encode(packed_map(game)).decode()
-    data = f'<script type="application/json" id="options">{as_json(options)}</script>\n'
-    words = {"title": escape(options["title"]), "still": "This page needs JavaScript.", "connect": connect}
-    return filled("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')
-
-
-def starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
+def _starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
     """Return where agents start: `names`, and for each seed the `nodes` of all, or in words why there are none."""
     try:
         found = game.starts(seeds)
@@ -94,12 +84,12 @@ def starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
     except ScenarioError as error:
         if len(seeds) == 1:
             return {"names": [], "seeds": {str(seeds[0]): str(error)}}
-    each = [starts_of(game, [seed]) for seed in seeds]
+    each = [_starts_of(game, [seed]) for seed in seeds]
     names = max((one["names"] for one in each), key=len)
     return {"names": names, "seeds": {seed: nodes for one in each for seed, nodes in one["seeds"].items()}}
 
 
-def options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
+def _options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
     """Return what a page says of a scenario: its teams, the nodes of its rules, and where agents start."""
     plain, spec = game.to_dict(), game.spec
     found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
@@ -112,7 +102,7 @@ def options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
     agents = sum(team.count + len(team.agents) for team in spec.teams.values())
     own = 0 if spec.seed is None else spec.seed
     others = [seed for seed in range(min(_SEEDS, _MOST_PLACES // max(agents, 1))) if seed != own]
-    return found | {"seed": own, "starts": starts_of(game, [own, *others])}
+    return found | {"seed": own, "starts": _starts_of(game, [own, *others])}
 
 
 def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
@@ -128,7 +118,7 @@ def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
     return found
 
 
-def packed_map(game: Scenario) -> bytes:
+def _packed_map(game: Scenario) -> bytes:
     """Return the map of a scenario with all attributes, and the degrees of each node, where it has them."""
     with create_context(logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.storage.copy_from(game.map_snapshot())

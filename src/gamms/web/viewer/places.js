@@ -1,5 +1,4 @@
 // A page on which places of a map are found and chosen, and become text of a scenario file. Begin here.
-import { ask } from "./asking.js";
 import { Camera } from "./camera.js";
 import { element } from "./dom.js";
 import { Pointers, releaseControls } from "./input.js";
@@ -23,7 +22,7 @@ const PAN_PX = 60, ZOOM = 1.25;
 
 /** @typedef {import("./scenario_text.js").Area} Area @typedef {import("./scenario_text.js").Place} Place */
 /** @typedef {{names: string[], seeds: Record<string, number[] | string>}} Starts */
-/** @typedef {import("./scenario_text.js").Scenario & {title: string, theme?: "light" | "dark", seed?: number, starts?: Starts, editor?: boolean}} Options */
+/** @typedef {import("./scenario_text.js").Scenario & {title: string, theme?: "light" | "dark", seed?: number, starts?: Starts}} Options */
 
 export class Places {
   /** @param {HTMLElement} root @param {World} world @param {Options} options */
@@ -426,17 +425,17 @@ function isInside(points, x, y) {
   return isIn;
 }
 
-/** Show the map in the page. @returns {Promise<Places>} */
-async function begin() {
-  let options = JSON.parse(document.getElementById("options")?.textContent || "{}");
-  const now = options.editor ? await ask("/state", {}) : {}; // what is in the file now
-  options = { ...options, ...now.options };
-  const text = atob(now.map ?? (document.getElementById("map")?.textContent ?? "").trim());
+/** Show the map in the page. @returns {Places} */
+function begin() {
+  const options = JSON.parse(document.getElementById("options")?.textContent || "{}");
+  const text = atob((document.getElementById("map")?.textContent ?? "").trim());
   const world = new World(Uint8Array.from(text, (letter) => letter.charCodeAt(0)));
   return new Places(/** @type {HTMLElement} */ (document.getElementById("viewer")), world, options);
 }
 
-begin().then((places) => Object.defineProperty(window, "gamms", { value: places }), (error) => {
+try {
+  Object.defineProperty(window, "gamms", { value: begin() });
+} catch (error) {
   const words = `This map cannot be shown: ${error instanceof Error ? error.message : error}`;
   document.getElementById("viewer")?.replaceChildren(element("p", { class: "failure", role: "alert", text: words }));
-});
+}

@@ -1,5 +1,4 @@
 // What stands beside the map of places: the search, the seed, what is chosen, and the text for a scenario file.
-import { ask } from "./asking.js";
 import { dot, element, iconButton, refill } from "./dom.js";
 import { changesFor, targetsOf, yamlOf } from "./scenario_text.js";
 import { THEMES, teamColors } from "./themes.js";
@@ -31,12 +30,10 @@ export class PlacesPanel {
     this.forms = element("select", { "aria-label": "How places are written", on: { change: () => this.#pick() } });
     this.text = element("textarea", { class: "yaml", readonly: true, rows: 8, spellcheck: "false", "aria-label": "Text for the scenario file" });
     this.copy = element("button", { type: "button", class: "wanted main", text: "Copy", on: { click: () => this.#copy() } });
-    this.saveButton = element("button", { type: "button", class: "wanted", text: "Save …", hidden: !options.editor, on: { click: () => this.#preview() } });
-    this.dialog = element("dialog", { "aria-label": "Save" });
     this.element = element("aside", { class: "places card", "aria-label": "Places" },
       element("h1", { text: options.title }), this.search, this.found, this.seeds,
       element("div", { class: "actions" }, this.polygon, this.circle, this.undo, this.clear), this.hint, this.chosen,
-      this.targets, this.forms, this.text, element("div", { class: "actions" }, this.copy, this.saveButton), this.dialog);
+      this.targets, this.forms, this.text, element("div", { class: "actions" }, this.copy));
     const zoom = (/** @type {number} */ factor) => app.moveCamera((camera) => camera.zoom(factor, ...app.middle()));
     this.tools = element("div", { class: "tools" }, element("div", { class: "card toolbar", role: "toolbar", "aria-label": "View" },
       iconButton("plus", "Zoom in (+)", () => zoom(1.4)), iconButton("minus", "Zoom out (−)", () => zoom(1 / 1.4)),
@@ -86,26 +83,12 @@ export class PlacesPanel {
       this.app.seed = seed;
       this.app.needsPaint = true;
       this.renew();
-      this.#askStarts(seed);
     };
     this.seed = element("input", { type: "number", step: 1, "aria-label": "Seed", value: this.app.seed, on: { input: () => Number.isSafeInteger(this.seed.valueAsNumber) && set(this.seed.valueAsNumber) } });
     this.teams = element("div", { class: "teams" });
     this.seedWords = element("p", { class: "faint", role: "status" });
     refill(this.seeds, element("label", { class: "seed" }, element("span", { text: "Start with seed" }), this.seed,
       element("button", { type: "button", class: "wanted", text: "Next", on: { click: () => set(this.app.seed + 1) } })), this.teams, this.seedWords);
-  }
-
-  /** Ask for the starts of a seed that the page does not know. @param {number} seed */
-  async #askStarts(seed) {
-    const { starts, editor } = this.app.options;
-    if (!editor || starts === undefined || starts.seeds[String(seed)] !== undefined) return;
-    try {
-      Object.assign(starts.seeds, (await ask("/starts", { seed })).seeds);
-    } catch (error) {
-      starts.seeds[String(seed)] = wordsOfError(error);
-    }
-    this.app.needsPaint = true;
-    this.renew();
   }
 
   #renewSeeds() {
@@ -149,7 +132,7 @@ export class PlacesPanel {
     refill(this.forms, ...forms.map(([key, words]) => element("option", { value: key, text: words, selected: key === this.form })));
     this.forms.hidden = /^(start|closed)/.test(this.target);
     this.text.value = this.isEmpty ? "" : yamlOf(this.changes(), app.options);
-    this.copy.disabled = this.saveButton.disabled = this.isEmpty;
+    this.copy.disabled = this.isEmpty;
   }
 
   /** Whether nothing is chosen that could be copied. */
@@ -181,36 +164,6 @@ export class PlacesPanel {
     setTimeout(() => { this.copy.textContent = "Copy"; }, SAID_MS);
   }
 
-  /** Show what would be different in the file, and save it if that is wanted. */
-  async #preview() {
-    const changes = this.changes();
-    const close = element("button", { type: "button", class: "wanted", text: "Leave it", on: { click: () => this.dialog.close() } });
-    try {
-      const { difference, id } = await ask("/preview", { changes });
-      const save = element("button", { type: "button", class: "wanted main", text: "Save it", disabled: difference === "", on: { click: () => this.#save(changes, id) } });
-      refill(this.dialog, element("h2", { text: difference === "" ? "The file says so already" : "This will change in the file" }), element("pre", { class: "difference", text: difference }), element("div", { class: "actions" }, save, close));
-    } catch (error) {
-      refill(this.dialog, element("h2", { text: "This cannot be saved" }), element("p", { text: wordsOfError(error) }), element("div", { class: "actions" }, close));
-    }
-    if (!this.dialog.open) this.dialog.showModal();
-  }
-
-  /** @param {import("./scenario_text.js").Change[]} changes @param {string} id of the difference that was shown */
-  async #save(changes, id) {
-    try {
-      const { is_other_map: isOther } = await ask("/save", { changes, id });
-      if (isOther) location.reload();
-      Object.assign(this.app.options, (await ask("/state", {})).options);
-      this.dialog.close();
-      this.hint.textContent = "Saved.";
-      this.app.needsPaint = true;
-      this.#renewSeeds();
-      this.#renewText();
-    } catch (error) {
-      refill(this.dialog, element("h2", { text: "This was not saved" }), element("p", { text: wordsOfError(error) }), element("div", { class: "actions" }, element("button", { type: "button", class: "wanted", text: "Close", on: { click: () => this.dialog.close() } })));
-    }
-  }
-
   /** Say what is pointed at. @param {number | null} row */
   explain(row) {
     const { app } = this;
@@ -226,9 +179,4 @@ export class PlacesPanel {
     app.tip.style.left = `${Math.max(Math.min(px + 16, width - app.tip.offsetWidth - 8), 8)}px`;
     app.tip.style.top = `${Math.max(Math.min(py + 14, height - app.tip.offsetHeight - 8), 8)}px`;
   }
-}
-
-/** @param {unknown} error */
-function wordsOfError(error) {
-  return error instanceof TypeError ? "The program that serves this page does not answer." : error instanceof Error ? error.message : String(error);
 }
