@@ -98,7 +98,7 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
     for number, node in zip(number_of.values(), base.tolist(), strict=True):
         if number >= 0:
             home[number] = node
-    purposes = [state.purposes("capture_flag", flags.key, str(team)) for team in flags.bases]
+    purposes = state.several_purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases))
     sides = ints(len(roster.names))
     tracks = making.tracks(sides, at_end=not flags.passing)
     ground = np.where(roster.flies, -1, roster.team_of)
@@ -110,7 +110,7 @@ def capture_flag(flags: Flags, making: Making) -> rules.Rule:
         owners=_owners(flags.ground, making),
         takes=flat(np.where(ground == making.team(None), -1, ground), np.int64),
         names=flat(roster.keys, np.uint64),
-        purposes=flat(np.stack(purposes, axis=1), np.uint64),
+        purposes=flat(purposes, np.uint64),
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
         captures=memory_of(kept["captures"]),

@@ -1,6 +1,6 @@
 """Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +10,11 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns
 from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
-from gamms.game.batch.in_core import CoreGames
+from gamms.game.batch.in_core import Block, CoreGames
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sensing import ContextOfRows, note_sensors
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import GameArrays, NotTakenUp
+from gamms.game.batch.threads import in_threads
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.result import Result
@@ -45,179 +46,97 @@ class Numbers(NamedTuple):
     is_given: BoolArray
 
 
-class ArrayEngine:
-    """Plays the games of a batch in the core.
-
-    A turn is: array rules of the phase "before", array strategies, all that the core plays, and array rules of the
-    phase "after" between those of the core.
+class GamesOnMap:
+    """The games of a batch that are on one map: their rules, and the functions that are called between phases.
 
     Args:
-        game: at its start.
-        movement: how its agents go.
-        seeds: of the games.
-        start: the ids of the nodes where agents begin, (games, agents).
-        roster: the agents.
+        game: at its start, on the map.
+        state: of all games of the batch, as they are on this map.
+        block: the columns that the games on all maps share.
+        games: (games,) those that are on the map at first.
 
     Attributes:
-        state: of all games.
+        game, state: see above.
+        core: plays them.
+        cursor: calls plain functions; None: there are none.
 
     Raises:
         GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
     """
 
-    def __init__(
-        self, game: PlayedGame, movement: Movement, seeds: Sequence[int], start: IntArray, roster: Roster
-    ) -> None:
-        self._game = game
-        self.state = GameArrays(roster, movement, seeds, movement.streets.rows(start))
+    def __init__(self, game: PlayedGame, state: GameArrays, block: Block, games: IntArray) -> None:
+        self.game = game
+        self.state = state
+        roster = state.roster
         settings = game.settings()
         if settings["team_memory"]:
-            self.state.share_memories()
-        self._last: int | None = settings["max_turns"]
+            state.share_memories()
+        self._block = block
         self._before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])
         rules, asked = as_called(game.rules), asked_of(game, roster)
         calls_each = len(asked) > 0 or any(map(is_plain_rule, rules))
-        self._core = CoreGames(game, self.state, is_apart=calls_each)
-        self._cursor: Cursor | None = None
+        self._beginning = Beginning(game, state, games)
+        note_sensors(state, range(len(roster.names)), with_nodes=False)
+        state.look = ContextOfRows(game, state).look
+        state.facts.update(game.facts)
+        for one in rules:
+            if one.spec.prepare_arrays is not None:
+                one.spec.prepare_arrays(state)
+        self.core = CoreGames(game, state, block, is_apart=calls_each)
+        self.cursor: Cursor | None = None
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
-            self._cursor = Cursor(game, self.state, self._core, asked, has_array_functions=has_arrays)
-        if self._cursor is not None and asked:
+            self.cursor = Cursor(game, state, self.core, asked, has_array_functions=has_arrays)
+        if self.cursor is not None and asked:
             named = as_code(decider_of(roster.agents[asked[0]], settings["plans"]))
-            self._groups.append(Group(named, np.array(asked), self._cursor.decide))
-        self._beginning = Beginning(game, self.state)
-        note_sensors(self.state, range(len(roster.names)), with_nodes=False)
-        self.state.look = ContextOfRows(game, self.state).look
-        self._publish_facts(game.facts)
-        self._core.begin(np.arange(len(seeds)))
-
-    def _publish_facts(self, facts: Mapping[str, Any]) -> None:
-        self.state.facts.update(facts)
-        for one in as_called(self._game.rules):
-            prepare = one.spec.prepare_arrays
-            if prepare is not None:
-                prepare(self.state)
+            self._groups.append(Group(named, np.array(asked), self.cursor.decide))
 
     @property
     def functions(self) -> list[Callable[..., object]]:
-        """The functions that it calls."""
-        rules = [one.spec.array_form for one in as_called(self._game.rules) if one.spec.is_array_function]
-        plain = [] if self._cursor is None else self._cursor.functions
+        """The functions that are called."""
+        rules = [one.spec.array_form for one in as_called(self.game.rules) if one.spec.is_array_function]
+        plain = [] if self.cursor is None else self.cursor.functions
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
 
-    @property
-    def calls_each(self) -> bool:
-        """Whether plain functions are called game by game."""
-        return self._cursor is not None
-
-    def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back what happens from now on, where plain functions are called."""
-        return _keep if self._cursor is None else self._cursor.checkpoint()
-
-    def release(self) -> None:
-        """Have the context as it was before plain functions were called."""
-        if self._cursor is not None:
-            self._cursor.release()
-
-    def leave(self, games: IntArray) -> None:
-        """Play these games no more until they start again: another engine plays them."""
-        self.state.is_going[games] = False
-
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
+        """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
         self._beginning.put(self.state, games)
-        self._core.begin(games)
-        if self._cursor is not None:
-            self._cursor.forget(games)
+        if self.cursor is not None:
+            self.cursor.forget(games)
 
-    @property
-    def is_over(self) -> BoolArray:
-        """Which games have ended, (games,)."""
-        over = ~self.state.is_going
-        return over if self._last is None else over | (self.state.turn >= self._last)
+    def check(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
+        """Refuse what is not legal before a rule is called."""
+        if self._before:
+            self._take(games, given)
 
-    def play(self, turns: int, threads: int) -> int:
-        """Play so many turns of the games that are not over; return how many were played at most.
+    def call_before(self, games: IntArray) -> None:
+        """Call the rules of the phase "before"."""
+        for named in self._before:
+            self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
-        Only where there are no array functions.
-        """
-        before = self.state.turn.copy()
-        last = before + turns
-        self._core.play(last if self._last is None else np.minimum(last, self._last), threads=threads)
-        return int((self.state.turn - before).max())
-
-    def phases(
-        self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1
-    ) -> Iterator[None]:
-        """Play one turn of all games that are not over, and yield between its phases.
-
-        Args:
-            given: team -> what its agents do, in place of what their strategies decide.
-            numbers: what agents do that follow neither these nor their strategies.
-            threads: how many play.
-
-        Raises:
-            NotTakenUp: a function asks for what the core does not have.
-        """
-        state = self.state
-        if given and self._before:
-            self._decided(np.flatnonzero(~self.is_over), given, [])  # refused before a rule is called
-        yield
-        for named in self._before:  # a game that one of them ends is over for the others
-            self._call(named, np.flatnonzero(~self.is_over))
-        games = np.flatnonzero(~self.is_over)
-        if not len(games):
-            return
-        yield
-        decided = self._decided(games, given, self._groups, numbers)
-        yield
-        until = np.zeros_like(state.turn)
-        until[games] = state.turn[games] + 1
-        self._core.play(until, decided, threads)
-        yield
-        if self._core.has_functions:
-            for named in self._core.play_rules(games):
-                self._call(named, games)
-
-    def _decided(
-        self,
-        games: IntArray,
-        given: Mapping[Hashable, Given],
-        groups: Sequence[Group],
-        numbers: Numbers | None = None,
-    ) -> tuple[IntArray, BoolArray] | None:
-        """Return the actions of agents that do not decide in the core, (games of the batch, agents), and which do not.
+    def decide(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray:
+        """Write the actions of agents that do not decide in the core into the block; return who these are, (agents,).
 
         Args:
             games: that are played.
             given: team -> what its agents do, in place of what their strategies decide.
-            groups: of array strategies.
-            numbers: see `step`.
+            numbers: what other agents do, which is in the block.
         """
-        state = self.state
-        if not given and not groups and not self._before:
-            return numbers
-        actions = np.zeros(state.node.shape, np.int64)
+        state, actions = self.state, self._block.given
         is_given = np.zeros(len(state.roster.names), np.bool_)
         if numbers is not None:
-            counts = self._asked(games, np.arange(len(is_given))).counts
-            actions[games] = numbers.actions[games]
-            actions[games] *= (actions[games] >= 0) & (actions[games] < counts)  # a rule may have moved the agent
             is_given |= numbers.is_given
-            self._note_given(games, np.flatnonzero(is_given), actions)
+            if self._before:  # a rule may have moved the agents
+                counts = self._asked(games, np.arange(len(is_given))).counts
+                actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
+            self._note_given(games, np.flatnonzero(is_given))
+        self._take(games, given)
         for team, wanted in given.items():
-            agents = state.roster.members(team)
-            view = self._asked(games, agents)
-            actions[np.ix_(games, agents)] = view._checked(
-                wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}"
-            )
-            is_given[agents] = True
-            self._note_given(games, agents, actions)
-        for team, wanted in given.items():
-            wanted.act(self._asked(np.arange(len(state)), state.roster.members(team)))
-        for group in groups:
+            is_given[state.roster.members(team)] = True
+            wanted.act(self._asked(games, state.roster.members(team)))
+        for group in self._groups:
             agents = group.agents[~is_given[group.agents]]
             if len(agents):
                 view = self._asked(games, agents)
@@ -227,12 +146,21 @@ class ArrayEngine:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
                 is_given[agents] = True
-        return actions, is_given
+        return is_given
 
-    def _note_given(self, games: IntArray, agents: IntArray, actions: IntArray) -> None:
-        """Note the actions that agents were given, (games of the batch, agents of the roster)."""
-        if self._cursor is not None:
-            self._cursor.note_given(ArrayView(self.state, games, agents), actions[np.ix_(games, agents)])
+    def _take(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
+        """Write moves that were given into the block."""
+        for team, wanted in given.items():
+            agents = self.state.roster.members(team)
+            view = self._asked(games, agents)
+            moves = view._checked(wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}")
+            self._block.given[np.ix_(games, agents)] = moves
+            self._note_given(games, agents)
+
+    def _note_given(self, games: IntArray, agents: IntArray) -> None:
+        """Note the actions that agents were given."""
+        if self.cursor is not None:
+            self.cursor.note_given(ArrayView(self.state, games, agents), self._block.given[np.ix_(games, agents)])
 
     def _asked(self, games: IntArray, agents: IntArray) -> ArrayView:
         """Return the view of agents that are asked what they do."""
@@ -241,17 +169,17 @@ class ArrayEngine:
         view._lock()
         return view
 
-    def _call(self, named: NamedRule, games: IntArray) -> None:
+    def call(self, named: NamedRule, games: IntArray) -> None:
         """Call a rule that is a function for some games."""
         if not len(games):
             return
         form = named.spec.array_form
         if form is None:
-            if self._cursor is not None:
-                self._cursor.call(named, games)
+            if self.cursor is not None:
+                self.cursor.call(named, games)
             return
         turn = ArrayTurn(self.state, games)
-        turn.starts, turn.ends, turn.took_part = self._core.last_moves(games)
+        turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
         turn._lock()
         try:
             form(turn)
@@ -263,26 +191,204 @@ class ArrayEngine:
         finally:
             turn._close()
 
-    def view(self, agents: IntArray, games: IntArray) -> ArrayView:
-        """Return what agents observe in some games."""
-        return ArrayView(self.state, games, agents)
+
+class ArrayEngine:
+    """Plays the games of a batch in the core.
+
+    A turn is: array rules of the phase "before", array strategies, all that the core plays, and array rules of the
+    phase "after" between those of the core.
+
+    Args:
+        games: the game at its start on each map.
+        movements: how agents go on each map.
+        seeds: of the games.
+        map_of: (games,) the number of the map that each is on.
+        start: the ids of the nodes where agents begin, (games, agents).
+        rosters: the agents on each map.
+
+    Raises:
+        GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
+    """
+
+    def __init__(
+        self,
+        games: Sequence[PlayedGame],
+        movements: Sequence[Movement],
+        seeds: Sequence[int],
+        map_of: IntArray,
+        start: IntArray,
+        rosters: Sequence[Roster],
+    ) -> None:
+        self._map_of = map_of.copy()
+        self._num_maps = len(games)
+        self._find_games()
+        begin = np.zeros_like(start)
+        for movement, of_map in zip(movements, self._on, strict=True):
+            begin[of_map] = movement.streets.rows(start[of_map])
+        self._state = GameArrays(rosters[0], movements[0], seeds, begin)
+        others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
+        states = [self._state, *others]
+        self._last: int | None = games[0].settings()["max_turns"]
+        self._block = Block(states, self._map_of)
+        self._maps = [
+            GamesOnMap(game, state, self._block, of_map)
+            for game, state, of_map in zip(games, states, self._on, strict=True)
+        ]
+        self._block.begin(np.arange(len(seeds)))
+
+    def _find_games(self) -> None:
+        """Find the games that are on each map."""
+        self._on = [np.flatnonzero(self._map_of == number) for number in range(self._num_maps)]
+
+    @property
+    def functions(self) -> list[Callable[..., object]]:
+        """The functions that it calls."""
+        return [function for one in self._maps for function in one.functions]
+
+    @property
+    def calls_each(self) -> bool:
+        """Whether plain functions are called game by game."""
+        return any(one.cursor is not None for one in self._maps)
+
+    def release(self) -> None:
+        """Have the contexts as they were before plain functions were called."""
+        for one in self._maps:
+            if one.cursor is not None:
+                one.cursor.release()
+
+    def start(self, games: IntArray, seeds: Sequence[int], maps: IntArray, nodes: IntArray) -> None:
+        """Begin games again.
+
+        Args:
+            games: their numbers.
+            seeds: one for each of them.
+            maps: (games,) the numbers of the maps that they are on from now on.
+            nodes: (games, agents) the ids of the nodes where agents begin.
+        """
+        self._map_of[games] = maps
+        self._find_games()
+        for number, one in enumerate(self._maps):
+            which = np.flatnonzero(maps == number)
+            if len(which):
+                one.start(games[which], [seeds[place] for place in which.tolist()], nodes[which])
+        self._block.begin(games)
+
+    @property
+    def is_over(self) -> BoolArray:
+        """Which games have ended, (games,)."""
+        over = ~self._state.is_going
+        return over if self._last is None else over | (self._state.turn >= self._last)
+
+    def _playing(self) -> list[IntArray]:
+        """Return the games that are not over, of each map."""
+        goes_on = ~self.is_over
+        return [games[goes_on[games]] for games in self._on]
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    def play(self, turns: int, threads: int) -> int:
+        """Play so many turns of the games that are not over; return how many were played at most.
+
+        Only where there are no array functions.
+        """
+        before = self._state.turn.copy()
+        last = before + turns
+        until = last if self._last is None else np.minimum(last, self._last)
+        self._play(self._playing(), until, [None] * len(self._maps), threads)
+        return int((self._state.turn - before).max())
+
+    def step(self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1) -> None:
+        """Play one turn of all games that are not over.
+
+        Args:
+            given: team -> what its agents do, in place of what their strategies decide.
+            numbers: what agents do that follow neither these nor their strategies.
+            threads: how many play.
+
+        Raises:
+            NotTakenUp: a function asks for what the core does not have.
+        """
+        playing = self._playing()
+        cursors = [one.cursor for one in self._maps if one.cursor is not None]
+        undoing = [cursor.checkpoint() for cursor in cursors] if sum(map(len, playing)) > 1 else []
+        try:
+            self._play_turn(playing, given, numbers, threads)
+        except NotTakenUp:
+            raise
+        except BaseException:
+            for undo in undoing:
+                undo()
+            raise
+
+    def _play_turn(
+        self, playing: list[IntArray], given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
+    ) -> None:
+        """Play one turn; the games of all maps come to the end of a phase before the next begins."""
+        for one, games in zip(self._maps, playing, strict=True):
+            one.check(games, given)
+        for one, games in zip(self._maps, playing, strict=True):
+            one.call_before(games)
+        playing = self._playing()
+        if numbers is not None:
+            self._block.given[:] = numbers.actions
+        are_given = [one.decide(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
+        self._play(playing, self._state.turn + 1, are_given, threads)
+        for one, games in zip(self._maps, playing, strict=True):
+            for named in one.core.play_rules(games):
+                one.call(named, games)
+
+    def _play(
+        self, playing: list[IntArray], until: IntArray, are_given: Sequence[BoolArray | None], threads: int
+    ) -> None:
+        """Play games of each map in the core.
+
+        Args:
+            playing: these games.
+            until: (games,) until so many turns of each game are played.
+            are_given: (agents,) of each map which agents take the actions in the block; None: none do.
+            threads: how many play.
+        """
+        cores = [one.core for one in self._maps]
+        for core, games, is_given in zip(cores, playing, are_given, strict=True):
+            core.prepare(games, until[games], is_given, threads)
+
+        def play_part(thread: int, begin: int, end: int) -> None:
+            for core in cores:
+                core.play_part(thread, begin, end)
+
+        self._block.give()
+        in_threads(play_part, len(until), threads)
+        while sum(core.find_ways() for core in cores):
+            in_threads(play_part, len(until), threads)
+        self._block.take_in()
+
+    # -- seeing -------------------------------------------------------------------------------------------------
+
+    def state_of(self, number: int) -> GameArrays:
+        """Return what is known of the games, as they are on the map of this number."""
+        return self._maps[number].state
+
+    def view(self, agents: IntArray, number: int) -> ArrayView:
+        """Return what agents observe in the games on the map of this number."""
+        return ArrayView(self._maps[number].state, self._on[number], agents)
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""
-        known, is_late = self.state.over[game], self._last is not None and self.state.turn[game] >= self._last
+        known, is_late = self._state.over[game], self._last is not None and self._state.turn[game] >= self._last
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""
-        return {key: numbers.copy() for key, numbers in self.state.scores.items()}
+        return {key: numbers.copy() for key, numbers in self._state.scores.items()}
 
     def turns(self) -> IntArray:
         """Return how many turns were played, (games,)."""
-        return self.state.turn.copy()
+        return self._state.turn.copy()
 
     def result(self, game: int) -> Result:
         """Return the result of a game so far."""
-        state, template = self.state, self._game.result()
+        on_map = self._maps[int(self._map_of[game])]
+        state, template = on_map.state, on_map.game.result()
         nodes, roster = state.streets.ids(state.node[game]).tolist(), state.roster
         agents = {
             name: {
@@ -294,10 +400,10 @@ class ArrayEngine:
             for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
             if state.is_there[game, number]
         }
-        plans, known = self._game.settings()["plans"], template.provenance["strategies"]
+        plans, known = on_map.game.settings()["plans"], template.provenance["strategies"]
         come = [(name, one) for name, one in zip(roster.names, roster.agents, strict=True) if name in agents]
         strategies = {name: strategy_name(decider_of(one, plans)) for name, one in come if name not in known} | known
-        departed = {name: one for name, one in template.agents.items() if name not in self._game.ctx.agent.agents}
+        departed = {name: one for name, one in template.agents.items() if name not in on_map.game.ctx.agent.agents}
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
@@ -313,10 +419,6 @@ class ArrayEngine:
             provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},
             **over,
         )
-
-
-def _keep() -> None:
-    """Take nothing back."""
 
 
 def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:

@@ -55,9 +55,10 @@ class Beginning:
     Args:
         game: in a context that is not played in.
         state: of all games of the batch, whose agents, deeds and channels are known.
+        games: those that are on its map.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, games: IntArray) -> None:
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
         self._turn = game.turn
@@ -77,7 +78,7 @@ class Beginning:
         events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
-        self.put(state, np.arange(len(state)))
+        self.put(state, games)
         state.has_begun = self._turn > 0
         for one in game.rules:
             _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)

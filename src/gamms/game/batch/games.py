@@ -14,9 +14,9 @@ from gamms.game.batch.arrays import ArrayEngine, Numbers
 from gamms.game.batch.begun import movement_of
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.given import Acting, Given, as_given, as_kept
-from gamms.game.batch.maps import MapEngines, drawn_maps
+from gamms.game.batch.maps import OneByOneOnMaps, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
-from gamms.game.batch.state import Columns, NotTakenUp
+from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
 from gamms.game.batch.why_not import first_called, why_not_decided, why_not_in_core, why_not_on_map
 from gamms.game.global_random import global_state
@@ -112,12 +112,12 @@ class Batch(Fixed):
         self._was_given = False  # whether actions came from outside and were not kept
         self._lock = RLock()  # of the thread that plays
 
-    def _made_engine(self) -> MapEngines:
+    def _made_engine(self) -> ArrayEngine | OneByOneOnMaps:
         """Return what plays the games: the core, where it has all their parts."""
         made = self._made_in_core() if self.slow is None else None
         return self._made_one_by_one() if made is None else made
 
-    def _made_in_core(self) -> MapEngines | None:
+    def _made_in_core(self) -> ArrayEngine | None:
         """Return what plays the games in the core; None: it has not all that their maps need, as `slow` says then."""
         games = [source.game for source in self._sources]
         movements = [movement_of(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
@@ -126,24 +126,21 @@ class Batch(Fixed):
         if self.slow is not None:
             return None
         self._begin = self._starts(self.seeds, self.maps)
-        engines = []
-        for number, (game, roster, movement) in enumerate(zip(games, self._rosters, movements, strict=True)):
-            begin = np.where((self.maps == number)[:, None], self._begin, self._first_nodes[number])
-            try:
-                engines.append(ArrayEngine(game, movement, self.seeds, begin, roster))
-            except GammsError as error:
-                self._put_public(slow=str(error))
-                return None
+        try:
+            engine = ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)
+        except GammsError as error:
+            self._put_public(slow=str(error))
+            return None
         self._put_public(slow=first_called(games[0], self._rosters[0]))
-        return MapEngines(engines, self.maps.copy())
+        return engine
 
-    def _made_one_by_one(self) -> MapEngines:
+    def _made_one_by_one(self) -> OneByOneOnMaps:
         """Return what plays the games one after the other."""
         engines = [
             OneByOneEngine(source.game, roster, self.seeds)
             for source, roster in zip(self._sources, self._rosters, strict=True)
         ]
-        return MapEngines(engines, self.maps.copy())
+        return OneByOneOnMaps(engines, self.maps.copy())
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -243,19 +240,23 @@ class Batch(Fixed):
         return True
 
     def _play_turn(self, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
+        engine = self._engine
+        if isinstance(engine, OneByOneOnMaps):
+            engine.step(given)
+            return
         try:
-            self._engine.step({} if numbers is not None else given, numbers, threads)
+            engine.step({} if numbers is not None else given, numbers, threads)
         except NotTakenUp as error:
-            self._leave_arrays(" ".join((f"{error}.", *getattr(error, "__notes__", ()))))
+            left = self._leave_arrays(engine, " ".join((f"{error}.", *getattr(error, "__notes__", ()))))
             if self._ran_from is None:
-                self._engine.step(given)
+                left.step(given)
 
-    def _leave_arrays(self, why: str) -> None:
+    def _leave_arrays(self, left: ArrayEngine, why: str) -> OneByOneOnMaps:
         """Let the turn engine play all games from their starts to the last turn that was played, and go on there.
 
         In `run` it plays them up to the first turn of that, as it seeds the global generators for all of a run.
         """
-        self._engine.release()
+        left.release()
         engine = self._made_one_by_one()
         log = self._log or []
         if self._ran_from is not None:
@@ -267,6 +268,7 @@ class Batch(Fixed):
         self._engine = engine
         self._left = why
         self._put_public(slow=why)
+        return engine
 
     @contextmanager
     def _playing(self) -> Iterator[None]:
@@ -328,16 +330,16 @@ class Batch(Fixed):
             self._say_what_is_slow()
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
-            if self.is_in_arrays:
+            if isinstance(self._engine, ArrayEngine):
                 self._ran_from = None if self._log is None else len(self._log)
                 try:
                     self._run_in_core(self._engine, num_threads, show)
                 finally:
                     self._ran_from = None
-            if not self.is_in_arrays:  # or they have left the core
+            if isinstance(self._engine, OneByOneOnMaps):  # or they have left the core
                 self._run_one_by_one(self._engine, show)
 
-    def _run_in_core(self, engine: MapEngines, threads: int, show: Callable[[str], object] | None) -> None:
+    def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         has_functions = len(engine.functions) > 0
@@ -354,7 +356,7 @@ class Batch(Fixed):
             if show is not None:
                 self._show_progress(show)
         if self._engine is engine and before is not None and global_state() != before:
-            self._leave_arrays("a plain function draws from the global generators of random numbers")
+            self._leave_arrays(engine, "a plain function draws from the global generators of random numbers")
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())
@@ -372,7 +374,7 @@ class Batch(Fixed):
         say = logger.info if is_usual else logger.warning
         say(f"A batch is played one game after the other, because of {self.slow}.")
 
-    def _run_one_by_one(self, engine: MapEngines, show: Callable[[str], object] | None) -> None:
+    def _run_one_by_one(self, engine: OneByOneOnMaps, show: Callable[[str], object] | None) -> None:
         before = engine.turns()
         try:
             for game in np.flatnonzero(~engine.is_over).tolist():
@@ -410,7 +412,10 @@ class Batch(Fixed):
                 self._begin[numbers] = self._starts(given, maps[numbers])
             self._put_public(maps=locked(maps))
         self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
-        self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
+        if isinstance(self._engine, ArrayEngine):
+            self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
+        else:
+            self._engine.start(np.array(numbers), given, self.maps[numbers])
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
@@ -428,7 +433,7 @@ class Batch(Fixed):
         Raises:
             BadValue: the games are not played in the core, or they have several maps.
         """
-        return self._arrays("columns").state.columns()
+        return self._arrays("columns").columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
         """Let all games be at the moments that `columns` of such games say, with their own seeds and without events.
@@ -447,11 +452,11 @@ class Batch(Fixed):
             numbers = as_array(points, f"Scores of {shown(key)}", "numbers")
             if numbers.shape not in {(), (len(self),)} or np.isnan(numbers).any():
                 raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
-        self._arrays("load").state.load(columns, as_count(turn, "turn", least=0), scores or {})
+        self._arrays("load").load(columns, as_count(turn, "turn", least=0), scores or {})
         self._begun[:] = -1
 
-    def _arrays(self, what: str) -> ArrayEngine:
-        if not self.is_in_arrays or self._engine.calls_each:
+    def _arrays(self, what: str) -> GameArrays:
+        if isinstance(self._engine, OneByOneOnMaps) or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} is for games that are played in arrays; these are not, because of {why}.")
         if len(self._sources) > 1:
@@ -459,7 +464,7 @@ class Batch(Fixed):
                 f"{what} is for games on one map, whose nodes its columns number; these are on {len(self._sources)}: "
                 "make a batch for each map."
             )
-        return self._engine.in_core[0]
+        return self._engine.state_of(0)
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
@@ -506,7 +511,8 @@ class Batch(Fixed):
 
         Of several maps, it is the one on the map of the game that was played by itself last, or on the first map.
         """
-        return self._sources[self._engine.current].game
+        number = self._engine.current if isinstance(self._engine, OneByOneOnMaps) else 0
+        return self._sources[number].game
 
     @property
     def num_maps(self) -> int:
@@ -588,7 +594,7 @@ class Batch(Fixed):
         if self._was_given:
             raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
         turns, first = int(self._engine.turns()[number]), self._entry_of(number)
-        ran_from = self._engine.ran_from(number)
+        ran_from = self._engine.ran_from(number) if isinstance(self._engine, OneByOneOnMaps) else None
         num_given = turns if ran_from is None else ran_from
         with build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
@@ -617,9 +623,9 @@ class Batch(Fixed):
             BadValue: the games are played in the core: `scenario.batch(…, one_by_one=True)` plays them in a context.
         """
         number = self._as_game(game)
-        if self._engine.calls_each:
-            self._leave_arrays("its context shows a game")
-        if self.is_in_arrays:
+        if isinstance(self._engine, ArrayEngine) and self._engine.calls_each:
+            self._leave_arrays(self._engine, "its context shows a game")
+        if isinstance(self._engine, ArrayEngine):
             way = "scenario.batch(…, one_by_one=True)" if self._sources[0].build else "ctx.game.fork(seed) has one"
             raise BadValue(f"Games in arrays have no context: {way}.")
         return self._engine.show(number).ctx
@@ -627,12 +633,12 @@ class Batch(Fixed):
     @property
     def is_in_arrays(self) -> bool:
         """Whether the games are played all at once, and not one after the other."""
-        return len(self._engine.in_core) > 0
+        return isinstance(self._engine, ArrayEngine)
 
     @property
     def loaded(self) -> int | None:
         """The number of the game that is played by itself right now; None: games are in the core."""
-        return self._engine.loaded
+        return self._engine.loaded if isinstance(self._engine, OneByOneOnMaps) else None
 
     # -- inside -------------------------------------------------------------------------------------------------
 

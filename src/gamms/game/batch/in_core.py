@@ -4,7 +4,7 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Iterator
+from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -18,7 +18,6 @@ from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import ALWAYS_ACT, StrategySteps
-from gamms.game.batch.threads import in_threads
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints
 from gamms.game.conflicts import Table, flat
@@ -56,7 +55,7 @@ class PlayedRule(NamedTuple):
 
 
 class Making:
-    """What the rules of one thread are made with.
+    """What the rules of one thread and one map are made with.
 
     Attributes:
         state: of all games.
@@ -69,7 +68,12 @@ class Making:
     """
 
     def __init__(
-        self, state: GameArrays, games: rules.Games, events: rules.Events, travel: ThreadTravel | None
+        self,
+        state: GameArrays,
+        games: rules.Games,
+        events: rules.Events,
+        travel: ThreadTravel | None,
+        known: list[PlayedRule],
     ) -> None:
         agents, streets = len(state.roster.names), state.streets
         self.state = state
@@ -90,7 +94,7 @@ class Making:
         places: Any = [ints(room) for _ in range(3)] + [floats(room) for _ in range(4)]
         found: Any = ints(room), ints(room), np.full(keys, -1).data, ints(room)
         self.pieces = contacts.Pieces(*places, *found)
-        self.rules: list[PlayedRule] = []
+        self.rules = known
         self.agents_in: list[IntArray] = []
 
     def number(self, *played: PlayedRule) -> int:
@@ -143,19 +147,78 @@ class Making:
         teams = self.state.roster.teams
         return teams.index(team) if team in teams else -1
 
-    def read(self, score: FloatArray) -> CoreEvents | None:
-        """Take the scores, (all games, teams), and the ends of games that rules have noted; return the other events."""
-        events, state = self.events, self.state
+
+class Block:
+    """The columns that the core writes, of the games on all maps, a row for each game.
+
+    Args:
+        states: of the games, one for each map; they share all columns that do not depend on the map.
+        map_of: (games,) the number of the map that each game is on; it may change.
+
+    Attributes:
+        given: (games, agents) the numbers of the legal nodes that agents go to that are given them.
+        start, ends, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
+        over: (games,) which games have ended.
+        score: (games, teams)
+        rules: of the numbers that events have, what they are of.
+        events: of each thread.
+    """
+
+    def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
+        self._state = state = states[0]
+        self._states = states
+        self._map_of = map_of
+        shape = state.node.shape
+        self.given, self.start, self.ends = np.zeros((3, *shape), np.int64)
+        self.takes_part = np.zeros(shape, np.uint8)
+        self.over = np.zeros(shape[0], np.uint8)
+        self.score = np.zeros((shape[0], len(state.roster.teams)))
+        self.rules: list[PlayedRule] = []
+        self.events: list[rules.Events] = []
+        self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
+        self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
+        self.begin(np.arange(shape[0]))
+
+    def begin(self, games: IntArray) -> None:
+        """Begin games, whose agents have not moved."""
+        self.start[games] = self._state.node[games]
+        self.ends[games] = self._state.node[games]
+        self.takes_part[games] = 0
+
+    def events_of(self, thread: int) -> rules.Events:
+        """Return where a thread notes events."""
+        while len(self.events) <= thread:
+            self.events.append(rules.Events(_FIRST_ROOM))
+        return self.events[thread]
+
+    def give(self) -> None:
+        """Let the core know which games are over, and the scores."""
+        np.logical_not(self._state.is_going, out=self.over)
+        put_scores(self._state, self.score)
+
+    def take_in(self) -> None:
+        """Let the state of the batch have what has happened."""
+        np.equal(self.over, 0, out=self._state.is_going)
+        for events in self.events:
+            if events.count:
+                self._take(self._read(events))
+        for state in self._states:
+            if state.movement.remembers:
+                state.movement.take_out(*np.nonzero(~state.alive))
+            state.now.clear()
+
+    def _read(self, events: rules.Events) -> CoreEvents:
+        """Take the scores, and the ends of games that rules have noted; return the other events."""
+        state = self._state
         count = events.count
-        if not count:
-            return None
         columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
         games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
+        nodes = self._ids[self._first[self._map_of[games]] + nodes]
         flags = tuple(one.flags for one in self.rules)
         noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
         noted = noted.those(np.argsort(games, kind="stable"))  # a game that waits for a way goes on behind others
         events.count = 0
-        self._note_scores(noted, score)
+        self._note_scores(noted)
         is_end = noted.kinds == _END
         for row in np.flatnonzero(is_end).tolist():
             played, game, winner = self.rules[noted.rules[row]], int(noted.games[row]), int(noted.agents[row])
@@ -169,15 +232,16 @@ class Making:
 
     def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
         """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
-        teams, first = self.state.roster.teams, end
+        teams, first = self._state.roster.teams, end
         while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
             first -= 1
-        members = self.state.roster.team_of[noted.agents[first:end]].tolist()
+        members = self._state.roster.team_of[noted.agents[first:end]].tolist()
         return reason_of_goals(dict.fromkeys(teams[number] for number in members))
 
-    def _note_scores(self, noted: CoreEvents, score: FloatArray) -> None:
+    def _note_scores(self, noted: CoreEvents) -> None:
         """Take scores, and in which order they were first set."""
-        teams = self.state.roster.teams
+        score = self.score
+        teams = self._state.roster.teams
         is_scored = np.array([one.is_scored for one in self.rules], np.bool_)
         has_floats = np.array([one.has_floats for one in self.rules], np.bool_)
         rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
@@ -185,12 +249,30 @@ class Making:
         rows = rows[_SCORING[noted.kinds[rows]]]
         if not len(rows):
             return
-        which = noted.games[rows] * len(teams) + self.state.roster.team_of[noted.agents[rows]]
+        which = noted.games[rows] * len(teams) + self._state.roster.team_of[noted.agents[rows]]
         first = np.full(score.size, -1)
         first[which[::-1]] = rows[::-1]
         are_floats = np.zeros(score.size, np.bool_)
         are_floats[which[has_floats[noted.rules[rows]]]] = True
-        self.state.scores.take(teams, score, first.reshape(score.shape), are_floats.reshape(score.shape))
+        self._state.scores.take(teams, score, first.reshape(score.shape), are_floats.reshape(score.shape))
+
+    def _take(self, noted: CoreEvents) -> None:
+        """Take events into the logs of games."""
+        is_illegal = noted.kinds == _ILLEGAL
+        for row in np.flatnonzero(is_illegal).tolist():
+            self._note_illegal(noted, row)
+        self._state.events.take(noted.those(~is_illegal))
+
+    def _note_illegal(self, noted: CoreEvents, row: int) -> None:
+        """Note that an agent on an edge wanted to go to a node to which no way leads from there."""
+        edge, target, game, agent = (
+            int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
+        )
+        by = self._states[self._map_of[game]].movement
+        ends = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
+        may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
+        error = no_way(*ends, target, is_paced=True, may_turn=bool(may_turn))
+        self._state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))
 
 
 def put_scores(state: GameArrays, score: FloatArray) -> None:
@@ -242,11 +324,12 @@ def is_function(rule: NamedRule) -> bool:
 
 
 class CoreGames:
-    """The games of a batch in the core.
+    """The games of a batch on one map, in the core.
 
     Args:
         game: at its start.
         state: of all games, which turns change.
+        block: the columns that the games on all maps share.
         is_apart: whether rules are played when all agents of all games have moved, because functions are called
             between them.
 
@@ -254,9 +337,10 @@ class CoreGames:
         has_functions: whether functions are called between its phases.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays, *, is_apart: bool) -> None:
-        settings, shape = game.settings(), state.node.shape
+    def __init__(self, game: PlayedGame, state: GameArrays, block: Block, *, is_apart: bool) -> None:
+        settings = game.settings()
         self._state = state
+        self._block = block
         self._rules = [one for one in as_called(game.rules) if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._conflicts = settings["conflicts"]
@@ -273,94 +357,70 @@ class CoreGames:
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))
-        self._given, self._start, self._ends = np.zeros((3, *shape), np.int64)
-        self._takes_part = np.zeros(shape, np.uint8)
-        self._over = np.zeros(shape[0], np.uint8)
-        self._until = np.zeros(shape[0], np.int64)
-        self._score = np.zeros((shape[0], len(state.roster.teams)))
+        self._until = np.zeros(len(state), np.int64)
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
-        self._shared: tuple[rules.Games, dict[str, Any]]  # the columns that they share
-
-    def begin(self, games: IntArray) -> None:
-        """Make the objects that turns are played with again, because some games begin."""
-        self._start[games] = self._ends[games] = self._state.node[games]
-        self._takes_part[games] = 0
-        self._made.clear()
-        if self._by_steps is not None:
-            self._by_steps.forget_threads()
+        self._counts = ints(state.node.size)  # that threads share
         self._made.append(self._player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return where agents of some games were before they moved, where they went, and which took part."""
-        return self._start[games], self._ends[games], self._takes_part[games] > 0
+        block = self._block
+        return block.start[games], block.ends[games], block.takes_part[games] > 0
 
     @property
     def moves(self) -> tuple[IntArray, IntArray, np.ndarray[Any, Any]]:
         """The columns of the last moves: where agents were, where they went, and which took part, (games, agents)."""
-        return self._start, self._ends, self._takes_part
+        return self._block.start, self._block.ends, self._block.takes_part
 
-    def play(self, until: IntArray, given: tuple[IntArray, BoolArray] | None = None, threads: int = 1) -> None:
-        """Play games until so many turns of each are played, or it is over.
+    def prepare(self, games: IntArray, turns: IntArray, is_given: BoolArray | None, threads: int) -> None:
+        """Prepare to play games.
 
         Args:
-            until: (games,)
-            given: actions, (games, agents), and which agents take them, (agents,); the others decide themselves.
+            games: those of this map that are played.
+            turns: (games,) until so many turns of each are played.
+            is_given: (agents,) which agents take the actions in the block; the others decide themselves; None: all do.
             threads: how many play.
         """
-        state = self._state
-        is_given = np.zeros(len(self._decides_by), np.bool_) if given is None else given[1]
         while len(self._made) < threads:
             self._made.append(self._player())
-        self._deciding[:] = np.where(is_given, moves.GIVEN, self._decides_by)
-        if given is not None:
-            self._given[:] = given[0]
+        self._deciding[:] = self._decides_by
+        if is_given is not None:
+            self._deciding[is_given] = moves.GIVEN
         self._made[0][1].refuse_unknown_agents()
         self._refuse_unknown_nodes()
-        self._until[:] = until
-        self._over[:] = ~state.is_going
-        put_scores(state, self._score)
+        self._until.fill(0)
+        self._until[games] = turns
         if self._by_steps is not None:
             self._by_steps.take_memories()
-        self._play_parts(threads)
-        if self._by_steps is not None:
-            while self._by_steps.find_ways():
-                self._play_parts(threads)
-            self._by_steps.give_memories()
-        self._take_in()
+
+    def play_part(self, thread: int, begin: int, end: int) -> None:
+        """Play those of the games from `begin` to `end - 1` that are on this map."""
+        turn.play_aside(self._made[thread][0], begin, end)
+
+    def find_ways(self) -> bool:
+        """Find the ways that agents wait for; return whether there were any."""
+        if self._by_steps is None:
+            return False
+        if self._by_steps.find_ways():
+            return True
+        self._by_steps.give_memories()
+        return False
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
         """Apply the rules of some games that have moved; yield each function where it has its turn."""
         numbers = flat(games, np.int64)
         state = self._state
-        has_gone = np.zeros_like(state.alive)
-        has_gone[games] = (self._takes_part[games] > 0) & (self._ends[games] != self._start[games])
-        np.copyto(state.previous, self._start, where=has_gone)
+        starts, ends, took_part = self.last_moves(games)
+        state.previous[games] = np.where(took_part & (ends != starts), starts, state.previous[games])
         for part in self._parts:
             if isinstance(part, NamedRule):
                 yield part
             else:
-                put_scores(self._state, self._score)
-                self._over[:] = ~self._state.is_going
+                self._block.give()
                 rules.play_games(part, numbers)
-                self._take_in()
-
-    def _take_in(self) -> None:
-        """Let the state of the batch have what has happened."""
-        state = self._state
-        state.is_going[:] = self._over == 0
-        state.movement.take_out(*np.nonzero(~state.alive))
-        for _, making in self._made:
-            noted = making.read(self._score)
-            if noted is not None:
-                self._take(noted)
-        state.now.clear()
-
-    def _play_parts(self, threads: int) -> None:
-        """Play all games, each thread some of them."""
-        players = [player for player, _ in self._made]
-        in_threads(lambda number, *ends: turn.play_aside(players[number], *ends), len(self._until), threads)
+                self._block.take_in()
 
     def _refuse_unknown_nodes(self) -> None:
         """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""
@@ -371,39 +431,35 @@ class CoreGames:
 
     def _player(self) -> tuple[turn.Player, Making]:
         """Make what one more thread plays with."""
-        state, roster, shape = self._state, self._state.roster, self._state.node.shape
+        state, roster, block = self._state, self._state.roster, self._block
         columns = self._columns = self._columns or self._new_columns()
-        if self._made:  # they share columns
-            games, shared = self._shared
-        else:
-            games = rules.Games(
-                shape[1],
-                len(roster.teams),
-                node=memory_of(state.node),
-                start=memory_of(self._start),
-                previous=memory_of(state.previous),
-                alive=memory_of(state.alive),
-                placed=memory_of(state.placed),
-                stops=memory_of(state.stops),
-                home=memory_of(state.start),
-                turn=memory_of(state.turn),
-                over=self._over.data,
-                score=memory_of(self._score),
-                team=flat(roster.team_of, np.int64),
-                **({} if columns is None else columns.on_edges),
-            )
-            shared = {
-                "ends": memory_of(self._ends),
-                "takes_part": memory_of(self._takes_part),
-                "counts": ints(state.node.size),
-                "moves": memory_of(state.counts["moves"]),
-                "blocks": memory_of(state.counts["blocked"]),
-                "blocked": memory_of(state.blocked),
-            }
-            self._shared = games, shared
+        games = rules.Games(
+            len(roster.names),
+            len(roster.teams),
+            node=memory_of(state.node),
+            start=memory_of(block.start),
+            previous=memory_of(state.previous),
+            alive=memory_of(state.alive),
+            placed=memory_of(state.placed),
+            stops=memory_of(state.stops),
+            home=memory_of(state.start),
+            turn=memory_of(state.turn),
+            over=block.over.data,
+            score=memory_of(block.score),
+            team=flat(roster.team_of, np.int64),
+            **({} if columns is None else columns.on_edges),
+        )
+        shared = {
+            "ends": memory_of(block.ends),
+            "takes_part": memory_of(block.takes_part),
+            "counts": self._counts,
+            "moves": memory_of(state.counts["moves"]),
+            "blocks": memory_of(state.counts["blocked"]),
+            "blocked": memory_of(state.blocked),
+        }
         walks = draws.Choices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
         some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
-        given = memory_of(self._given)
+        given = memory_of(block.given)
         contests, requests = self._conflicting()
         if self._by_steps is None and any(self._steps):
             self._by_steps = StrategySteps(state, self._steps)
@@ -412,9 +468,9 @@ class CoreGames:
         movers = moves.Movers(
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
-        events = rules.Events(_FIRST_ROOM)
+        events = block.events_of(len(self._made))
         travel = None if columns is None else columns.thread(len(self._made), movers, events)
-        making = Making(state, games, events, travel)
+        making = Making(state, games, events, travel, block.rules)
         parts = self._made_rules(making)
         first = None
         if self.has_functions:
@@ -454,24 +510,6 @@ class CoreGames:
         if table.has_missing_ranks:
             raise BadValue("An agent has no rank in conflicts.")
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
-        ends = (columns and columns.ends) or (self._start, self._ends)
-        where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._takes_part)
+        ends = (columns and columns.ends) or (self._block.start, self._block.ends)
+        where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)
         return table.contests, table.requests(*where, ranks)
-
-    def _take(self, noted: CoreEvents) -> None:
-        """Take events into the logs of games."""
-        is_illegal = noted.kinds == _ILLEGAL
-        for row in np.flatnonzero(is_illegal).tolist():
-            self._note_illegal(noted, row)
-        self._state.events.take(noted.those(~is_illegal))
-
-    def _note_illegal(self, noted: CoreEvents, row: int) -> None:
-        """Note that an agent on an edge wanted to go to a node to which no way leads from there."""
-        state, by = self._state, self._state.movement
-        edge, target, game, agent = (
-            int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
-        )
-        ends = by.columns.sources[edge], by.columns.targets[edge], target
-        may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
-        error = no_way(*state.streets.ids_of(np.array(ends)).tolist(), is_paced=True, may_turn=bool(may_turn))
-        state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))

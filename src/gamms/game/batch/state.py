@@ -1,10 +1,10 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from functools import partial
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from gamms.text import shown
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # by events of the core, beside an agent
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
+Purpose = tuple[str | int, ...]
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
 
@@ -68,7 +69,8 @@ class CoreEvents(NamedTuple):
     """Events that the core has noted, (events,) each; see `gamms.core.rules`.
 
     Attributes:
-        games, turns, rules, kinds, agents, others, nodes: as the core has them.
+        games, turns, rules, kinds, agents, others: as the core has them.
+        nodes: their ids.
         flags: of each number of a rule, the teams whose flags it has.
     """
 
@@ -86,13 +88,8 @@ class CoreEvents(NamedTuple):
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
 
-    def emitted(self, names: Sequence[str], streets: Streets) -> Iterator[Emitted]:
-        """Yield the events of one kind together, those of one game in their order.
-
-        Args:
-            names: of the agents.
-            streets: has the ids of nodes.
-        """
+    def emitted(self, names: Sequence[str]) -> Iterator[Emitted]:
+        """Yield the events of one kind together, those of one game in their order; `names` are those of the agents."""
         is_first = np.diff(self.games, prepend=-1) != 0
         run = np.cumsum(is_first | (np.diff(self.kinds, prepend=-1) != 0))
         run -= np.maximum.accumulate(np.where(is_first, run, 0))  # of events of one kind, in its game
@@ -103,7 +100,7 @@ class CoreEvents(NamedTuple):
             if kind in NAMED:
                 others = zip(some.rules.tolist(), some.others.tolist(), strict=True)
                 fields[NAMED[kind]] = [names[one] if kind == "tag" else self.flags[rule][one] for rule, one in others]
-            fields["node"] = streets.ids_of(some.nodes).tolist()
+            fields["node"] = some.nodes.tolist()
             yield Emitted(kind, some.games, some.turns, fields)
 
 
@@ -113,12 +110,11 @@ class EventLog(GameLog[Emitted | CoreEvents]):
     Args:
         num_games: of the batch.
         names: of the agents.
-        streets: has the ids of nodes.
     """
 
-    def __init__(self, num_games: int, names: Sequence[str], streets: Streets) -> None:
+    def __init__(self, num_games: int, names: Sequence[str]) -> None:
         super().__init__(num_games)
-        self._names, self._streets = names, streets
+        self._names = names
         self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
         self._read_before: dict[Hashable, int] = {}  # reader -> how many events of each game it had read at the start
 
@@ -151,7 +147,7 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         """Note events of games in the core."""
         self._pending.append(events)
         for unread in self._unread.values():
-            unread.extend(events.emitted(self._names, self._streets))
+            unread.extend(events.emitted(self._names))
 
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
         """Let readers find events that are in the log of a game already."""
@@ -195,7 +191,7 @@ class EventLog(GameLog[Emitted | CoreEvents]):
 
     def _entries(self, noted: Emitted | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
-            for emitted in noted.emitted(self._names, self._streets):
+            for emitted in noted.emitted(self._names):
                 yield from self._entries(emitted)
             return
         kind, games, turns, fields = noted
@@ -231,6 +227,11 @@ def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
         if not np.can_cast(own, kind, "same_kind") and like[name].size:
             raise BadValue(f"begins of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
     return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
+
+
+def _purpose_keys(seeds: Sequence[int], purposes: Sequence[Purpose]) -> BitArray:
+    """Return the hashes of seeds and purposes, (seeds, purposes)."""
+    return np.array([[kernels.purpose_key(seed, *one) for one in purposes] for seed in seeds], np.uint64)
 
 
 def _repeated(first: Arrays, games: int) -> Arrays:
@@ -297,28 +298,38 @@ class GameArrays:
     why_not_first = ""
 
     def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
-        self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
+        self.roster, self.seeds = roster, list(seeds)
         games, shape = len(seeds), (len(seeds), len(roster.names))
-        movement.begin(shape)
         self.start, self.node = start, start.copy()
         self.previous = start.copy()
-        self.roads = movement.all_roads
-        self._of_maps: World | None = None  # of games that have several maps
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
         self.is_there = self.alive.copy()
         self.turn = np.zeros(games, np.int64)
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
-        self.radio: Radio | None = None
-        self.deeds = DeclaredDeeds({}, None, roster, movement.streets)
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.placed = np.zeros(shape, np.bool_)
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
+        self.events = EventLog(games, roster.names)
+        self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
+        self._draw_keys: dict[str, BitArray] = {}  # by purpose
+        self._seeds: IntArray | None = None  # as an array
+        self._be_on(movement)
+
+    def _be_on(self, movement: Movement) -> None:
+        """Begin to note what depends on a map."""
+        movement.begin(self.node.shape)
+        self.movement = movement
+        self.streets = movement.streets
+        self.roads = movement.all_roads
+        self._of_maps: World | None = None  # of games that have several maps
+        self.radio: Radio | None = None
+        self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
-        self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(roster.names), np.bool_)
-        self.facts, self.events = dict[str, Any](), EventLog(games, roster.names, movement.streets)
+        self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(self.roster.names), np.bool_)
+        self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.heights: FloatArray | None = None
@@ -329,11 +340,15 @@ class GameArrays:
         self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.covered: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.look: Callable[[IntArray], None] | None = None
-        self.memory_of = locked(np.arange(len(roster.names)))
+        self.memory_of = locked(np.arange(len(self.roster.names)))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
-        self._purposes: dict[tuple[str | int, ...], BitArray] = {}
-        self._draw_keys: dict[str, BitArray] = {}  # by purpose
-        self._seeds: IntArray | None = None  # as an array
+
+    def on_map(self, movement: Movement, roster: Roster) -> Self:
+        """Return the same games on another map: what does not depend on the map, they share."""
+        twin = copy(self)
+        twin.roster = roster
+        twin._be_on(movement)
+        return twin
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -352,9 +367,10 @@ class GameArrays:
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
                 self.kept[key][name][games] = rows
-        for purpose, keys in self._purposes.items():
-            keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
-        self._draw_keys.clear()
+        for purposes, keys in self._purposes.items():
+            keys[games] = _purpose_keys(seeds, purposes)
+        for purpose, drawn in self._draw_keys.items():
+            drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
         self._seeds = None
         self.now.clear()
         self.events.forget(games)
@@ -435,7 +451,7 @@ class GameArrays:
         for name, values in mine.items():
             values[:] = columns[name]
         self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
-        self.over = [None] * len(self)
+        self.over[:] = [None] * len(self)
         for errors in filter(None, self.errors):
             errors.clear()
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
@@ -525,10 +541,13 @@ class GameArrays:
 
     def purposes(self, *purpose: str | int) -> BitArray:
         """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""
-        keys = self._purposes.get(purpose)
+        return self.several_purposes(purpose)[:, 0]
+
+    def several_purposes(self, *purposes: Purpose) -> BitArray:
+        """Return the same of several purposes, (games, purposes)."""
+        keys = self._purposes.get(purposes)
         if keys is None:
-            keys = np.array([kernels.purpose_key(seed, *purpose) for seed in self.seeds], np.uint64)
-            self._purposes[purpose] = keys
+            keys = self._purposes[purposes] = _purpose_keys(self.seeds, purposes)
         return keys
 
     def seeds_of(self, games: IntArray) -> IntArray:

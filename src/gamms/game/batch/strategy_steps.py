@@ -197,17 +197,13 @@ class StrategySteps:
             _column(state.streets.offsets, np.int32),
             _column(state.streets.targets, np.int32),
             _column(state.streets.columns.node_ids, np.int64),
-            _column(state.draw_keys().reshape(-1), np.uint64),
+            flat(state.draw_keys(), np.uint64),
             _column(np.zeros(most_legal), np.float64),
             _column(np.zeros(most_legal), np.int64),
             memory=self._memory.reshape(-1).data,
             noted=np.zeros(noted, np.int64).data,
             has_noted=np.zeros(noted, np.uint8).data,
         )
-
-    def forget_threads(self) -> None:
-        """Forget the threads, which begin anew, and not the tables of ways."""
-        self._ways.clear()
 
     def take_memories(self) -> None:
         """Take what agents remember from the state of the batch."""
