@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir import deflated, packing
+from gamms.ir import packed_bytes, packing
 from gamms.limits import Allowance
 
 DTYPES = list(packing.DTYPES)
@@ -63,33 +63,6 @@ def test_an_array_comes_back_with_its_shape_and_type(array):
 )
 def test_arrays_of_any_layout_come_back(array):
     assert np.array_equal(there_and_back(array), array)
-
-
-def test_a_dict_of_large_items_gives_the_same_bytes_whether_or_not_some_of_it_was_packed_before():
-    names, places = [f"red_{i}" for i in range(9000)], np.arange(9000.0)
-    some, packer = {"names": names, "at": places, "turn": 1, "more": {"a": [names[:3]]}}, packing.DictPacker()
-    before = packer.pack(some, "It", ("names", "turn"))
-    changed = some | {"at": places + 1, "turn": 2}
-    after = packer.pack(changed, "It", ("names", "turn", "gone"))
-    for one, body in ((some, before), (changed, after)):
-        assert packing.DictPacker().pack(one, "It") == body
-        data, allowance = packing.unpack_parts(body, 1 << 20)[0], Allowance(1 << 20, "It")
-        found = packing.unpack(body, packing.Decoder(allowance))
-        assert (list(found), found["names"], found["more"]) == (list(one), names, one["more"])
-        assert np.array_equal(found["at"], one["at"])
-        assert packing.cost_of(data) == allowance.total - allowance.left <= packing.PER_BYTE * len(body)
-
-
-def test_a_dict_of_large_items_that_are_all_alike_is_padded_to_what_readers_believe():
-    body = packing.DictPacker().pack({"a": [None] * 10**6, "b": [[]] * 10**5}, "It")
-    assert packing.cost_of(packing.unpack_parts(body, 1 << 24)[0]) <= packing.PER_BYTE * len(body)
-
-
-def test_a_dict_without_large_items_has_the_bytes_of_any_other_value():
-    value = {"a": [1, 2], "b": None}
-    assert packing.DictPacker().pack(value, "It") == packing.pack(value, "It")
-    with pytest.raises(BadValue, match="more than 32 containers"):
-        packing.DictPacker().pack({"a": nested(32)}, "It")
 
 
 class Kind(enum.IntEnum):
@@ -252,7 +225,7 @@ def test_a_value_may_have_any_number_of_items_that_its_size_explains():
 @given(st.lists(st.integers(-(2**63), 2**63 - 1) | st.integers(-3, 3)))
 def test_a_column_comes_back(numbers):
     column = np.array(numbers, np.int64)
-    reader = deflated.ByteReader(deflated.column(column) + deflated.column(deflated.steps(column)))
+    reader = packed_bytes.ByteReader(packed_bytes.column(column) + packed_bytes.column(packed_bytes.steps(column)))
     assert reader.column(len(numbers)).tolist() == numbers
     assert reader.sums(len(numbers)).tolist() == numbers
     reader.finish()
@@ -260,68 +233,17 @@ def test_a_column_comes_back(numbers):
 
 def test_a_few_integers_take_as_many_bytes_as_the_one_farthest_from_zero():
     for farthest, size in ((0, 1), (-128, 1), (127, 1), (-129, 2), (128, 2), (1 << 23, 4), (-(1 << 63), 8)):
-        assert len(deflated.column(np.array([0, farthest, 0]))) == 1 + 3 * size
-
-
-few = st.lists(st.integers(-(2**20), 2**20 - 1), min_size=1, max_size=9) | st.lists(st.integers(), min_size=1).map(
-    lambda numbers: [(number + 2**63) % 2**64 - 2**63 for number in numbers]
-)
-
-
-@given(few, st.integers(15_000, 35_000))
-def test_many_integers_come_back_of_which_few_differ(numbers, size):
-    column = np.resize(np.array(numbers, np.int64), size)
-    reader = deflated.ByteReader(deflated.column(column))
-    assert np.array_equal(reader.column(size), column)
-    reader.finish()
-
-
-@pytest.mark.parametrize(
-    ("base", "each"), [(1, 8), (2, 8), (3, 5), (4, 4), (5, 3), (6, 3), (7, 2), (15, 2), (16, 2), (17, 1)]
-)
-@pytest.mark.parametrize("size", [32_768, 40_001])
-def test_many_integers_without_a_pattern_have_as_many_of_a_table_in_a_byte_as_there_can_be(base, each, size):
-    column = np.random.default_rng(base).integers(-base, 0, size) * 1000
-    written = deflated.column(column)
-    assert len(written) == 2 + 1 + 2 * base + 1 + -(-size // each)
-    assert written[-1 - -(-size // each)] == each
-    reader = deflated.ByteReader(written)
-    assert np.array_equal(reader.column(size), column)
-    reader.finish()
-
-
-def test_integers_with_a_pattern_that_would_be_lost_have_a_byte_each():
-    some = np.random.default_rng(1).integers(0, 16, 20_001) * 1000
-    written = deflated.column(np.resize(some, 40_000))
-    assert len(written) > 40_000
-    assert len(deflated.packed_columns([written])) < 11_500
-
-
-@pytest.mark.parametrize(("entries", "size"), [(256, 2 + 1 + 256 + 1 + 20_000), (257, 1 + 40_000)])
-def test_a_table_has_at_most_256_entries(entries, size):
-    column = np.resize(np.arange(entries) - 127, 20_000)
-    written = deflated.column(column)
-    assert len(written) == size
-    assert np.array_equal(deflated.ByteReader(written).column(20_000), column)
-
-
-@pytest.mark.parametrize("late", [1, 251, 252])
-def test_a_table_has_integers_that_come_late_as_well(late):
-    column = np.resize(np.arange(5) * 1000, 80_000)
-    column[-late:] = -np.arange(1, late + 1)
-    written = deflated.column(column)
-    assert (written[0] == 9) is (5 + late <= 256)
-    assert np.array_equal(deflated.ByteReader(written).column(80_000), column)
+        assert len(packed_bytes.column(np.array([0, farthest, 0]))) == 1 + 3 * size
 
 
 def test_a_column_of_narrow_integers_has_the_bytes_of_wide_ones():
     wide = np.random.default_rng(1).integers(-(2**30), 2**30, 9)
-    assert deflated.column(wide.astype(np.int32)) == deflated.column(wide)
+    assert packed_bytes.column(wide.astype(np.int32)) == packed_bytes.column(wide)
 
 
 def test_a_table_that_was_written_once_says_the_same_for_ever():
     for numbers in ("01 01 01 00 01", "03 03 01", "08 0b"):
-        reader = deflated.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))
+        reader = packed_bytes.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))
         assert reader.column(4).tolist() == [1000, 1000, -2000, 1000]
         reader.finish()
 
@@ -357,80 +279,24 @@ def test_a_table_that_was_written_once_says_the_same_for_ever():
 )
 def test_a_damaged_column_is_refused(column, size, words):
     with pytest.raises(BadFile, match=words):
-        deflated.ByteReader(bytes.fromhex(column)).column(size)
+        packed_bytes.ByteReader(bytes.fromhex(column)).column(size)
 
 
-@given(st.binary(), st.binary())
-def test_packed_bytes_come_back_with_what_follows_them(data, rest):
-    assert deflated.unpacked(deflated.packed(data) + rest, len(data)) == (data, rest)
-
-
-pieces = st.tuples(st.binary(min_size=1, max_size=20), st.sampled_from((1, 7, 1 << 13))).map(
-    lambda one: one[0] * one[1]
-)
-
-
-@given(st.lists(pieces, min_size=1, max_size=5), st.binary())
-def test_packed_columns_come_back_joined_with_what_follows_them(columns, rest):
-    data = b"".join(columns)
-    assert deflated.unpacked(deflated.packed_columns(columns) + rest, len(data)) == (data, rest)
-
-
-def test_random_moves_on_a_large_lattice_take_less_than_a_third_of_a_byte_each():
-    rng = np.random.default_rng(1)
-    moves = rng.choice([0, 1, -1, 1000, -1000], 40_000)
-    rows = deflated.steps(np.tile(rng.permutation(10_000), 4))  # four times the same, in no order
-    apart = [deflated.packed_columns([deflated.column(numbers)]) for numbers in (moves, rows)]
-    assert len(apart[0]) < 40_000 / 3
-    assert len(apart[1]) < 2.5 * 10_000
-    together = deflated.packed_columns([deflated.column(rows), deflated.column(moves)])
-    assert len(together) < sum(map(len, apart)) + 10
-
-
-@pytest.mark.parametrize("size", [0, 9, 100_000])
-def test_lasting_columns_give_the_bytes_of_others(size):
-    columns = [bytes(range(90)) * 2000, bytes(7), bytes(range(100)) * (size // 100), b"last"]
-    for places in ([], [0], [1, 2], [0, 1, 2, 3]):
-        some = [deflated.Lasting(one) if place in places else one for place, one in enumerate(columns)]
-        assert [deflated.packed_columns(some) for _ in range(2)] == [deflated.packed_columns(columns)] * 2
-
-
-@given(st.integers(3, 7), st.integers(0, 9), st.binary(max_size=4), st.integers(0, 99))
-def test_bytes_that_are_all_as_frequent_take_codes_of_one_length(bits, more, rest, seed):
-    size = deflated.LARGE_COLUMN + 1024 + more
-    data = np.random.default_rng(seed).integers(0, (1 << bits) - 1, size, np.uint8).tobytes()
-    for columns in ([data], [data, b"few", data], [b"", data, rest]):
-        found = deflated.packed_columns(columns)
-        assert deflated.unpacked(found + rest, 3 * size) == (b"".join(columns), rest)
-        assert len(found) < sum(map(len, columns)) * bits / 8 + 400
-
-
-def test_bytes_of_which_one_is_frequent_behind_the_first_do_not_take_codes_of_one_length():
-    first = np.random.default_rng(1).integers(0, 125, 1 << 16, np.uint8).tobytes()
-    assert len(deflated.packed_columns([first + bytes(1 << 20)])) < len(first) + 2000
-    assert len(deflated.packed_columns([first + b"\x01\xff" * (1 << 19)])) < 1.1 * len(first) + (1 << 18)
-
-
-@pytest.mark.parametrize("entries", [[0, 1, -1, 1000, -1000], [0, 1], [0, 300_000], range(-127, 129), range(-128, 128)])
-@pytest.mark.parametrize(("items", "arrays"), [(20_000, 4), (17_000, 2), (40_000, 1), (1, 9)])
-def test_the_column_of_changes_has_the_bytes_of_all_differences(entries, items, arrays):
-    changes = np.random.default_rng(1).choice(list(entries), (arrays, items))
-    for late in ([], [7], [-(1 << 24)], list(range(300))):
-        changes[-1, max(items - len(late), 0) :] = late[:items]
-        places = changes.cumsum(axis=0).astype(np.int32)
-        assert deflated.column_of_changes(list(places)) == deflated.column(changes[1:].T.reshape(-1))
+@given(st.binary(), st.binary(), st.sampled_from([packed_bytes.BEST, packed_bytes.FAST]))
+def test_packed_bytes_come_back_with_what_follows_them(data, rest, level):
+    assert packed_bytes.unpacked(packed_bytes.packed(data, level) + rest, len(data)) == (data, rest)
 
 
 def test_packed_bytes_are_refused_that_are_not_what_they_promise():
-    packed = deflated.packed(b"a" * 1000)
+    packed = packed_bytes.packed(b"a" * 1000)
     for damaged in (
         b"",
         packed[:-1],
-        deflated.varint(999) + packed[2:],
-        deflated.varint(1001) + packed[2:],
+        packed_bytes.varint(999) + packed[2:],
+        packed_bytes.varint(1001) + packed[2:],
         b"\xff" * 12,
     ):
         with pytest.raises(BadFile):
-            deflated.unpacked(damaged, 2000)
+            packed_bytes.unpacked(damaged, 2000)
     with pytest.raises(BadFile, match="1000 bytes of memory"):
-        deflated.unpacked(packed, 999)
+        packed_bytes.unpacked(packed, 999)

@@ -25,7 +25,7 @@ from gamms.graph import Engine, Graph, map_file
 from gamms.graph.map_file import SavedMap
 from gamms.graph.obstacles import checked_face
 from gamms.graph.store import GraphStore
-from gamms.ir import deflated, packing
+from gamms.ir import packed_bytes, packing
 from gamms.limits import Allowance
 
 HEAD = struct.Struct("<8sIII")
@@ -400,7 +400,7 @@ def test_no_forged_value_does_harm(saved):
         damaged = bytearray(data)
         for _ in range(rng.choice((1, 1, 3))):
             damaged[rng.randrange(len(damaged))] = rng.randrange(256)
-        _end_well(_sealed(deflated.packed(bytes(damaged))))
+        _end_well(_sealed(packed_bytes.packed(bytes(damaged))))
 
 
 def test_no_forged_column_does_harm(saved):
@@ -492,7 +492,7 @@ def test_a_file_of_a_newer_version_says_so(saved):
 def test_a_decompression_bomb_is_not_unpacked(honest):
     deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
     bomb = deflate.compress(bytes(40_000_000)) + deflate.flush()
-    data = _sealed(deflated.varint(40_000_000 if honest else 10) + bomb)
+    data = _sealed(packed_bytes.varint(40_000_000 if honest else 10) + bomb)
     tracemalloc.start()
     with pytest.raises(BadFile), limits.allowing(1 << 24):
         map_file.decode(data)
@@ -604,7 +604,7 @@ def test_keys_that_were_made_to_have_one_hash_are_refused(saved):
         data = packing.to_bytes(state | {"node_attributes": {"a": [numbers, numbers, flats]}}, "It")
         for flat in flats:
             data = _as_dict(data, flat)
-        data = _sealed(deflated.packed(data))
+        data = _sealed(packed_bytes.packed(data))
         with pytest.raises(BadFile, match="made to have one hash"):
             map_file.decode(data)
 

@@ -22,7 +22,7 @@ from gamms import workers as workers_
 from gamms.errors import BadFile, BadType, BadValue, MissingFolder, NotOffered, Outdated, UnknownName
 from gamms.graph import map_file, visibility, visibility_workers
 from gamms.graph.visibility_workers import VisibilityRows, VisibilityTask
-from gamms.ir import deflated
+from gamms.ir import packed_bytes
 from gamms.typing.graph_engine import IGraphEngine
 
 
@@ -489,7 +489,7 @@ def test_rows_that_are_no_table_are_refused(counts, rows):
 def test_a_small_file_is_not_believed_to_hold_a_large_table():
     deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
     part = deflate.compress(bytes(1 << 20)) + deflate.flush(zlib.Z_FULL_FLUSH)
-    body = deflated.varint(1 << 28) + part * (1 << 8) + deflate.flush()
+    body = packed_bytes.varint(1 << 28) + part * (1 << 8) + deflate.flush()
     data = struct.pack("<8sIII", b"GAMMSEYE", 3, len(body), zlib.crc32(body)) + body
     with pytest.raises(BadFile, match="far more than the size of the file explains"):
         visibility.decode(data, KEY, 20_000)

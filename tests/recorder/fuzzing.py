@@ -11,7 +11,7 @@ from contextlib import suppress
 import numpy as np
 from recordings import HEADER, fly, read_all, walk, written
 
-from gamms.ir import deflated, packing
+from gamms.ir import packed_bytes, packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
 from gamms.recorder.formats.chunks import FORMS
@@ -189,14 +189,14 @@ def _change_value(chance, parts):
     found = [part for part in parts if part[0] != blocks.TURNS and part[1]]
     part = chance.choice(found or parts)
     value, _ = packing.unpack_parts(part[1], MOST)
-    part[1] = deflated.packed(damaged(chance, value))
+    part[1] = packed_bytes.packed(damaged(chance, value))
 
 
 def _change_column(chance, parts):
     """Put other numbers into a column of turns, or damage the data of its events."""
     part = chance.choice([part for part in parts if part[0] == blocks.TURNS] or parts)
     data, rest = packing.unpack_parts(part[1], MOST, has_columns=True)
-    reader = deflated.ByteReader(rest)
+    reader = packed_bytes.ByteReader(rest)
     table = _columns_of(reader, part[2])
     table += _tracks_of(reader, table[6])
     column = chance.choice(table)
@@ -205,7 +205,7 @@ def _change_column(chance, parts):
     else:
         number = chance.choice([-1, 2**40, -(2**63), 2**63 - 1, *NUMBERS, *FORMS])
         column[chance.randrange(len(column))] = number
-    part[1] = deflated.packed(data) + deflated.packed(b"".join(map(deflated.column, table)))
+    part[1] = packed_bytes.packed(data) + packed_bytes.packed(b"".join(map(packed_bytes.column, table)))
 
 
 def _columns_of(reader, counts):

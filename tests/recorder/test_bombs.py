@@ -12,7 +12,7 @@ from recordings import HEADER, logs_of, opened, read_all, walk, written
 
 from gamms import limits
 from gamms.errors import BadFile
-from gamms.ir import deflated, packing
+from gamms.ir import packed_bytes, packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
 from gamms.recorder.formats.version2 import BadCbor, CborReader
@@ -22,7 +22,7 @@ LIMIT = 200 << 20  # bytes of memory
 
 def promised(size, stream):
     """A packed stream that says another size."""
-    return deflated.varint(size) + stream
+    return packed_bytes.varint(size) + stream
 
 
 def zeros(size):
@@ -40,32 +40,32 @@ def file_of(*parts, header=None):
 
 
 def turns_of(counts, *table, data=b""):
-    return blocks.TURNS, deflated.packed(data) + deflated.packed(b"".join(table)), counts
+    return blocks.TURNS, packed_bytes.packed(data) + packed_bytes.packed(b"".join(table)), counts
 
 
 def number(one):
-    return deflated.column(np.array([one]))
+    return packed_bytes.column(np.array([one]))
 
 
 BOMBS = {
     "a header that promises much": lambda: file_of(header=promised(2**62, zeros(0))),
     "a header that inflates to much": lambda: file_of(header=promised(2**25, zeros(2**28))),
     "a header that promises little": lambda: file_of(header=promised(2**20, zeros(2**28))),
-    "a header of lists": lambda: file_of(header=deflated.packed(b"\x91" * 2**20)),
+    "a header of lists": lambda: file_of(header=packed_bytes.packed(b"\x91" * 2**20)),
     "a header of empty lists": lambda: file_of(
-        header=deflated.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x20\0\0" + b"\xd4\x01\x90" * 2**21)
+        header=packed_bytes.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x20\0\0" + b"\xd4\x01\x90" * 2**21)
     ),
     "a header of many items": lambda: file_of(
-        header=deflated.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
+        header=packed_bytes.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
     ),
     "a header that is many values": lambda: file_of(
-        header=deflated.packed(b"\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
+        header=packed_bytes.packed(b"\xdd\x00\x60\0\0" + b"\xc0" * (3 * 2**21))
     ),
     "more moves than can be": lambda: file_of(turns_of([0, 1, 2**32 - 1, 0])),
     "more turns than can be": lambda: file_of(turns_of([0, 2**32 - 1, 0, 0])),
     "moves that are not there": lambda: file_of(turns_of([0, 1, 2**22, 0], b"\1\2\0")),
     "moves that inflate to more": lambda: file_of(
-        (blocks.TURNS, deflated.packed(b"") + promised(2**24, zeros(2**28)), [0, 1, 2**22, 0])
+        (blocks.TURNS, packed_bytes.packed(b"") + promised(2**24, zeros(2**28)), [0, 1, 2**22, 0])
     ),
     "values that inflate to more": lambda: file_of((blocks.TURNS, promised(2**24, zeros(2**28)), [0, 1, 0, 1])),
     "events that promise much": lambda: file_of(

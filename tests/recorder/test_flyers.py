@@ -14,8 +14,8 @@ from recordings import fly, opened, written
 
 import gamms
 from gamms import recorder
-from gamms.ir import deflated, packing
 from gamms.ir import events as kinds
+from gamms.ir import packed_bytes, packing
 from gamms.recorder import Reader, RecordingError, Writer
 from gamms.recorder.formats import blocks
 
@@ -258,11 +258,11 @@ def changed(data, change):
     """A recording whose first block of turns has another body; `change` gets the values in it and the columns."""
     parts = parts_of(data)
     part = next(part for part in parts if part[0] == blocks.TURNS)
-    part[1] = b"".join(map(deflated.packed, change(*packing.unpack_parts(part[1], 1 << 20, has_columns=True))))
+    part[1] = b"".join(map(packed_bytes.packed, change(*packing.unpack_parts(part[1], 1 << 20, has_columns=True))))
     return rebuilt(random.Random(0), parts)
 
 
-KIND, EMPTY, ONE = (deflated.column(np.array([number])) for number in (TURN, 0, 1))
+KIND, EMPTY, ONE = (packed_bytes.column(np.array([number])) for number in (TURN, 0, 1))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from gamms import recorder, scenario
 from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game import Game
-from gamms.ir import deflated, packing
+from gamms.ir import packed_bytes, packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
 from gamms.rules import Conflicts, at_random, capture_flag, last_team, reach, tag, territory, time_limit
@@ -545,7 +545,7 @@ def test_a_context_is_as_it_was_when_a_damaged_recording_cannot_be_resumed():
     parts = parts_of(stream.getvalue())
     for part in parts:
         if part[0] != blocks.TURNS and part[1]:
-            part[1] = deflated.packed(packing.unpack_parts(part[1], 1 << 20)[0].replace(b"visible", b"visibly"))
+            part[1] = packed_bytes.packed(packing.unpack_parts(part[1], 1 << 20)[0].replace(b"visible", b"visibly"))
     crafted = recorder.open(io.BytesIO(rebuilt(Random(1), parts)))
     with make() as ctx, make() as other:
         with pytest.raises(RecordingError, match="'visible'"):

@@ -26,10 +26,10 @@ from gamms.graph.obstacles import Obstacles, checked_face
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
-from gamms.ir.deflated import Array
 from gamms.ir.geometry import points_of
 from gamms.ir.graph import ClosedEdges, CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import ObstacleColumns
+from gamms.ir.packing import Array
 from gamms.ir.scenery import Scenery, no_scenery
 from gamms.limits import Allowance
 from gamms.plain import Plain, is_plain, why_not_plain

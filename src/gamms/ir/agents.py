@@ -15,7 +15,7 @@ import numpy as np
 from gamms.core.agents import AgentColumns, Moves
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_column, copied_ids, drop
+from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
 from gamms.ir.graph import NodeFinder
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.progress import Progress
@@ -111,7 +111,6 @@ class AgentBlock(AgentColumns):
         self.rows = RowsByName()
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
-        self.copied = CopiedIds()
         self._logs: list[ChangeLog] = []
         self.under_way = UnderWay(self)
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
@@ -269,13 +268,14 @@ class AgentBlock(AgentColumns):
         if not self.has_teams:
             goes = compress(zip(rows.rows, ends, strict=True), map(ne, before, ends))
             journal.log += [number for row, end in goes for number in (journal.ids[row], end)]
-        elif moved < len(rows.rows):
-            which = rows.in_order((np.asarray(before) != ends).data)
-            journal.moved(rows.ascending[which], copied_ids(rows.in_order(ends)[which]))
         else:
-            do_all = len(rows.rows) == len(self.node)
-            copy = self.copied.of(self.node, self.version) if do_all else copied_ids(rows.in_order(ends))
-            journal.moved(rows.ascending, copy)
+            goers = rows.ascending
+            nodes = rows.in_order(ends)
+            if moved < len(rows.rows):
+                has_moved = rows.in_order((np.asarray(before) != ends).data)
+                goers = goers[has_moved]
+                nodes = nodes[has_moved]
+            journal.moved(goers, nodes)
 
     def set(self, row: int, column: str, value: object) -> None:
         """Set the value of an agent in one of the columns of `schema.CHANGE_EVENTS`, and note it."""

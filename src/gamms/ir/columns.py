@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gamms.core.block import INT64, gather
-from gamms.ir.graph import IntArray, read_only
+from gamms.ir.graph import IntArray
 
 Column = np.ndarray[Any, Any]
 _FEW = 16  # where fewer than one name in so many is asked for, each is looked up
 _FEW_DROPPED = 8  # places, up to which what is there is removed one by one
 _MOST_NOTED = 1 << 16  # rows in a `StructureLog`
-_MANY = 1 << 12  # ids, of which those that are small take 32 bits
-_SMALL_IDS = 1 << 30  # their differences have 32 bits, too
 
 
 class ChangeLog:
@@ -245,30 +243,6 @@ def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...
 def copied_column(column: Any) -> Any:
     """Return a copy of a list or of a view of an array."""
     return column.copy() if type(column) is list else np.array(column, np.int64).data
-
-
-def copied_ids(nodes: IntArray) -> IntArray:
-    """Return a copy of ids, read-only: in 32 bits where there are many of them, and these hold all differences."""
-    # NOTE: half of the memory is a third of the time of writing them, and a tenth of a turn (benchmarks: teams).
-    unsigned = nodes.view(np.uint64)
-    is_small = len(unsigned) >= _MANY and int(unsigned.max()) < _SMALL_IDS  # none is negative, too
-    return read_only(nodes.astype(np.int32 if is_small else np.int64))
-
-
-class CopiedIds:
-    """A copy of a column of ids that is a view of an array, as `copied_ids` makes it: one for all that keep it."""
-
-    __slots__ = ("_copy", "_version")
-
-    def __init__(self) -> None:
-        self._copy: IntArray = np.empty(0, np.int64)
-        self._version = -1  # at which it was made
-
-    def of(self, column: Sequence[int], version: int) -> IntArray:
-        """Return the copy; `version` is another number whenever the column may have changed."""
-        if self._version != version:
-            self._copy, self._version = copied_ids(np.asarray(column)), version
-        return self._copy
 
 
 class Selection:

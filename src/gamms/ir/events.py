@@ -16,42 +16,16 @@ from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_ran
 from gamms.errors import BadType
 from gamms.ir.applied_to import State
 from gamms.ir.game_state import FIELDS, as_looks, as_over
-from gamms.ir.graph import IntArray
 from gamms.ir.messages import as_message
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
 from gamms.plain import Plain
 from gamms.readonly import published
 from gamms.text import shown
 
-# (id, node id) of each move of an agent on the ground as two ints, of many as (MOVES, `Moves`); else (kind, data) as a
-# tuple.
+# A move on the ground is two ints, the number of the agent and a node id. Moves of many agents are (MOVES, an array of
+# shape (agents, 2)). All other events are tuples (kind, data).
 Log = list[Any]
 Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
-
-
-class Movers:
-    """Agents that moved at once, the same object as long as they are the same.
-
-    Attributes:
-        numbers: by which moves name them, (agents,), each of them once.
-    """
-
-    __slots__ = ("numbers",)
-
-    def __init__(self, numbers: IntArray) -> None:
-        self.numbers = numbers
-
-
-class Moves(NamedTuple):
-    """A move of each of many agents, in place of their ints in a log."""
-
-    movers: Movers
-    nodes: IntArray  # (agents,): ids, of 32 bits where there are many small ones
-
-    @property
-    def pairs(self) -> IntArray:
-        """The ints of a log, (2 * agents,)."""
-        return np.column_stack((self.movers.numbers, self.nodes)).astype(np.int64).reshape(-1)
 
 
 REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
@@ -480,7 +454,7 @@ def events_of(log: Log) -> Iterator[tuple[int, Any]]:
         if end > begin:
             yield MOVES, log[begin:end]
         kind, data = log[end]
-        yield (kind, data.pairs) if isinstance(data, Moves) else (kind, data)
+        yield kind, data.reshape(-1) if kind == MOVES and isinstance(data, np.ndarray) else data
         begin = end + 1
     if begin < len(log):
         yield MOVES, log[begin:]

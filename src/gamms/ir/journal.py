@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.columns import drop
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, MOVES, Log, Movers, Moves
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, MOVES, Log
 from gamms.ir.graph import IntArray
 from gamms.plain import Plain
 
@@ -32,7 +32,6 @@ class Journal:
         self.log: Log = []
         self.progressed: set[int] = set()
         self.in_arrays = 0
-        self._last_movers: tuple[IntArray, Movers] | None = None  # rows of agents; None: their numbers have changed
         self.names = list(names)
         self.ids = list(range(len(names)))
 
@@ -45,10 +44,11 @@ class Journal:
         self.log.append((kind, data))
 
     def moved(self, rows: IntArray, nodes: IntArray) -> None:
-        """Note the moves of many agents: rows, each once, and ids of nodes, (agents,) each, which stay as they are."""
-        if self._last_movers is None or self._last_movers[0] is not rows:
-            self._last_movers = rows, Movers(np.array(self.ids, np.int64).take(rows))
-        self.log.append((MOVES, Moves(self._last_movers[1], nodes)))
+        """Note the moves of many agents: their rows, each once, and the ids of their nodes, (agents,) each."""
+        moves = np.empty((len(rows), 2), np.int64)
+        moves[:, 0] = np.array(self.ids, np.int64).take(rows)
+        moves[:, 1] = nodes
+        self.log.append((MOVES, moves))
         self.in_arrays += 2 * len(rows) - 1
 
     def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
@@ -67,7 +67,6 @@ class Journal:
 
     def entered(self, row: int, name: str) -> None:
         """Number an agent that has come, in the last row."""
-        self._last_movers = None
         del self.ids[row:]
         self.ids += [-1] * (row - len(self.ids))  # rows of agents whose creation failed
         self.ids.append(len(self.names))
@@ -75,12 +74,10 @@ class Journal:
 
     def renumber(self, row: int, name: str, number: int) -> None:
         """Give an agent another number."""
-        self._last_movers = None
         self.ids[row], self.names[number] = number, name
 
     def close_up(self, gone: list[int]) -> None:
         """Forget the numbers of these rows, ascending, which are closed up."""
-        self._last_movers = None
         drop(self.ids, [row for row in gone if row < len(self.ids)])  # no numbers of agents whose creation failed
 
 

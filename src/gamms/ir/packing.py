@@ -1,19 +1,20 @@
-"""Plain values as bytes, and back: MessagePack with extension types, packed as `deflated.py` packs bytes.
+"""Plain values as bytes, and back: MessagePack with extension types, packed by `packed_bytes.py`.
 
 In a value each container is an extension whose content is one flat array of scalars and further extensions. So the
 library decodes one level at a time: depth, memory and keys are checked before anything is made of the next one.
 The same value gives the same bytes. docs/recording-format.md describes all of it byte by byte.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.deflated import LARGE_COLUMN, Array, deflated, joined, packed, packed_columns, steps, unpacked
+from gamms.ir.packed_bytes import BEST, packed, steps, unpacked
 from gamms.limits import PER_BYTE, Allowance, Keys
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from msgspec.msgpack import Decoder as MessagePackDecoder
     from msgspec.msgpack import Encoder as MessagePackEncoder
     from msgspec.msgpack import Ext
+
+Array = npt.NDArray[Any]
+"""An array of any numbers."""
 
 Item: TypeAlias = "bool | int | float | str | Ext | None"
 """What MessagePack holds of a value: a scalar, or an extension, which is not opened yet."""
@@ -39,8 +43,7 @@ _NAMES = {dtype: name for name, dtype in DTYPES.items()}  # NOTE: NumPy takes 8 
 _TUPLE, _LIST, _DICT, _SET, _FROZENSET, _BYTES, _INT, _TEXT, _ARRAY = range(9)  # codes of extensions
 _PLAIN_CODES = frozenset({_BYTES, _INT, _TEXT})  # what is in no container
 _EXTENSION_HEADS = bytes((*range(0xC7, 0xCA), *range(0xD4, 0xD9)))
-_ONE, _TWO = b"\x91", b"\x92"  # the head of an array with one item, which a value is in; with two
-_LONG_EXTENSION = b"\xc9"  # the head of an extension whose size has four bytes
+_ONE = b"\x91"  # the head of an array with one item, which holds a value
 _SCALARS = frozenset({type(None), bool, int, float, str})
 
 # Bytes of memory, copies that are made of a state included.
@@ -51,13 +54,18 @@ _OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
 # -- bodies -----------------------------------------------------------------------------------------------------
 
 
-def pack(value: Plain, where: str) -> bytes:
-    """Return a plain value as packed bytes, which are as many as `unpack` believes of it.
+def pack(value: Plain, where: str, level: int = BEST) -> bytes:
+    """Return a plain value as packed bytes.
+
+    Args:
+        value: the value.
+        where: what it is, for the message of an error.
+        level: of zlib.
 
     Raises:
-        BadType, BadValue: something in it is not plain; `where` says what it is.
+        BadType, BadValue: something in it is not plain.
     """
-    return pack_parts([to_bytes(value, where)])
+    return pack_parts([to_bytes(value, where)], level=level)
 
 
 def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
@@ -74,87 +82,34 @@ def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
     return decoder.value(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
 
 
-class _Item(NamedTuple):
-    """An item of a dict: its key and value as bytes, which are deflated where they are many."""
-
-    value: Plain
-    size: int  # before that
-    cost: int  # of what is in it, in bytes of memory
-    data: bytes
-
-    @property
-    def is_large(self) -> bool:
-        """Whether it is deflated, apart from other items."""
-        return self.size >= LARGE_COLUMN
-
-
-class DictPacker:
-    """Packs dicts of large items, each deflated in the way that suits it; those that stay the same only once."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, _Item] = {}
-
-    def pack(self, value: dict[str, Plain], where: str, lasting: Collection[str] = ()) -> bytes:
-        """Return a dict as packed bytes, the same for the same dict; `unpack` returns it.
-
-        Args:
-            value: the dict.
-            where: what it is, for the message.
-            lasting: keys whose values are as they were in the dict before if they are the same objects.
-
-        Raises:
-            BadType, BadValue: something in it is not plain.
-        """
-        if not self._known:
-            whole = to_bytes(value, where)
-            if len(whole) < LARGE_COLUMN:
-                return pack_parts([whole])
-        known = {key: item for key in lasting if (item := self._known.get(key)) and item.value is value.get(key)}
-        items = {key: known.get(key) or self._item(key, one, where) for key, one in value.items()}
-        self._known = {key: item for key, item in items.items() if item.is_large}
-        if not self._known:
-            return pack(value, where)
-        count = 2 * len(items)
-        head = _encoder().encode([None] * count)[:-count]
-        inner = len(head) + sum(item.size for item in items.values())
-        front = b"".join((_ONE, _LONG_EXTENSION, inner.to_bytes(4, "big"), bytes([_DICT]), head))
-        parts = [front, *(item.data for item in items.values())]
-        are_deflated = [False, *(item.is_large for item in items.values())]
-        size = len(front) - len(head) + inner
-        cost = _OF_BYTE * size + _OF_CONTAINER + _OF_ITEM * count + inner
-        return padded(joined(size, parts, are_deflated), cost + sum(item.cost for item in items.values()))
-
-    def _item(self, key: str, value: Plain, where: str) -> _Item:
-        data = b"".join(to_bytes(one, where, MOST_DEPTH - 1)[1:] for one in (key, value))
-        cost, size = _cost_within(_TWO + data), len(data)
-        return _Item(value, size, cost, deflated(data) if size >= LARGE_COLUMN else data)
-
-
-def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int = 0) -> bytes:
-    """Return values and columns as packed bytes.
+def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int = 0, level: int = BEST) -> bytes:
+    """Return values, and columns behind them, as packed bytes that `unpack_parts` accepts.
 
     Args:
         values: the bytes of plain values.
-        columns: what there is beside them.
+        columns: the bytes of columns.
         cost: of the columns, in bytes of memory.
+        level: of zlib.
     """
     data = b"".join(values)
-    body = packed(data)
+    others = b"".join(columns)
+    body = packed(data, level)
     if columns:
-        body += packed_columns(columns)
-    cost = max(cost, _OF_BYTE * (len(data) + sum(map(len, columns))))
+        body += packed(others, level)
+    cost = max(cost, _OF_BYTE * (len(data) + len(others)))
     if PER_BYTE * len(body) < cost + most_cost_of(data):
         cost += sum(map(cost_of, values))
     return padded(body, cost)
 
 
 def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
-    """Return the bytes of the values, and the columns.
+    """Return the bytes of the values, and those of the columns.
 
     Raises:
-        BadFile: they are damaged, or would inflate to more than `most` bytes.
+        BadFile: they are damaged, or would decompress to more than `most` bytes.
     """
-    columns, (values, rest) = b"", unpacked(body, most)
+    values, rest = unpacked(body, most)
+    columns = b""
     if has_columns:
         columns, rest = unpacked(rest, most)
     if rest.strip(b"\0"):
@@ -163,7 +118,7 @@ def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[
 
 
 def padded(body: bytes, cost: int) -> bytes:
-    """Return packed bytes, followed by zeros where they are fewer than readers believe of so much memory."""
+    """Return packed bytes, with zeros behind them where readers would refuse so much memory of so few bytes."""
     return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
 

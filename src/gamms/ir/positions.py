@@ -93,7 +93,7 @@ class Positions:
             return names, self.places
         # NOTE: in line, for every turn (benchmarks: turns; teams).
         node = block.node
-        return names, block.copied.of(node, block.version).data if block.has_teams else node.tolist()
+        return names, copied_column(node) if block.has_teams else node.tolist()
 
     @property
     def places(self) -> MutableSequence[Any]:

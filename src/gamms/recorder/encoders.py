@@ -16,7 +16,7 @@ from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.version2 import Version2Writer
 from gamms.recorder.formats.writer import Output, Writer
-from gamms.recorder.keyframes import LASTING, Keyframe
+from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record
 from gamms.recorder.session import RecordingSession
 from gamms.typing.context import HostContext
@@ -75,7 +75,7 @@ class Version3Encoder:
 
     def keyframe(self, keyframe: Keyframe) -> None:
         """Write the whole state."""
-        self._writer.keyframe(keyframe, lasting=LASTING)
+        self._writer.keyframe(keyframe)
 
     def flush(self) -> None:
         """Make what was written readable even if the program dies."""

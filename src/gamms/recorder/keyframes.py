@@ -1,7 +1,6 @@
 """A whole state as a keyframe or a snapshot holds it: columns of agents, the game as plain values."""
 
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from itertools import chain
 from math import isnan
 from typing import Any
@@ -9,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.agents import AgentBlock
-from gamms.ir.deflated import LARGE_COLUMN
 from gamms.ir.events import LOGGED
 from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -37,28 +35,27 @@ _MOST_AGENTS = 1 << 24  # that one recording may number
 # -- to be written ------------------------------------------------------------------------------------------------
 
 
-def captured(ctx: HostContext, members: Columns | None = None) -> Keyframe:
-    """Return the state of a context that is being recorded, as a keyframe holds it.
-
-    Args:
-        ctx: the context.
-        members: what `members_of` returned, if none of it has changed; the keyframe has the same objects then.
-    """
-    rows, described = ctx.agent.block, ctx.sensor.storage.described()
+def captured(ctx: HostContext) -> Keyframe:
+    """Return the state of a context that is being recorded, in the form of a keyframe."""
+    rows = ctx.agent.block
+    described = ctx.sensor.storage.described()
+    groups = grouped(described)
+    details = ctx.agent.storage.details()
     rows.locate()
-    count = len(rows.names)
-    # NOTE: columns with nothing in them are one array, which is written once (benchmarks: teams, recorded).
-    empty = {name: _nothing(count, n) for name, n in VECTORS.items() if getattr(rows, name).count(None) == count}
-    columns: Columns = {
-        **(members or members_of(ctx, described)),
-        **empty,
-        **rows.arrays(column.name for column in PLACES if column.is_recorded and column.name not in empty),
-        **beside_agents(rows),
-        **(progress_columns(rows.progress) if any(rows.progress) else {}),
-    }
+    columns: Columns = rows.arrays(column.name for column in PLACES if column.is_recorded)
+    columns |= rows.arrays(("names", "kind", "alive")) | beside_agents(rows)
+    if any(rows.progress):
+        columns |= progress_columns(rows.progress)
+    columns["numbers"] = np.array(rows.journal.ids[: len(details)], np.int64)
+    columns["alive"] = columns["alive"].astype(np.int64)
+    columns["teams"] = to_plain(list(rows.teams))
+    columns["speed"] = to_plain(list(rows.speed))
+    carried = [{name: sensor.sensor_id for name, sensor in sensors.items()} for sensors, _, _ in details]
+    columns["carried"] = _carried(carried, groups)
+    columns["strategies"] = _names_of(deciders(ctx, [strategy for *_, strategy in details]))
     attributes = {row: plain_subset(one) for row, one in ctx.agent.storage.attributes().items()}
     state = ctx.game.internals.state
-    return _in_order(columns, len(rows.journal.names), grouped(described), attributes, state, ctx.rng_state())
+    return _in_order(columns, len(rows.journal.names), groups, attributes, state, ctx.rng_state())
 
 
 def beside_agents(rows: AgentBlock) -> Columns:
@@ -99,37 +96,6 @@ def restore_beside_agents(rows: AgentBlock, keyframe: Keyframe) -> None:
             raise Damaged(f"{shown(one.name)} has other numbers than a column of its kind: {shown(held)}") from None
 
 
-def members_of(ctx: HostContext, described: list[dict[str, Any]]) -> Columns:
-    """Return the columns that change only if agents, their teams, sensors or strategies do, or plans.
-
-    Args:
-        ctx: the context.
-        described: its sensors.
-    """
-    rows, details = ctx.agent.block, ctx.agent.storage.details()
-    arrays = rows.arrays(("names", "kind", "alive"))
-    sensors = [sensors and {name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details]
-    return {
-        **arrays,
-        "numbers": np.array(rows.journal.ids[: len(details)], np.int64),
-        "alive": arrays["alive"].astype(np.int64),
-        "teams": to_plain(list(rows.teams)),
-        "speed": to_plain(list(rows.speed)),
-        "carried": _carried(sensors, grouped(described)),
-        "strategies": _names_of(deciders(ctx, [strategy for *_, strategy in details])),
-    }
-
-
-LASTING = (*VECTORS, "names", "numbers", "kind", "alive", "teams", "speed", "carried", "strategies")
-"""Items of a keyframe that are as they were in an earlier one if they are the same object."""
-
-
-@lru_cache(maxsize=4)
-def _nothing(count: int, width: int) -> FloatArray:
-    """Return a read-only column in which no agent has anything."""
-    return np.broadcast_to(np.float64(np.nan), (count, width))
-
-
 def packed(
     columns: Columns, following: int, sensors: list[dict[str, Any]], game: GameState, rng_state: Plain
 ) -> Keyframe:
@@ -161,8 +127,8 @@ def _in_order(
         "numbers": columns["numbers"],
         "next": following,
         "kind": columns["kind"],
-        "node": _narrowed(columns["node"], np.int32),
-        "came": _narrowed((came << 1) ^ (came >> 63), np.int16, np.int32),  # 0, -1, 1, -2 as 0, 1, 2, 3
+        "node": columns["node"],
+        "came": (came << 1) ^ (came >> 63),  # 0, -1, 1, -2 as 0, 1, 2, 3
         **{name: columns[name] for name in (*VECTORS, "alive")},
         **{name: columns[name] for name in _needed(columns)},
         **{one.name: columns[one.name] for one in RECORDED_NUMBERS if (columns[one.name] != one.initial).any()},
@@ -178,14 +144,6 @@ def _in_order(
         },
         "chance": to_plain(rng_state),
     }
-
-
-def _narrowed(numbers: IntArray, *dtypes: type) -> IntArray:
-    """Return many integers in the first of some dtypes in which their sums fit, too: they take less time to pack."""
-    if numbers.nbytes < LARGE_COLUMN:
-        return numbers
-    most = 2 * max(abs(int(numbers.min())), abs(int(numbers.max())))
-    return numbers.astype(next((dtype for dtype in dtypes if most <= np.iinfo(dtype).max), np.int64))
 
 
 # -- the game -----------------------------------------------------------------------------------------------------

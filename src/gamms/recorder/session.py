@@ -99,7 +99,6 @@ class RecordingSession:
         self._is_full = False  # whether these are too many to wait
         self._since_keyframe = 0  # entries
         self._values = 0  # that were written up to the last interval
-        self._columns: tuple[Any, Any] = None, None  # versions, and the columns of keyframes that follow from them
         self._blocks = 0  # that were complete when turns were saved that waited
         self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
@@ -288,7 +287,7 @@ class RecordingSession:
     def renumber(self, snapshot: keyframes.Keyframe) -> None:
         """Give agents the numbers that they have in a snapshot, and expect no changes but those that follow it."""
         journal, block = self._journal, self.ctx.agent.block
-        journal.names, self._columns = [""] * snapshot["next"], (None, None)
+        journal.names = [""] * snapshot["next"]
         journal.living = dict.fromkeys(snapshot["names"])
         for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
             journal.renumber(block.row_of(name), name, number)
@@ -450,11 +449,7 @@ class RecordingSession:
     def _keyframe(self) -> keyframes.Keyframe:
         if self._replayed is not None:  # which knows what no context can be: strategies are functions
             return self._replayed.keyframe(self.turn)
-        versions = (self._journal, self.ctx.agent.block, *self._current_versions())
-        if self._columns[0] != versions:
-            self._columns = versions, keyframes.members_of(self.ctx, self.ctx.sensor.storage.described())
-        state = keyframes.captured(self.ctx, self._columns[1])
-        return state | {"pace": self._game.pace} | keyframes.components_of(self.ctx)
+        return keyframes.captured(self.ctx) | {"pace": self._game.pace} | keyframes.components_of(self.ctx)
 
     def _encode(self) -> None:
         if not self._has_begun:

@@ -19,15 +19,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
-from gamms.ir.deflated import ByteReader, Lasting, column, column_of_changes, steps
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Movers, Moves
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.packed_bytes import FAST, ByteReader, column, steps
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
@@ -105,26 +105,6 @@ def layout_of(numbers: bytes) -> tuple[bytes, Layout]:
     # NOTE: which spares a third of the time of a block with ten agents (benchmarks: w4).
     array = np.frombuffer(numbers, np.int64)
     return column(steps(array)), Layout(array)
-
-
-@lru_cache(maxsize=2)
-def team_of(movers: Movers, turns: int) -> tuple[Lasting, IntArray | None]:
-    """Return the column of rows of a block in which each of some agents moves once in each turn.
-
-    With it, the order of the agents by their numbers; None: they have it.
-    """
-    rows = Lasting(column(steps(np.tile(movers.numbers, turns))))
-    is_ordered = bool((movers.numbers[1:] > movers.numbers[:-1]).all())
-    return rows, None if is_ordered else _by_number(movers.numbers)
-
-
-def _team_columns(turns: Sequence[Moves]) -> Iterator[bytes]:
-    """Yield the columns of the moves of a block in which the same agents move in each turn, as `Layout` gives them."""
-    rows, order = team_of(turns[0].movers, len(turns))
-    nodes = [one.nodes if order is None else one.nodes[order] for one in turns]
-    yield rows
-    yield column(steps(nodes[0].astype(np.int64)))
-    yield column_of_changes(nodes)
 
 
 def _by_number(numbers: IntArray) -> IntArray:
@@ -244,29 +224,19 @@ class Stretch:
 class Part(NamedTuple):
     """The logs of one turn or of several, checked and taken apart."""
 
-    moves: "array[int] | Moves"  # row, node, row, node, …; or those of many agents
+    moves: IntArray  # (moves, 2): the number of an agent, and a node
     turns: Sequence[int]  # moves of each turn
-    after: Sequence[int] = ()  # moves before each event, of which a part of several turns has none
+    after: Sequence[int] = ()  # moves before each event; a part of several turns has no events
     kinds: Sequence[int] = ()
-    data: Sequence[bytes] = ()  # of the events but those whose data are only numbers
-    rows: Mapping[int, Rows] = MappingProxyType({})  # these, by their kind
-
-    @property
-    def total(self) -> int:
-        """How many moves there are."""
-        return len(self.moves.nodes) if isinstance(self.moves, Moves) else len(self.moves) >> 1
-
-    @property
-    def pairs(self) -> "array[int]":
-        """The moves as rows and nodes."""
-        return array("q", self.moves.pairs.tobytes()) if isinstance(self.moves, Moves) else self.moves
+    data: Sequence[bytes] = ()  # of the events whose data are not only numbers
+    rows: Mapping[int, Rows] = MappingProxyType({})  # the others, by their kind
 
     @property
     def size(self) -> int:
         """An estimate of the bytes that it takes."""
         values = sum(map(len, self.data)) + _BYTES_PER_EVENT * len(self.data)
         numbers = sum(len(some.ints) + len(some.floats) for some in self.rows.values())
-        return BYTES_PER_MOVE * self.total + values + _BYTES_PER_NUMBER * numbers
+        return BYTES_PER_MOVE * len(self.moves) + values + _BYTES_PER_NUMBER * numbers
 
 
 def part_of(log: Sequence[object]) -> Part:
@@ -276,17 +246,11 @@ def part_of(log: Sequence[object]) -> Part:
         BadType, BadValue: it is none, or has an event that is not plain.
     """
     log = log if isinstance(log, list) else list(log)
-    many: Any = log[0] if len(log) == 1 else None
-    if _are_moves(many):
-        part = Part(many[1], (len(many[1].nodes),))
-    else:
-        try:
-            moves = array("q", cast("list[int]", log))
-            part = Part(moves, (len(moves) >> 1,))
-            _check_pairs(len(moves))
-        except (TypeError, OverflowError):
-            part = _mixed(log)
-    if part.total > blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
+    try:
+        part = part_of_moves(array("q", cast("list[int]", log)))
+    except (TypeError, OverflowError):
+        part = _mixed(log)
+    if len(part.moves) > blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
         raise BadValue(
             f"A turn of {part.turns[0]} moves and {len(part.kinds)} events cannot be recorded; at most "
             f"{blocks.MOST_MOVES} moves and {blocks.MOST_EVENTS} events can."
@@ -294,40 +258,51 @@ def part_of(log: Sequence[object]) -> Part:
     return part
 
 
-def _are_moves(entry: Any) -> bool:
-    return type(entry) is tuple and len(entry) == 2 and entry[0] == MOVES and isinstance(entry[1], Moves)
+def part_of_moves(numbers: "array[int]", turns: Sequence[int] | None = None) -> Part:
+    """Return moves, `row, node` two by two, as a part.
+
+    Args:
+        numbers: of the moves.
+        turns: moves of each turn; None: all are of one turn.
+    """
+    _check_pairs(len(numbers))
+    moves = np.frombuffer(numbers, np.int64).reshape(-1, 2)
+    return Part(moves, [len(moves)] if turns is None else turns)
 
 
 def _mixed(log: Log) -> Part:
-    types, begin = list(map(type, log)), 0
-    moves, after, kinds, data = array("q"), [], [], []
+    """Return the log of a turn with events."""
+    found: list[IntArray] = []
+    after, kinds, data = [], [], []
     rows: dict[int, list[Plain]] = {kind: [] for kind in FORMS}
+    types, begin, count = list(map(type, log)), 0, 0
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
-        if end > begin:
-            moves.extend(_moves(log[begin:end]))
+        moves = _moves(log[begin:end])
         begin = end + 1
-        if _are_moves(log[end]):
-            moves.frombytes(log[end][1].pairs.tobytes())
-            continue
-        after.append(len(moves) // 2)
         kind, one = _checked_event(log[end])
+        found.append(moves)
+        count += len(moves)
+        if kind == MOVES and isinstance(one, np.ndarray):
+            found.append(one.astype(np.int64, copy=False).reshape(-1, 2))
+            count += len(found[-1])
+            continue
+        after.append(count)
         kinds.append(kind)
         if kind in rows:
             rows[kind].append(one)
         else:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
-    moves.extend(_moves(log[begin:]))
-    found = {kind: Rows.of(kind, each) for kind, each in rows.items() if each}
-    many = [entry[1] for entry in log if _are_moves(entry)]
-    are_together = len(many) == 1 and len(many[0].nodes) == len(moves) >> 1
-    return Part(many[0] if are_together else moves, (len(moves) >> 1,), after, kinds, data, found)
+    found.append(_moves(log[begin:]))
+    numbers = {kind: Rows.of(kind, each) for kind, each in rows.items() if each}
+    whole = found[0] if len(found) == 1 else np.concatenate(found)
+    return Part(whole, [len(whole)], after, kinds, data, numbers)
 
 
-def _moves(numbers: Log) -> "array[int]":
+def _moves(numbers: Log) -> IntArray:
     _check_pairs(len(numbers))
     try:
-        return array("q", numbers)
+        return np.frombuffer(array("q", numbers), np.int64).reshape(-1, 2)
     except TypeError as error:
         raise BadType(
             f"A log has ints and tuples (kind, data); this one has something else ({reason(error)})."
@@ -379,7 +354,7 @@ class Collected:
         """Add turns."""
         self.parts.append(part)
         self.turns += len(part.turns)
-        self.moves += part.total
+        self.moves += len(part.moves)
         self.events += len(part.kinds)
         self.values += len(part.data)
         self.size += part.size
@@ -399,16 +374,12 @@ class Collected:
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
                 columns += Rows.joined(some).columns(kind)
         data = [one for part in parts for one in part.data]
-        return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]))
+        return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]), FAST)
 
     def _columns_of_moves(self) -> Iterator[bytes]:
         """Yield the rows, the first nodes of their tracks, and the other nodes."""
-        parts = [part for part in self.parts if part.total]
-        turns = [part.moves for part in parts if isinstance(part.moves, Moves)]
-        if turns and len(turns) == len(parts) and all(one.movers is turns[0].movers for one in turns):
-            yield from _team_columns(turns)
-            return
-        moves = np.frombuffer(b"".join([part.pairs for part in parts]), np.int64).reshape(-1, 2)
+        parts = [part.moves for part in self.parts]
+        moves = parts[0] if len(parts) == 1 else np.concatenate(parts)
         rows, layout = layout_of(moves[:, 0].tobytes())
         yield rows
         yield from layout.columns(moves[:, 1])
@@ -427,7 +398,7 @@ class Collected:
             kinds += part.kinds
             data = map(len, part.data)
             sizes += [0 if kind in FORMS else next(data) for kind in part.kinds]
-            moves += part.total
+            moves += len(part.moves)
         for one in numbers:
             array = np.array(one, np.int64)
             yield column(steps(array) if one is after else array)

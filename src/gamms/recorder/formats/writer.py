@@ -9,12 +9,13 @@ long anything took.
 import os
 import time
 from array import array
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
 
 from gamms.errors import BadType, BadValue
 from gamms.ir import packing
+from gamms.ir.packed_bytes import FAST
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, chunks
@@ -69,7 +70,6 @@ class Writer:
         self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
-        self._packer = packing.DictPacker()
         self._values = 0  # before the open block
         self._open = chunks.Collected(first)
         self._file.append(blocks.MAGIC + head)
@@ -117,7 +117,7 @@ class Writer:
             end = begin + 2 * sum(counts)
             is_whole = end - begin == sum(map(len, some)) and not self._file.is_closed
             if is_whole and self._open.fits(sum(counts)) and not self._is_full_before(counts):
-                self._open.add(chunks.Part(moves[begin:end], counts))
+                self._open.add(chunks.part_of_moves(moves[begin:end], counts))
                 self._close_or_flush()
             else:
                 for log in some:
@@ -140,19 +140,15 @@ class Writer:
         is_large = size >= self._size and (turns >= _FEWEST_TURNS or size >= _MOST_SIZES * self._size)
         return turns >= self._turns or is_large
 
-    def keyframe(self, state: dict[str, Plain], *, lasting: Collection[str] = ()) -> None:
-        """Write down the whole state after the turns that were added so far.
-
-        Args:
-            state: plain values and NumPy arrays.
-            lasting: keys whose values have not changed since the last keyframe if they are the same objects.
+    def keyframe(self, state: dict[str, Plain]) -> None:
+        """Write the whole state after the turns added so far: plain values and NumPy arrays.
 
         Raises:
             BadType, BadValue: it is not plain; nothing was written then.
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        body = self._packer.pack(_is_dict(state, "keyframe"), "A keyframe", lasting)
+        body = packing.pack(_is_dict(state, "keyframe"), "A keyframe", FAST)
         self.end_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
 
