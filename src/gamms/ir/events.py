@@ -37,9 +37,12 @@ REPLAYED = -1  # never written: a record of version 2 that is replayed, and what
 class Role(Enum):
     """What the value of a field means to the outside."""
 
-    AGENT = "the name of an agent"
-    NUMBER = "the number of an agent, or an array of them"
-    NODE = "a node id, or an array of them"
+    AGENT = "the name of an agent, or a list of names"
+    NUMBER = "the number of an agent, or a list or an array of numbers"
+    EACH = "one value for each agent that the event names or numbers"
+    BY_AGENT = "values by the names of agents"
+    BY_TEAM = "pairs of a team and a value"
+    NODE = "a node id"
     PLAIN = "nothing"
 
 
@@ -47,8 +50,8 @@ class Field(NamedTuple):
     """A field of an event.
 
     Attributes:
-        role: whether it names an agent or a node.
-        check: takes a value and what to call it in an error; gives the value that is meant; None takes any plain value.
+        role: what its value means.
+        check: takes a value and its name in an error message, and returns the checked value; None: any plain value.
         is_optional: whether it may be missing.
     """
 
@@ -277,13 +280,17 @@ def _above(state: State, data: Mapping[str, Plain]) -> None:
         state.agents.set(row, "previous", previous)
 
 
-_ALL, _TEAM, _SENSED, _HOST = Audience.ALL, Audience.TEAM, Audience.SENSED, Audience.HOST
+_ALL = Audience.ALL
+_TEAM = Audience.TEAM
+_SENSED = Audience.SENSED
+_WITNESSED = Audience.WITNESSED
+_HOST = Audience.HOST
 
 AGENT_CREATE = _event(
-    0x01000000, "AGENT_CREATE", _ALL, "name:AGENT kwargs ?state ?strategy", _create, _creation_records
+    0x01000000, "AGENT_CREATE", _HOST, "name:AGENT kwargs ?state ?strategy", _create, _creation_records
 )
 AGENT_DELETE = _record(
-    0x01000001, "AGENT_DELETE", _ALL, "name:AGENT", lambda state, data: state.agents.remove(data["name"])
+    0x01000001, "AGENT_DELETE", _HOST, "name:AGENT", lambda state, data: state.agents.remove(data["name"])
 )
 AGENT_SENSOR_REGISTER = _record(0x01100002, "AGENT_SENSOR_REGISTER", _TEAM, "agent_name name sensor_id", _register)
 AGENT_SENSOR_DEREGISTER = _record(
@@ -297,12 +304,16 @@ AERIAL_AGENT_QUATERNION = _record(
 )
 AGENT_STRATEGY = _event(0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy", _sets("strategies", "strategy"))
 AGENT_PROGRESS = _event(
-    0x01100014, "AGENT_PROGRESS", _SENSED, f"numbers {' '.join(ON_EDGES[:3])} ?edge_id ?edge_motion", _progress
+    0x01100014,
+    "AGENT_PROGRESS",
+    _SENSED,
+    "numbers edge_source:EACH edge_target:EACH edge_share:EACH ?edge_id:EACH ?edge_motion:EACH",
+    _progress,
 )
-AGENT_ATTRIBUTE = _event(0x01100016, "AGENT_ATTRIBUTE", _TEAM, "numbers name ?values", _attribute)
+AGENT_ATTRIBUTE = _event(0x01100016, "AGENT_ATTRIBUTE", _TEAM, "numbers name ?values:EACH", _attribute)
 AERIAL_AGENT_FLIGHT = _event(0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _flight_records)
 AERIAL_AGENT_TURN = _event(0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _turn, _turn_records)
-FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node previous", _above)
+FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node:EACH previous:EACH", _above)
 # Never written as an event: the ints of a log, and a column of their own in a file.
 MOVES = _event(0x01100040, "MOVES", _SENSED, "number node", _move, _move_records)
 
@@ -396,30 +407,32 @@ GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
 DECISIONS = ("choice", "llm")
-"""Kinds of emitted events that say what was decided for an agent: only its own side may know of them."""
+"""Kinds of emitted events that say what was decided for an agent: only its own team may know of them."""
 
-GAME_EVENT = _logged(0x04000002, "GAME_EVENT", _ALL, "kind", "events")
+GAME_EVENT = _logged(0x04000002, "GAME_EVENT", _WITNESSED, "kind", "events")
 GAME_OVER = _event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _over)
-GAME_TURN = _event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts", _count)
-GAME_MEMORY = _event(0x04000005, "GAME_MEMORY", _TEAM, "agents teams", _remember)
+GAME_TURN = _event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts:BY_AGENT", _count)
+GAME_MEMORY = _event(0x04000005, "GAME_MEMORY", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _remember)
 GAME_FACTS = _event(
     0x04000006, "GAME_FACTS", _ALL, "set removed", lambda state, data: state.publish(data["set"], data["removed"])
 )
 GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
-GAME_PRIVATE_FACTS = _event(0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents teams", _publish_privately)
-GAME_DEED = _logged(0x04000008, "GAME_DEED", _SENSED, "agent:AGENT deed at:NODE", "deeds")
-GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _puts("blocked"))
+GAME_PRIVATE_FACTS = _event(
+    0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _publish_privately
+)
+GAME_DEED = _logged(0x04000008, "GAME_DEED", _WITNESSED, "agent:AGENT deed at:NODE", "deeds")
+GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _ALL, "blocked:BY_AGENT", _puts("blocked"))
 GAME_MESSAGE = _logged(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
-USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")
+USER_EVENT = _event(0x05000000, "USER_EVENT", _WITNESSED, "kind")
 
 TERMINATE = _record(0x00000000, "TERMINATE", _ALL)
 SIMULATE = _record(0x00000001, "SIMULATE", _ALL, "", lambda state, _: state.end_turn())
 SNAPSHOT = _event(0x00000010, "SNAPSHOT", _HOST, "names numbers node", lambda state, data: state.restore(data))
-UNFINISHED = _event(0x00000011, "UNFINISHED", _HOST)
+UNFINISHED = _event(0x00000011, "UNFINISHED", _ALL)
 WORLD = _event(0x03000000, "WORLD", _ALL, "world", lambda state, data: state.replace_world(data["world"]))
-VISUALS = _event(0x03000010, "VISUALS", _ALL, "artists", lambda state, data: state.show(data))
+VISUALS = _event(0x03000010, "VISUALS", _HOST, "artists", lambda state, data: state.show(data))
 VISUAL_COMMANDS = _event(
-    0x03000011, "VISUAL_COMMANDS", _ALL, "artist layer visible", lambda state, data: state.draw(data)
+    0x03000011, "VISUAL_COMMANDS", _HOST, "artist layer visible", lambda state, data: state.draw(data)
 )
 SENSORS = _event(
     0x06000000,

@@ -27,9 +27,10 @@ Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; se
 class Audience(Enum):
     """Who may know of an event while the game goes on."""
 
-    ALL = "all"
+    ALL = "all; of values by agents and teams, a team knows its own"
     TEAM = "the team of the agent"
-    SENSED = "the team of the agent, and who senses it"
+    SENSED = "the team of the agent; others know what their sensors report"
+    WITNESSED = "the team of the agents that the event names, and whoever sees one of them; all if it names none"
     HEARD = "the team of the sender, and those who hear or overhear it"
     HOST = "only the program that runs the game"
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Log, Role, events_of, renumbered
+from gamms.ir.events import DECISIONS, EVENTS, MOVES, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
@@ -33,6 +33,7 @@ _Event = tuple[int, Any]
 _KEYFRAME_TURNS = 64
 _PUBLIC = ("format", "package", "created", "world", "world_sha256")  # of a header; the rest may name agents of others
 _OF_ALL = ("graph", "obstacles", "flags", "territory", "tags", "goals", "held", "discovered", "resources", "cooldowns")
+_OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)  # fields that tell of agents
 _OF_STATE = ("pace", "components", "events", "settings", "facts")  # of a keyframe that all may know
 
 
@@ -196,9 +197,8 @@ class Cut:
         own["strategies"] = [None] * len(rows)
         packed = keyframes.packed(own, len(rows), self._sensors_of(names), self._game(), None)
         history: dict[str, Any] = {key: deepcopy(of[key]) for key in _OF_STATE if key in of}
-        history["events"] = [
-            event for event in history.get("events", ()) for _ in self._emitted(kinds.GAME_EVENT, event)
-        ]
+        events = history.get("events", ())
+        history["events"] = [event for event in events if self._is_witnessed(kinds.GAME_EVENT, event)]
         for channel in history.get("settings", {}).get("channels", {}).values():
             if "jammers" in channel:
                 channel["jammers"] = [one for one in channel["jammers"] if one.get("agent", "") in {"", *self._own}]
@@ -255,85 +255,75 @@ class Cut:
     # -- events, while they wait ------------------------------------------------------------------------------------
 
     def _cut(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield what its own agents know of an event, in front of which the state stands."""
-        special = _SPECIAL.get(kind)
-        if special is not None:
-            yield from special(self, kind, data)
-        elif kind in EVENTS and EVENTS[kind].audience is not Audience.HOST:
-            yield from self._by_audience(kind, data)
-
-    def _by_audience(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield an event unless it is of another agent and not for all; whose agents have come is seen later."""
-        if isinstance(data, tuple):  # (number, …)
-            if self._names.get(data[0]) in self._own:
-                yield kind, (self._id_of(data[0]), *data[1:])
-            return
-        fields = EVENTS[kind].fields
-        name = next((data[key] for key, field in fields.items() if field.role is Role.AGENT and key in data), None)
-        if name is None or name in self._own or EVENTS[kind].audience is Audience.ALL:
-            yield kind, data
-
-    def _moves(self, kind: int, data: Plain) -> Iterator[_Event]:
-        pairs = zip(data[::2], data[1::2], strict=True)
-        own = [
-            item
-            for number, node in pairs
-            if self._names.get(int(number)) in self._own
-            for item in (self._id_of(int(number)), int(node))
-        ]
-        if own:
-            yield kind, own
-
-    def _of_several(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Keep the items of its own agents, in an event whose columns have one item for each agent."""
-        names = data["names"] if "names" in data else [self._names[number] for number in data["numbers"].tolist()]
-        rows = [row for row, name in enumerate(names) if name in self._own]
-        if rows:
-            own: dict[str, Any] = {key: np.asarray(each)[rows] for key, each in data.items() if key != "names"}
-            if "names" in data:
-                own["names"] = [names[row] for row in rows]
-            else:
-                own["numbers"] = np.array([self._ids[names[row]] for row in rows], np.int64)
-            yield kind, own
-
-    def _attribute(self, kind: int, data: Plain) -> Iterator[_Event]:
-        names = [self._names[number] for number in np.asarray(data["numbers"]).tolist()]
-        rows = [row for row, name in enumerate(names) if name in self._own]
-        own = {"numbers": [self._ids[names[row]] for row in rows], "name": data["name"]}
-        if rows:
-            yield kind, own | ({"values": [data["values"][row] for row in rows]} if "values" in data else {})
-
-    def _of_agents_and_teams(self, kind: int, data: Plain) -> Iterator[_Event]:
-        agents, known = self._of_own(data["agents"]), set(self._own.values())
-        teams = [pair for pair in data["teams"] if pair[0] in known]
-        if agents or teams:
-            yield kind, {"agents": agents, "teams": teams}
-
-    def _blocked(self, kind: int, data: Plain) -> Iterator[_Event]:
-        yield kind, {"blocked": self._of_own(data["blocked"])}
-
-    def _counted(self, kind: int, data: Plain) -> Iterator[_Event]:
-        yield kind, {**data, **({"starts": self._of_own(data["starts"])} if "starts" in data else {})}
-
-    def _deed(self, kind: int, data: Plain) -> Iterator[_Event]:
-        if self._is_in_view(data["agent"]):
-            yield kind, data
-
-    def _emitted(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield an event unless it names agents, all of them out of sight: rules emit for those who watch a game."""
-        if data.get("kind") in DECISIONS and "agent" in data:
-            if data["agent"] in self._own:
+        """Yield the part of an event that the agents know, given the state before the event."""
+        audience = EVENTS[kind].audience if kind in EVENTS else Audience.HOST
+        if audience is Audience.HEARD:
+            yield from self._heard_later(kind, data)
+        elif audience is Audience.WITNESSED:
+            if self._is_witnessed(kind, data):
                 yield kind, data
-            return
-        named = [text for text in _texts_in(data) if text in self._ids]
-        if not named or any(map(self._is_in_view, named)):
-            yield kind, data
+        elif audience is not Audience.HOST:
+            own = self._own_part(kind, data)
+            if own is not None:
+                yield kind, own
 
-    def _declared(self, _kind: int, data: Plain) -> Iterator[_Event]:
-        self._visuals = data
-        yield from self._new_visuals()
+    def _own_part(self, kind: int, data: Plain) -> Any:
+        """Return the data of an event as far as the agents know it; None: they know nothing of it."""
+        if kind == MOVES:
+            return [item for pair in zip(data[::2], data[1::2], strict=True) for item in self._own_move(*pair)] or None
+        if isinstance(data, tuple):  # (number, …)
+            return (self._id_of(data[0]), *data[1:]) if self._names.get(data[0]) in self._own else None
+        known = EVENTS[kind]
+        own = {}
+        is_empty = known.audience is not Audience.ALL
+        rows = self._own_rows(kind, data)
+        for key, value in data.items():
+            role = known.fields[key].role if key in known.fields else Role.PLAIN
+            own[key] = value
+            if role is Role.AGENT and isinstance(value, str):
+                is_empty = is_empty and value not in self._own
+            elif role in _OF_AGENTS:
+                own[key] = self._own_items(role, value, rows)
+                is_empty = is_empty and not len(own[key])
+        has_agents = any(field.role in _OF_AGENTS for field in known.fields.values())
+        return None if is_empty and has_agents else own
 
-    def _message(self, kind: int, data: Plain) -> Iterator[_Event]:
+    def _own_move(self, number: Any, node: Any) -> Iterator[int]:
+        if self._names.get(int(number)) in self._own:
+            yield self._id_of(int(number))
+            yield int(node)
+
+    def _own_rows(self, kind: int, data: Mapping[str, Any]) -> list[int]:
+        """Return the places of the agents in the columns of an event."""
+        names: list[str] = []
+        for key, field in EVENTS[kind].fields.items():
+            if field.role is Role.NUMBER:
+                names = [self._names[number] for number in np.asarray(data[key]).tolist()]
+            elif field.role is Role.AGENT and isinstance(data.get(key), list):
+                names = data[key]
+        return [row for row, name in enumerate(names) if name in self._own]
+
+    def _own_items(self, role: Role, value: Any, rows: list[int]) -> Any:
+        """Return the part of the value of a field that is of the agents."""
+        if role is Role.BY_AGENT:
+            return self._of_own(value)
+        if role is Role.BY_TEAM:
+            teams = set(self._own.values())
+            return [pair for pair in value if pair[0] in teams]
+        items = value[rows] if isinstance(value, np.ndarray) else [value[row] for row in rows]
+        if role is Role.NUMBER:
+            items[:] = [self._id_of(number) for number in np.asarray(items).tolist()]
+        return items
+
+    def _is_witnessed(self, kind: int, data: Mapping[str, Any]) -> bool:
+        """Whether an event names no agents, or one that is in sight; rules emit for those who watch a game."""
+        if data.get("kind") in DECISIONS and "agent" in data:
+            return data["agent"] in self._own
+        actors = [data[key] for key, field in EVENTS[kind].fields.items() if field.role is Role.AGENT]
+        named = actors or [text for text in _texts_in(data) if text in self._ids]
+        return not named or any(map(self._is_in_view, named))
+
+    def _heard_later(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield a message of its own agents now; those of others in the turns in which they are heard."""
         own = {**data, "lost": [], "jammed": []}
         if data["sender"] in self._own:
@@ -364,8 +354,11 @@ class Cut:
                 is_new = kind == kinds.AGENT_CREATE and data["name"] == name
                 yield kinds.AGENT_CREATE, {**data, "strategy": None} if is_new else self._creation(name)
             yield from self._new_visuals()
-        if kind in _OF_SENSORS:
+        if kind in (kinds.SENSORS, kinds.AGENT_CREATE, kinds.AGENT_SENSOR_REGISTER, kinds.AGENT_TEAM):
             yield from self._new_sensors(data.get("removed", ()))
+        if kind == kinds.VISUALS:
+            self._visuals = data
+            yield from self._new_visuals()
 
     def _new_sensors(self, removed: Iterable[str]) -> Iterator[_Event]:
         """Yield which sensors its own agents carry that were not known, or are set otherwise now."""
@@ -474,10 +467,8 @@ class Cut:
                 yield kind, known
         elif kind == kinds.SENSED:
             yield kind, sensed.renumbered(renumbered(kind, data, number_of), number_of)
-        elif isinstance(data, tuple) or "numbers" in EVENTS[kind].fields:
+        elif "agent_name" not in EVENTS[kind].fields or self._ids[data["agent_name"]] in self._numbers:
             yield kind, renumbered(kind, data, number_of)
-        elif kind in LOGGED or self._ids.get(data.get("agent_name"), -1) in self._numbers or "agent_name" not in data:
-            yield kind, data
 
     def _renumber(self, kind: int, data: Plain) -> bool:
         """Note who comes and goes by an event; returns whether that is news."""
@@ -512,32 +503,6 @@ def _texts_in(value: Plain) -> Iterator[str]:
     elif isinstance(value, (list, tuple, set, frozenset)):
         for one in value:
             yield from _texts_in(one)
-
-
-def _nothing(_cut: Cut, _kind: int, _data: Plain) -> Iterator[_Event]:
-    """Yield nothing."""
-    return iter(())
-
-
-_SPECIAL: dict[int, Callable[[Cut, int, Any], Iterator[_Event]]] = {
-    MOVES: Cut._moves,
-    kinds.AGENT_PROGRESS: Cut._of_several,
-    kinds.AGENT_ATTRIBUTE: Cut._attribute,
-    kinds.FLYERS_ABOVE: Cut._of_several,
-    kinds.GAME_MEMORY: Cut._of_agents_and_teams,
-    kinds.GAME_PRIVATE_FACTS: Cut._of_agents_and_teams,
-    kinds.GAME_BLOCKED: Cut._blocked,
-    kinds.GAME_TURN: Cut._counted,
-    kinds.GAME_DEED: Cut._deed,
-    kinds.GAME_EVENT: Cut._emitted,
-    kinds.USER_EVENT: Cut._emitted,
-    kinds.GAME_MESSAGE: Cut._message,
-    **dict.fromkeys((kinds.AGENT_CREATE, kinds.AGENT_DELETE), _nothing),  # see `_after`
-    kinds.UNFINISHED: Cut._by_audience,
-    kinds.VISUALS: Cut._declared,
-    kinds.VISUAL_COMMANDS: _nothing,  # the program's own drawers see everything
-}
-_OF_SENSORS = (kinds.SENSORS, kinds.AGENT_CREATE, kinds.AGENT_SENSOR_REGISTER, kinds.AGENT_TEAM)
 
 
 def sides_of(
