@@ -89,6 +89,7 @@ class Builder:
         self._values = _values_of(ctx.game)
         self._calls = 0  # of what may give something else when it is called again
         self._again: set[str] = set()  # the parts of the game in which such calls are
+        self._lasting: set[int] = set()  # the rules that are the same for all seeds, by their numbers
         self._placing: Placing | None = None
         self._map: MapSnapshot | None = None  # as it was before the code of the scenario changed it, if that did
         self._called: dict[str, Any] = {}  # where functions of others than GAMMS are named -> what they gave first
@@ -211,17 +212,19 @@ class Builder:
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
 
     def _draw_rules(self) -> None:
-        """Make the rules again, prepare them, and put them in place of those that are still there."""
+        """Make the rules of other seeds, prepare all, and put them in place of those that are still there."""
         now, known, self._rules = self.ctx.game.rules, self._rules, {}
         for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
-                rule = self._rule(given, f"rules.{number}")
+                rule = before if number in self._lasting else self._rule(given, f"rules.{number}")
                 prepare = rule_spec_of(rule).prepare
                 if prepare is not None:
                     prepare(self.ctx)
-            now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
+            if rule is not before:
+                now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
             self._rules[name] = rule
-        self.ctx.game.internals.restore_rules(now)
+        if now is not self.ctx.game.rules:
+            self.ctx.game.internals.restore_rules(now)
 
     def _placed(self) -> dict[str, int]:
         """Return the node on which each agent starts with the seed of the context, by name."""
@@ -380,7 +383,10 @@ class Builder:
     def _add_rule(self, given: str | schema.Rule, number: int) -> None:
         game, path = self.ctx.game, f"rules.{number}"
         with at(path):
-            rule, full = self._rule(given, path), in_full(schema.Rule, given)
+            calls, full = self._calls, in_full(schema.Rule, given)
+            rule = self._rule(given, path)
+            if self._calls == calls:
+                self._lasting.add(number)
             before = game.rules
             game.add(rule, phase=full.phase, name=full.name)
             if rule_spec_of(rule).prepare is not None:

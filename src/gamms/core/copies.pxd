@@ -1,0 +1,16 @@
+cimport cython
+
+cdef extern from "Python.h":
+    cpdef dict as_dict "Py_NewRef" (object value)
+
+cpdef copied(object value, object memo=*)
+cpdef copied_values(object each, object memo=*)
+@cython.locals(made=dict)
+cpdef copied_each(object dicts)
+cpdef refill(object known, object value)
+cpdef refill_each(object known, object value)
+cpdef refill_counts(object known, object value)
+cdef _add_missing(object known, object value)
+cdef _copied_or_shared(object value, object memo)
+@cython.locals(known=dict, made=dict, own=object)
+cdef object _copy_of(object value, set seen)

@@ -1,0 +1,110 @@
+"""Copies of plain Python values: the state of a game that no column holds, such as memories, facts and data of rules.
+
+This module holds Python objects and the GIL.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+from numpy import ndarray
+
+from gamms.core.form import as_dict
+
+_ATOMS = frozenset({str, bytes, int, float, bool, complex, type(None)})
+
+
+class NotPlain(Exception):
+    """A value is not made of plain values, or holds an object twice."""
+
+
+def copied(value: Any, memo: Any = None) -> Any:
+    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
+
+    Args:
+        value: the value to copy.
+        memo: maps the ids of objects to what takes their place; see `copy.deepcopy`.
+    """
+    try:
+        return _copy_of(value, set())
+    except NotPlain:
+        return deepcopy(value, memo)
+
+
+def copied_values(each: Any, memo: Any = None) -> Any:
+    """Return a dict whose values are copies; a value that cannot be copied is shared."""
+    try:
+        return _copy_of(each, set())
+    except NotPlain:
+        return {key: _copied_or_shared(value, memo) for key, value in each.items()}
+
+
+def copied_each(dicts: Any) -> Any:
+    """Return a dict of shallow copies of the dicts in a dict."""
+    made = {}
+    for key, one in dicts.items():
+        made[key] = one.copy()
+    return made
+
+
+def refill(known: Any, value: Any) -> Any:
+    """Give a dict, which others refer to, the items of another one."""
+    known.clear()
+    dict.update(known, value)  # scores are numbers already
+
+
+def refill_each(known: Any, value: Any) -> Any:
+    """Give the dicts in a dict the items of those in another one; a dict without a counterpart is emptied."""
+    for key, one in known.items():
+        other = value.get(key)
+        if one:
+            one.clear()
+        if other:
+            one.update(other)
+    _add_missing(known, value)
+
+
+def refill_counts(known: Any, value: Any) -> Any:
+    """Give the dicts in a dict the numbers of those in another one; a dict without a counterpart counts from 0."""
+    for key, one in known.items():
+        other = value.get(key)
+        one.update(dict.fromkeys(one, 0) if other is None else other)
+    _add_missing(known, value)
+
+
+def _add_missing(known: Any, value: Any) -> Any:
+    for key, one in value.items():
+        if key not in known:
+            known[key] = one.copy()
+
+
+def _copied_or_shared(value: Any, memo: Any) -> Any:
+    try:
+        return copied(value, memo)
+    except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+        return value
+
+
+def _copy_of(value: Any, seen: set[int]) -> Any:
+    """Return a copy of a plain value; `seen` has the ids of the containers that were copied (NotPlain)."""
+    kind = type(value)
+    if kind is str or kind is int or value is None or kind in _ATOMS:
+        return value
+    number = id(value)
+    if number in seen:
+        raise NotPlain
+    seen.add(number)
+    if kind is dict:
+        known = as_dict(value)
+        made = known.copy()
+        for key, one in known.items():
+            own = _copy_of(one, seen)
+            if own is not one:
+                made[key] = own
+        return made
+    if kind is list or kind is tuple:
+        return kind([_copy_of(one, seen) for one in value])
+    if kind is set or (kind is ndarray and not value.dtype.hasobject and value.base is None):
+        return value.copy()  # what can be in a set does not change
+    raise NotPlain
