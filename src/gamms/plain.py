@@ -8,7 +8,6 @@ scalars of NumPy: `to_plain` gives Python's own.
 
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping
-from copy import deepcopy
 from math import isfinite, isnan
 from typing import Any, TypeAlias
 
@@ -21,7 +20,6 @@ Plain: TypeAlias = Any
 
 MOST_DEPTH = 24
 MOST_DIMENSIONS = 8
-_ATOMS = frozenset({str, bytes, int, float, bool, complex, type(None)})
 _MOST_BITS = 996  # of an integer in JSON, which other programs read as a float
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
@@ -95,27 +93,6 @@ def is_same(one: Plain, other: Plain) -> bool:
     if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(is_same, one, other))
     return one is other or bool(one == other)
-
-
-def copied(value: object, memo: dict[int, Any] | None = None) -> Any:
-    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
-
-    Args:
-        value: what is copied.
-        memo: what takes the place of which objects; see `copy.deepcopy`.
-    """
-    if type(value) in _ATOMS:
-        return value
-    made = copied_plain(value)
-    return deepcopy(value, memo) if made is None else made
-
-
-def copied_plain(value: object) -> Any:
-    """Return a copy of what is made of plain values; None where something else is in it, or an object twice."""
-    try:
-        return _copy_of(value, set())
-    except _NotPlain:
-        return None
 
 
 # -- is it plain ------------------------------------------------------------------------------------------------
@@ -213,31 +190,3 @@ def _described(value: Plain) -> str:
     except Exception:  # noqa: BLE001 - of an object of the user, which has none
         text = object.__repr__(value)
     return without_address(text)
-
-
-# -- copy it -----------------------------------------------------------------------------------------------------
-
-
-class _NotPlain(Exception):
-    """A value is not made of plain values, or an object is in it twice."""
-
-
-def _copy_of(value: Any, seen: set[int]) -> Any:
-    kind, made = type(value), None
-    if kind in _ATOMS:
-        return value
-    if id(value) in seen:
-        raise _NotPlain
-    seen.add(id(value))
-    if kind is dict:
-        made = value.copy()
-        for key, one in value.items():
-            if type(one) not in _ATOMS:
-                made[key] = _copy_of(one, seen)
-    elif kind is list or kind is tuple:
-        made = kind([one if type(one) in _ATOMS else _copy_of(one, seen) for one in value])
-    elif kind is set or (kind is np.ndarray and not value.dtype.hasobject and value.base is None):
-        made = value.copy()  # what can be in a set does not change
-    else:
-        raise _NotPlain
-    return made

@@ -17,8 +17,6 @@ from gamms.agent.snapshots import (
     AgentsSnapshot,
     Roster,
     attributes_of,
-    copied_attributes,
-    copies_of,
     details_of,
     teams_in,
 )
@@ -34,6 +32,7 @@ from gamms.agent.teams import (
     values_in,
 )
 from gamms.arguments import as_declared, as_member, as_name, misspelt, with_options
+from gamms.core.copies import copied_values
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -457,10 +456,11 @@ class AgentStorage(Guarded):
         if roster is None or block.has_teams or not roster.is_of(block):
             roster = self._roster = Roster(block, engine._stored())
         attributes = [agent.__dict__ for agent in roster.agents]
+        copy = dict if is_left else copied_values
         return AgentsSnapshot(
             roster,
             block.values(),
-            [*map(dict, attributes)] if is_left else copies_of(attributes),
+            [copy(one) if one else {} for one in attributes],
             [agent._last[0] for agent in roster.agents],
             [dict(one.columns) for one in roster.teams],
             [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],
@@ -480,12 +480,12 @@ class AgentStorage(Guarded):
             for name, one in members.made.items():
                 if roster.stored.get(name) is members:  # it was made since
                     one._last[0] = {}
-                    _renew(one, copied_attributes(members.attributes(name)))
+                    _renew(one, copied_values(members.attributes(name)))
                     _equip_as(one, members.strategy, {})
-        for agent, attributes, state in zip(roster.agents, copies_of(before.attributes), before.states, strict=True):
+        for agent, attributes, state in zip(roster.agents, before.attributes, before.states, strict=True):
             agent._last[0] = state
             if attributes or agent.__dict__:
-                _renew(agent, attributes)
+                _renew(agent, copied_values(attributes))
         if not is_same:
             for agent, strategy, sensors in zip(roster.agents, roster.strategies, roster.sensors, strict=True):
                 _equip_as(agent, strategy, sensors)
@@ -527,7 +527,7 @@ class AgentStorage(Guarded):
                 del memo[key]
             twin._carry()
         for agent in other.made():  # once there are copies of all, which attributes may hold
-            memo[id(agent)].__dict__.update(copied_attributes(agent.__dict__, memo))
+            memo[id(agent)].__dict__.update(copied_values(agent.__dict__, memo))
 
     @refused_while_deciding
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:

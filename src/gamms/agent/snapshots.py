@@ -7,9 +7,9 @@ from typing import Any
 
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
+from gamms.core.copies import copied_values
 from gamms.ir.agents import AgentBlock
 from gamms.ir.schema import PLACES
-from gamms.plain import copied, copied_plain
 from gamms.typing.graph_engine import Node
 
 
@@ -107,37 +107,13 @@ class AgentsSnapshot:
             each = zip(self.roster.agents, self.attributes, strict=True)
             own: dict[str, Any] = next((own for one, own in each if one.name == agent.name), {})
             agent.__dict__.clear()
-            agent.__dict__.update(copied_attributes(own))
+            agent.__dict__.update(copied_values(own))
 
 
 def teams_in(stored: dict[str, Any]) -> dict[int, Members]:
     """Return id() -> `Members`, of those that stand in for agents."""
     each = dict(zip(map(id, stored.values()), stored.values(), strict=True))
     return {key: one for key, one in each.items() if type(one) is Members}
-
-
-def copied_attributes(attributes: dict[str, Any], memo: dict[int, Any] | None = None) -> dict[str, Any]:
-    """Copy the caller's attributes; values that cannot be copied are shared.
-
-    Args:
-        attributes: of an agent.
-        memo: in a copy of the context, what takes the place of which objects; see `copy.deepcopy`.
-    """
-    if not attributes:
-        return {}
-    values = {}
-    for name, value in attributes.items():
-        try:
-            values[name] = copied(value, memo)
-        except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
-            values[name] = value
-    return values
-
-
-def copies_of(each: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Copy the attributes of several agents."""
-    copies: list[dict[str, Any]] | None = copied_plain(each) if any(each) else [{} for _ in each]
-    return [copied_attributes(attributes) for attributes in each] if copies is None else copies
 
 
 def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:

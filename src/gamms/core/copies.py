@@ -49,34 +49,36 @@ def copied_each(dicts: Any) -> Any:
 
 
 def refill(known: Any, value: Any) -> Any:
-    """Give a dict, which others refer to, the items of another one."""
+    """Give a dict, which others refer to, the items of another one; return it."""
     known.clear()
     dict.update(known, value)  # scores are numbers already
+    return known
 
 
 def refill_each(known: Any, value: Any) -> Any:
-    """Give the dicts in a dict the items of those in another one; a dict without a counterpart is emptied."""
+    """Give the dicts in a dict the items of those in another one; a dict without a counterpart is emptied. Return it."""
     for key, one in known.items():
         other = value.get(key)
         if one:
             one.clear()
         if other:
             one.update(other)
-    _add_missing(known, value)
+    return _with_missing(known, value)
 
 
 def refill_counts(known: Any, value: Any) -> Any:
-    """Give the dicts in a dict the numbers of those in another one; a dict without a counterpart counts from 0."""
+    """Give the dicts in a dict the numbers of those in another one; a dict without a counterpart counts from 0. Return it."""
     for key, one in known.items():
         other = value.get(key)
         one.update(dict.fromkeys(one, 0) if other is None else other)
-    _add_missing(known, value)
+    return _with_missing(known, value)
 
 
-def _add_missing(known: Any, value: Any) -> Any:
+def _with_missing(known: Any, value: Any) -> Any:
     for key, one in value.items():
         if key not in known:
             known[key] = one.copy()
+    return known
 
 
 def _copied_or_shared(value: Any, memo: Any) -> Any:

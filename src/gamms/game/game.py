@@ -52,7 +52,6 @@ class Game(RuleVerbs):
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
         self._unchecked_plans: list[Any] = []  # teams that were given one since the last turn
-        self._prepared = -1  # how often strategies were set when they were prepared last
         self._is_closed = True
 
     def __repr__(self) -> str:
@@ -149,7 +148,7 @@ class Game(RuleVerbs):
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
         self._unchecked_plans.append(team)
-        self._prepared = -1
+        self._turns.prepared = -1
 
     @refused_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
@@ -194,7 +193,7 @@ class Game(RuleVerbs):
         state, turns = self._state, self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
-        if self._prepared != self._phase.strategy_changes:
+        if self._turns.prepared != self._phase.strategy_changes:
             self._prepare_strategies()
         if not state.has_begun:
             self._begin()
@@ -226,7 +225,7 @@ class Game(RuleVerbs):
             prepare = getattr(strategy, "prepare", None)
             if prepare is not None and not isinstance(strategy, type):
                 prepare(self.ctx)
-        self._prepared = changes
+        self._turns.prepared = changes
 
     def _begin(self) -> None:
         """Take the snapshot to which `reset` returns."""
@@ -405,7 +404,6 @@ class Game(RuleVerbs):
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
-        self._prepared = -1  # for the rules that strategies have added may be gone
 
     @refused_while_deciding
     def fork(self, seed: int) -> "Game":
@@ -520,7 +518,7 @@ class Game(RuleVerbs):
         self.ctx.reseed(seed)
         try:
             self._internals.draw_start()
-            self._prepared = -1
+            self._turns.prepared = -1
         except BaseException:
             self.ctx.reseed(last, chance)
             raise

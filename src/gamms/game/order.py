@@ -382,8 +382,9 @@ class TurnOrder:
 
     def restart_counts(self) -> None:
         """Count moves from here."""
-        self._moved[:] = 0
-        self._blocked[:] = 0
+        self._moved.fill(0)
+        if self.is_lazy:
+            self._blocked.fill(0)
 
 
 def _numbered(one: Sensing, first: dict[Hashable, tuple[int, ISensor]]) -> Sensing:

@@ -12,7 +12,7 @@ from gamms.game.snapshots import SnapshotTaker, copy_means
 from gamms.ir.game_state import GameState
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Memo
-from gamms.plain import copied
+from gamms.core.copies import copied
 
 _IN_ALL_GAMES: dict[str, Any] = {
     "plans": {},

@@ -15,9 +15,9 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import COPY_OF, FIELDS, GameState, LogsTakenOut
+from gamms.ir.game_state import COPY_OF, FIELDS, SAVED, GameState, LogsTakenOut
 from gamms.ir.schema import Memo
-from gamms.plain import copied
+from gamms.core.copies import copied
 from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -40,7 +40,7 @@ class Snapshot:
 
     __slots__ = ("_of", "_parts", "_values", "seed", "turn")
 
-    def __init__(self, turn: int, seed: int, of: GameState, values: dict[str, Any], parts: dict[str, Any]) -> None:
+    def __init__(self, turn: int, seed: int, of: GameState, values: list[Any], parts: dict[str, Any]) -> None:
         self.turn, self.seed = turn, seed
         self._of, self._values, self._parts = of, values, parts
 
@@ -70,16 +70,21 @@ class Snapshot:
     @property
     def data(self) -> dict[str, Any]:
         """What rules remembered, which is not to be written to."""
-        data: dict[str, Any] = self._values["data"]
-        return data
+        data: dict[str, Any] | None = self._value("data")
+        return data or {}
+
+    def _value(self, name: str) -> Any:
+        """Return the value of a field of the game."""
+        return self._values[SAVED.index(name)]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with the context that it is of."""
-        moves, agents = self._values["moves"], deepcopy(self._parts["agent_engine"], memo).agents
+        moves, agents = self._value("moves"), deepcopy(self._parts["agent_engine"], memo).agents
         if moves is not None and id(moves) not in memo:  # which hold views of arrays
             block = memo.get(id(moves.order.block), moves.order.block)
             memo[id(moves)] = moves.of_agents(agents, block, partial(_twin_of, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
+        parts["prepared"] = -1  # strategies are prepared once in each context
         return Snapshot(self.turn, self.seed, of, values, parts)
 
     def __reduce__(self) -> NoReturn:
@@ -134,6 +139,7 @@ class SnapshotTaker(NamedTuple):
             "logs": state.logs_taken_out() if is_left else state.marks(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
+            "prepared": self.turns.prepared,
         }
         return Snapshot(state.turn, ctx.seed, state, state.copies(is_left=is_left), parts)
 
@@ -154,12 +160,14 @@ class SnapshotTaker(NamedTuple):
         if self.rules.now is not parts["rules"]:
             self.rules.put(parts["rules"])
         self.collectors.restore(parts["collectors"])
+        were_blocked = bool(state.blocked)
         state.restore(snapshot._values)
         if isinstance(parts["logs"], LogsTakenOut):
             state.put_logs(parts["logs"])
         else:
             state.go_to(parts["logs"])
-        self.turns.restore(parts["turns"])
+        self.turns.restore(parts["turns"], shows_blocked=were_blocked or bool(state.blocked))
+        self.turns.prepared = parts["prepared"]
 
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams, before anything else."""

@@ -56,6 +56,7 @@ class TurnEngine:
         travel: where agents of a game by metres go.
         outboxes: what agents send.
         seed_changes: how often the seed of the context has changed.
+        prepared: how often strategies were set in the context when they were prepared last; -1: prepare them again.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
@@ -72,6 +73,7 @@ class TurnEngine:
         self.is_deciding = self.is_playing = self.is_moving = False
         self.part = 0
         self.seed_changes = 0
+        self.prepared = -1
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
@@ -201,15 +203,20 @@ class TurnEngine:
         each = {slot.name: slot.marks() for slot in made_slots(self._order.slots)}
         return {name: marks for name, marks in each.items() if marks != (None, None)}
 
-    def restore(self, drawn: dict[str, tuple[Any, Any]]) -> None:
-        """Continue from a state that was restored."""
+    def restore(self, drawn: dict[str, tuple[Any, Any]], *, shows_blocked: bool = True) -> None:
+        """Continue from a state that was restored.
+
+        Args:
+            drawn: what `snapshot` returned.
+            shows_blocked: whether an agent is blocked now, or was before.
+        """
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
         order = self.order() if drawn else self._order
         if order is None:
             return
         order.restart_counts()
         self._slots.forget_draws()
-        for slot in made_slots(order.slots):
+        for slot in made_slots(order.slots) if shows_blocked else ():
             slot.show_blocked()
         for name, marks in drawn.items():
             if name in order.index_of:

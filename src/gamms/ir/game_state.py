@@ -8,10 +8,11 @@ from operator import attrgetter
 from types import NoneType
 from typing import Any, NamedTuple, Self, cast
 
+from gamms.core.copies import copied, copied_each, refill, refill_counts, refill_each
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
 from gamms.ir.schema import GameField, Memo, kept
-from gamms.plain import Plain, copied, plain_subset, to_plain
+from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
 from gamms.text import shown
 
@@ -231,41 +232,12 @@ def _dict_of(value: Mapping[Any, Any], _: Memo | None) -> dict[Any, Any]:
     return dict(value)
 
 
-def _dicts_of(value: Mapping[Any, Mapping[Any, Any]], _: Memo | None) -> dict[Any, dict[Any, Any]]:
-    return {key: dict(one) for key, one in value.items()}
-
-
-def _shallow(value: object, _: Memo | None) -> object:
-    return dict(value) if isinstance(value, dict) else value
+def _dicts_of(value: Mapping[Any, Mapping[Any, Any]], _: Memo | None) -> Any:
+    return copied_each(value)
 
 
 def _memories_of(value: Mapping[Any, Any], memo: Memo | None) -> dict[Any, Any]:
     return {name: copied(memory, memo) for name, memory in value.items() if memory}
-
-
-def _refill(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    known.clear()
-    dict.update(known, value)  # scores are numbers already
-
-
-def _refill_each(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    """Refill the dicts in a dict; those that have no value are empty."""
-    for key, one in known.items():
-        if one or key in value:
-            _refill(one, value.get(key, {}))
-    _add_missing(known, value)
-
-
-def _refill_counts(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    """Refill the dicts in a dict, all of which have the same keys; those that have no value count from 0."""
-    for key, one in known.items():
-        one.update(value[key] if key in value else dict.fromkeys(one, 0))
-    _add_missing(known, value)
-
-
-def _add_missing(known: dict[Any, Any], value: Mapping[Any, Any]) -> None:
-    if known.keys() != value.keys():
-        known.update({key: dict(one) for key, one in value.items() if key not in known})
 
 
 def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
@@ -373,12 +345,12 @@ class GameState:
     scores: Scores = kept(
         Scores,
         _dict_of,
-        refill=_refill,
+        refill=refill,
         captured=lambda scores: list(to_plain(scores).items()),
         restored=as_scores,
         axis="game",
     )
-    data: dict[str, Any] = kept(dict, copied, refill=_refill, captured=plain_subset)
+    data: dict[str, Any] = kept(dict, copied, refill=refill, captured=plain_subset)
     over: dict[str, Any] | None = kept(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
     turn: int = kept(int, _same, captured=to_plain, restored=int, axis="game")
     events: list[dict[str, Any]] = kept(list)
@@ -393,13 +365,13 @@ class GameState:
         is_seldom=True,
         axis="agent",
     )
-    facts: dict[str, Any] = kept(dict, _dict_of, refill=_refill, axis="game")
+    facts: dict[str, Any] = kept(dict, _dict_of, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="agent")
     team_facts: dict[Any, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="team")
     memories: dict[str, dict[Any, Any]] = kept(
         dict,
         _memories_of,
-        refill=_refill_each,
+        refill=refill_each,
         captured=lambda memories: dict(sorted(_captured_each(memories))),
         restored=lambda memories: _dicts_of(deepcopy(memories), None),
         axis="agent",
@@ -418,8 +390,8 @@ class GameState:
         restored=lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each},
         is_seldom=True,
     )
-    counts: dict[str, dict[str, int]] = kept(dict, _dicts_of, refill=_refill_counts, axis="agent")
-    timings: dict[str, float] = kept(lambda: dict.fromkeys(PHASES, 0.0), _dict_of, refill=_refill)
+    counts: dict[str, dict[str, int]] = kept(dict, _dicts_of, refill=refill_counts, axis="agent")
+    timings: dict[str, float] = kept(lambda: dict.fromkeys(PHASES, 0.0), _dict_of, refill=refill)
     moves: Any = kept(NoneType, _same, is_own=True)
     departed: dict[str, tuple[Any, int]] = kept(dict, _dict_of)
     last_turn: int | None = kept(NoneType, _same, axis="game")
@@ -446,24 +418,26 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
-    def copies(self, *, is_left: bool = False) -> dict[str, Any]:
-        """Return what snapshots hold of a game, but for its logs.
+    def copies(self, *, is_left: bool = False) -> list[Any]:
+        """Return the values that snapshots hold, those of the fields `SAVED` in their order; None for an empty dict.
 
-        Of a game that is left, because another takes its place, what agents and rules remember is not copied.
+        Memories and data of a game that is left, because another takes its place, are not copied deeply.
         """
-        values = dict(zip(_SHARED, _shared_of(self), strict=True))
-        for name, copy in _TAKEN_OUT if is_left else _COPIED:
-            values[name] = copy(getattr(self, name), None)
+        values = [*_saved_of(self)]
+        for i, copy in _SHALLOW if is_left else _COPIED:
+            values[i] = copy(values[i], None) if values[i] else None
         return values
 
-    def restore(self, values: dict[str, Any]) -> None:
-        """Set the fields to copies of what `copies` gave."""
-        for name in _SHARED:
-            setattr(self, name, values[name])
-        for name, copy in _REPLACED:
-            setattr(self, name, copy(values[name], None))
-        for name, copy, refill in _REFILLED:
-            refill(getattr(self, name), copy(values[name], None))
+    def restore(self, values: list[Any]) -> None:
+        """Set the fields to copies of what `copies` returned."""
+        for i, name in _SHARED:
+            setattr(self, name, values[i])
+        for i, name, copy, make in _REPLACED:
+            value = values[i]
+            if value or getattr(self, name):
+                setattr(self, name, copy(value, None) if value else make())
+        for i, name, copy, fill in _REFILLED:
+            fill(getattr(self, name), copy(values[i], None) if values[i] else {})
 
     def logs_taken_out(self) -> "LogsTakenOut":
         """Return the logs of a game that another takes the place of, which begins with empty ones."""
@@ -521,17 +495,19 @@ FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields
 COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not None}
 """Field of a game -> what returns the copy of its value that snapshots hold."""
 
-_SHARED = [name for name, copy in COPY_OF.items() if copy is _same]
-_shared_of = attrgetter(*_SHARED)
-_COPIED = [(name, copy) for name, copy in COPY_OF.items() if copy is not _same]
-_SHALLOW: dict[Any, Any] = {copied: _shallow, _memories_of: _dicts_of}
-_TAKEN_OUT = [(name, _SHALLOW.get(copy, copy)) for name, copy in _COPIED]
-_REPLACED = [(name, copy) for name, copy in _COPIED if FIELDS[name].refill is None]
-# What only refills dicts copies them.
-_REFILLED = [
-    (name, _same if copy in (_dict_of, _dicts_of) else copy, refill)
-    for name, copy in _COPIED
-    if (refill := FIELDS[name].refill) is not None
+SAVED = [*COPY_OF]
+"""The fields whose values snapshots hold, but for the logs."""
+
+_saved_of = attrgetter(*SAVED)
+_MAKERS: dict[str, Any] = {one.name: one.default_factory for one in fields(GameState)}
+_SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _same]
+_COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _same]
+_SHALLOW = [(i, {copied: _dict_of, _memories_of: _dicts_of}.get(copy, copy)) for i, copy in _COPIED]
+_REPLACED = [(i, SAVED[i], copy, _MAKERS[SAVED[i]]) for i, copy in _COPIED if FIELDS[SAVED[i]].refill is None]
+_REFILLED = [  # filling a dict of dicts copies them
+    (i, SAVED[i], _same if copy in (_dict_of, _dicts_of) else copy, fill)
+    for i, copy in _COPIED
+    if (fill := FIELDS[SAVED[i]].refill) is not None
 ]
 
 

@@ -11,7 +11,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
-from gamms.plain import copied
+from gamms.core.copies import copied
 from gamms.planning.hidden import Hidden
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk

@@ -275,7 +275,8 @@ class SensorStorage(Guarded):
         if not forget:
             shown = iter(before.shown)
             for sensor, data, look in zip(before.settings.simple, shown, shown, strict=True):
-                sensor._last[:] = data, look
+                last = sensor._last
+                last[0], last[1] = data, look
             for (_, restore), sensed in zip(before.settings.memories, before.sensed, strict=True):
                 restore(sensed)
             return

@@ -25,7 +25,8 @@ from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS
-from gamms.plain import copied, is_plain, is_same
+from gamms.core.copies import copied
+from gamms.plain import is_plain, is_same
 
 _MOST_ORDERS = 1 << 10  # sets of living agents of which it is kept what a turn needs of them
 _READ = (
