@@ -146,13 +146,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """What kind of agent this is."""
         return _KINDS[self._block.kind[self._row]]
 
-    @property
-    def team(self) -> Any:
-        """The team it plays for, any value that can be a key of a dict; None for no team. Settable."""
-        return self._block.teams[self._row]
-
-    @team.setter
-    def team(self, team: Hashable) -> None:
+    def _put_in_team(self, team: Hashable) -> None:
         self._set("teams", as_key(team, "A team"))
 
     @property
@@ -396,13 +390,7 @@ class Agent(BaseAgent):
         for key, value in kwargs.items():
             setattr(self, key, value)
 
-    @property
-    def current_node_id(self) -> int:
-        """The node it stands on; settable, without changing `prev_node_id`."""
-        return self._block.node[self._row]
-
-    @current_node_id.setter
-    def current_node_id(self, node_id: int) -> None:
+    def _put_on(self, node_id: int) -> None:
         if not self._is_closed:
             self._set("node", self._known(node_id))
 

@@ -7,7 +7,7 @@ ctypedef long long i64
 
 cdef class AgentColumns:
     cdef public object node, previous
-    cdef public list progress
+    cdef public list progress, teams
     cdef public set _changed
     cdef public bint is_closed, is_noting
     cdef object _journal

@@ -18,16 +18,21 @@ class AgentColumns:
     Attributes:
         node, previous: (agents,) the ids of nodes.
         progress: (agents,) where on an edge an agent is; None: on its node.
+        teams: (agents,) the team of each agent; None: no team.
         journal: how moves are noted.
         is_closed: whether nothing changes any more, as the journal says.
         is_noting: whether the journal notes moves.
     """
 
-    __slots__ = ("_changed", "_journal", "_nodes", "_origins", "is_closed", "is_noting", "node", "previous", "progress")
+    __slots__ = (
+        *("_changed", "_journal", "_nodes", "_origins", "is_closed", "is_noting", "node", "previous", "progress"),
+        "teams",
+    )
 
     node: memoryview[int]
     previous: memoryview[int]
     progress: list[Any]
+    teams: list[Any]
     is_closed: bool
     is_noting: bool
     _changed: set[int]
@@ -158,6 +163,24 @@ class AgentView:
     _carried: tuple[Any, ...]
     _last: list[Any]
 
+    @property
+    def team(self) -> Any:
+        """The team it plays for, any value that can be a key of a dict; None for no team. Settable."""
+        return self._block.teams[self._row]
+
+    @team.setter
+    def team(self, team: Any) -> None:
+        self._put_in_team(team)
+
+    @property
+    def current_node_id(self) -> int:
+        """The node it stands on; settable, without changing `prev_node_id`."""
+        return self._block._node_of(self._row)
+
+    @current_node_id.setter
+    def current_node_id(self, node_id: int) -> None:
+        self._put_on(node_id)
+
     def get_state(self) -> Any:
         """Sense; return a fresh dict with `curr_pos` and `sensor`, or the last one after the end of the context."""
         if self._phase.agent is not None:
@@ -200,6 +223,14 @@ class AgentView:
             block._move(self._row, action)
         else:
             self._act(action)
+
+    def _put_in_team(self, team: Any) -> None:
+        """Set the team."""
+        raise NotImplementedError
+
+    def _put_on(self, node_id: int) -> None:
+        """Set the node."""
+        raise NotImplementedError
 
     def sense(self) -> dict[str, Any]:
         """Ask all sensors; return name -> (kind, data)."""
