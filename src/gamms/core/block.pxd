@@ -8,3 +8,18 @@ cpdef int gather(const i64[::1] column, const i64[::1] rows, i64[::1] out) excep
 cpdef i64 move_rows(i64[::1] node, i64[::1] previous, const i64[::1] rows, const i64[::1] ends) except -1 nogil
 @cython.locals(i=Py_ssize_t, moved=i64)
 cpdef i64 count_moves(const i64[::1] starts, const i64[::1] ends, int[::1] counts) except -1 nogil
+
+
+cdef class Block:
+    cdef public dict columns, sizes, numbers
+    cdef public Py_ssize_t games
+    cdef dict _room
+
+    @cython.locals(first=Py_ssize_t, width=Py_ssize_t, count=Py_ssize_t)
+    cpdef row(self, str name, Py_ssize_t game=*)
+    @cython.locals(block=Block)
+    cpdef copy_row(self, Py_ssize_t source, Py_ssize_t target, Block of=*)
+    @cython.locals(copy=Block)
+    cpdef copied(self, Py_ssize_t game=*)
+
+cdef _view(bytearray memory, str code)

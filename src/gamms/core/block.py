@@ -85,8 +85,9 @@ class Block:
     def row(self, name: str, game: int = 0) -> memoryview[Any]:
         """Return the rows in use of a column in one game, (rows * width,): the memory itself, until the block grows."""
         column = self.columns[name]
-        first = game * self._room[column.axis] * column.width
-        return self.numbers[name][first : first + self.sizes[column.axis] * column.width]
+        axis, width = column.axis, column.width
+        first = game * self._room[axis] * width
+        return self.numbers[name][first : first + self.sizes[axis] * width]
 
     def add(self, count: int, axis: str = "agent") -> int:
         """Add rows of an axis to every game, which have the initial numbers; return the first of them."""
@@ -118,8 +119,11 @@ class Block:
             elif size > self.sizes[axis]:
                 self.add(size - self.sizes[axis], axis)
         for name, column in self.columns.items():
-            numbers = self.row(name, target)
-            numbers[:] = block.row(name, source) if column.is_copied else _initial(column, len(numbers))
+            if column.is_copied:
+                self.row(name, target)[:] = block.row(name, source)
+            else:
+                numbers = self.row(name, target)
+                numbers[:] = _initial(column, len(numbers))
 
     def copied(self, game: int = 0) -> Block:
         """Return a block of one game, which is a copy of one of these."""
