@@ -56,7 +56,10 @@ def refill(known: Any, value: Any) -> Any:
 
 
 def refill_each(known: Any, value: Any) -> Any:
-    """Give the dicts in a dict the items of those in another one; a dict without a counterpart is emptied. Return it."""
+    """Give the dicts in a dict the items of those in another one, and return it.
+
+    A dict without a counterpart is emptied.
+    """
     for key, one in known.items():
         other = value.get(key)
         if one:
@@ -67,7 +70,10 @@ def refill_each(known: Any, value: Any) -> Any:
 
 
 def refill_counts(known: Any, value: Any) -> Any:
-    """Give the dicts in a dict the numbers of those in another one; a dict without a counterpart counts from 0. Return it."""
+    """Give the dicts in a dict the numbers of those in another one, and return it.
+
+    A dict without a counterpart counts from 0.
+    """
     for key, one in known.items():
         other = value.get(key)
         one.update(dict.fromkeys(one, 0) if other is None else other)

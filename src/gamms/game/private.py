@@ -8,11 +8,11 @@ which axis agents know them (`ir/schema.py`).
 from collections.abc import Mapping
 from typing import Any
 
+from gamms.core.copies import copied
 from gamms.game.snapshots import SnapshotTaker, copy_means
 from gamms.ir.game_state import GameState
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Memo
-from gamms.core.copies import copied
 
 _IN_ALL_GAMES: dict[str, Any] = {
     "plans": {},

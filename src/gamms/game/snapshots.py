@@ -7,6 +7,7 @@ from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple, NoReturn, cast
 
 from gamms.arguments import annotations_of
+from gamms.core.copies import copied
 from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
@@ -17,7 +18,6 @@ from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, SAVED, GameState, LogsTakenOut
 from gamms.ir.schema import Memo
-from gamms.core.copies import copied
 from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext

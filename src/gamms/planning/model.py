@@ -8,10 +8,10 @@ from typing import Any, Literal, TypedDict, Unpack, cast
 from gamms import belief, kernels
 from gamms.arguments import as_choice, as_count, as_int, as_known
 from gamms.context import Context
+from gamms.core.copies import copied
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
-from gamms.core.copies import copied
 from gamms.planning.hidden import Hidden
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk

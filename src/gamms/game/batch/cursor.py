@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
+from gamms.core.copies import copied
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
@@ -25,7 +26,6 @@ from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS
-from gamms.core.copies import copied
 from gamms.plain import is_plain, is_same
 
 _MOST_ORDERS = 1 << 10  # sets of living agents of which it is kept what a turn needs of them
