@@ -502,7 +502,8 @@ _saved_of = attrgetter(*SAVED)
 _MAKERS: dict[str, Any] = {one.name: one.default_factory for one in fields(GameState)}
 _SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _same]
 _COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _same]
-_SHALLOW = [(i, {copied: _dict_of, _memories_of: _dicts_of}.get(copy, copy)) for i, copy in _COPIED]
+_SHALLOW_OF: dict[Any, Any] = {copied: _dict_of, _memories_of: _dicts_of}
+_SHALLOW = [(i, _SHALLOW_OF.get(copy, copy)) for i, copy in _COPIED]
 _REPLACED = [(i, SAVED[i], copy, _MAKERS[SAVED[i]]) for i, copy in _COPIED if FIELDS[SAVED[i]].refill is None]
 _REFILLED = [  # filling a dict of dicts copies them
     (i, SAVED[i], _same if copy in (_dict_of, _dicts_of) else copy, fill)
