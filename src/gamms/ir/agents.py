@@ -67,7 +67,6 @@ class AgentBlock(AgentColumns):
         removed: the rows of agents that were removed; `close_up` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         rows: of the agents, by their names.
-        copied: copies of `node`.
         structure: which rows came, went, died, returned, or got another team, speed, sensor or strategy.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
@@ -75,7 +74,7 @@ class AgentBlock(AgentColumns):
 
     __slots__ = (
         *(name for name in BY_ROW if name not in AgentColumns.__slots__),
-        *("_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "copied", "flyers", "games"),
+        *("_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "flyers", "games"),
         *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows", "travellers"),
         *("trusts_nodes", "under_way"),
     )
