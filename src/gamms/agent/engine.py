@@ -570,7 +570,7 @@ def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:
     agent.__dict__.update(attributes)
 
 
-def _equip_as(agent: BaseAgent, strategy: Any, sensors: dict[str, ISensor]) -> None:
+def _equip_as(agent: BaseAgent, strategy: Callable[[Any], Any] | None, sensors: dict[str, ISensor]) -> None:
     """Give an agent the strategy and the sensors that it had."""
     if agent.strategy is not strategy:
         agent.decide_by(strategy)

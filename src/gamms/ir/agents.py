@@ -137,7 +137,7 @@ class AgentBlock(AgentColumns):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all but the views of numbers, which cannot be copied."""
-        names = {*self.__slots__, "_changed", "journal", "progress"}.difference(_NUMBERS)
+        names = {*self.__slots__, "_changed", "journal", "progress", "teams"}.difference(_NUMBERS)
         return {name: getattr(self, name) for name in sorted(names)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
