@@ -10,7 +10,7 @@ from fuzzing import parts_of, rebuilt
 from games import act, copied, empty_context, everything, grid_context, recorded, replayed
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recordings import fly, opened, written
+from recordings import opened, written
 
 import gamms
 from gamms import recorder
@@ -37,32 +37,6 @@ def test_flights_and_turns_come_back_to_the_last_bit(parts, turns):
     reader = opened(written(game, turns=turns))
     found = [reader.log(turn) for turn in range(reader.turns)]
     assert repr(found) == repr(game)
-    for kind, first in ((FLIGHT, 2), (TURN, 1)):
-        given_ = np.array([data[first:] for log in game for one, data in log[:1] + log[-1:] if one == kind], np.float64)
-        tracks = reader.tracks(kind, 0, reader.turns).tracks
-        assert tracks.floats.tobytes() == given_.tobytes()
-
-
-@given(st.integers(0, 4), st.integers(0, 12), st.integers(1, 5), st.data())
-def test_tracks_say_what_the_logs_say(agents, turns, size, data):
-    game = [[*log, 1, 2, (7, None), *log[:2], (FLIGHT, (0, 1, 2.0, 3.0, 4.0))] for log in fly(agents, turns)]
-    reader = opened(written(game, turns=size))
-    start = data.draw(st.integers(0, turns))
-    stop = data.draw(st.integers(start, turns))
-    stretch = reader.tracks(FLIGHT, start, stop, {7})
-    expected, flights, before = [], 0, []
-    for turn in range(start, stop):
-        for entry in game[turn]:
-            if type(entry) is int:
-                continue
-            if entry[0] == FLIGHT:
-                expected.append((turn, entry[1]))
-                flights += 1
-            elif entry[0] == 7:
-                before.append(flights)
-    found = zip(stretch.turns.tolist(), stretch.tracks.data(), strict=True)
-    assert list(found) == expected
-    assert stretch.before.tolist() == before
 
 
 # -- games ------------------------------------------------------------------------------------------------------

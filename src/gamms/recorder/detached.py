@@ -15,7 +15,6 @@ from gamms.ir.schema import ON_EDGES, RECORDED_NUMBERS, SETTABLE, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, Damaged, refusing
-from gamms.recorder.formats.chunks import FORMS, Tracks
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked_name
 from gamms.text import shown
@@ -23,7 +22,7 @@ from gamms.text import shown
 _FEW = 24  # agents that are found faster one by one
 _SHARE = 64  # of all agents: fewer than one of so many are found one by one, too
 
-# Kinds whose data this state does not hold, and which therefore are not read.
+# Kinds whose data this state does not hold; they are not even decoded.
 _NOT_HELD = {
     kinds.UNFINISHED,
     kinds.WORLD,
@@ -33,16 +32,6 @@ _NOT_HELD = {
     kinds.GAME_FACTS,
     kinds.USER_EVENT,
     kinds.SENSED,
-}
-_OTHERS = frozenset(EVENTS.keys() - FORMS.keys() - _NOT_HELD)  # than those that are applied many at once
-_OF_FLYERS = {kinds.AERIAL_AGENT_POSITION, kinds.AERIAL_AGENT_QUATERNION}  # flights, turns of who wrote by name
-_APART = _OTHERS - {  # events that change nothing that moves of others look at or change
-    kinds.SNAPSHOT,
-    kinds.AGENT_CREATE,
-    kinds.AGENT_DELETE,
-    kinds.AGENT_CURRENT_NODE,
-    kinds.AGENT_PREV_NODE,
-    kinds.FLYERS_ABOVE,
 }
 _GONE: Any = object()  # in place of the value of an attribute that an agent has no longer
 # Keywords of a creation that do not become attributes of the agent.
@@ -83,7 +72,7 @@ class DetachedState(State):
     # -- events ---------------------------------------------------------------------------------------------------
 
     def apply(self, log: Log) -> None:
-        """Apply the log of one turn, event by event: what `advance` does at once."""
+        """Apply the log of one turn."""
         for kind, data in events_of(log):
             self.apply_event(kind, data)
         self._log += 1
@@ -99,38 +88,16 @@ class DetachedState(State):
                     raise
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
-        """Apply the turns `start` to `stop - 1` of a recording; of these, a few at a time are in memory."""
+        """Apply the turns `start` to `stop - 1` of a recording."""
         for begin, end in reader.pieces(start, stop):
-            self._advance(reader, begin, end)
-        self.agents.settle()
-
-    def _advance(self, reader: Reader, start: int, stop: int) -> None:
-        if not reader.has_events(start, stop):  # NOTE: most turns (benchmarks: recordings)
-            _, numbers, nodes = reader.moves(start, stop)
-            if self.agents.are_walkers(numbers):
+            if reader.has_events(begin, end):
+                for turn in range(begin, end):
+                    self._log = turn
+                    self.apply(reader.log(turn, _NOT_HELD))
+            else:  # NOTE: most turns; a tenth of the time of turn by turn (benchmarks: recordings)
+                _, numbers, nodes = reader.moves(begin, end)
                 self.agents.move(numbers, nodes)
-                return
-        pending = _PendingMoves(reader, start, stop)
-        if not self.agents.are_walkers(pending.numbers):  # or not yet: a move may then come before or after a flight
-            for turn in range(start, stop):
-                self._log = turn
-                self.apply(reader.log(turn))
-            return
-        apart = _APART - _OF_FLYERS if pending.has_flyers else _APART
-        for event, (turn, place, kind, data) in enumerate(reader.events(start, stop, _OTHERS)):
-            if kind not in apart:
-                self._go(*pending.before(event, turn, place))
-            self._log = turn
-            self.apply_event(kind, data)
-        self._go(*pending.rest())
-
-    def _go(self, numbers: IntArray, nodes: IntArray, flights: Tracks, turns: Tracks) -> None:
-        """Apply moves of agents on the ground, flights and turns in space, each in their order."""
-        if len(numbers):
-            self.agents.move(numbers, nodes)
-        if len(flights.numbers):
-            self.agents.fly_all(flights)
-        self.agents.turn_all(turns)
+        self.agents.settle()
 
     # -- what events change ---------------------------------------------------------------------------------------
 
@@ -300,14 +267,6 @@ class DetachedAgents(AgentsState):
             raise _unknown(int(numbers[rows < 0][0]))
         return rows
 
-    def are_walkers(self, numbers: IntArray) -> bool:
-        """Whether all these are agents on the ground who are here now."""
-        try:
-            rows = self.rows(numbers) if len(numbers) else numbers  # first, for it may add rows
-            return not self.columns["kind"][rows].any()
-        except Damaged:
-            return False
-
     def settle(self) -> None:
         """Add rows that wait, and drop those of agents that were removed."""
         self._add_new()
@@ -360,14 +319,27 @@ class DetachedAgents(AgentsState):
     def move(self, numbers: Sequence[int] | IntArray, nodes: Sequence[int] | IntArray) -> None:
         """Move agents: their numbers and nodes, (moves,) each, in their order."""
         if not self.are_few(numbers):
-            rows = self.rows(np.asarray(numbers, np.int64))
-            self._follow(rows, {"node": ("previous", np.asarray(nodes, np.int64))})
+            self._move_many(np.asarray(numbers, np.int64), np.asarray(nodes, np.int64))
             return
         for number, end in zip(map(int, numbers), map(int, nodes), strict=True):
             row = self.row_of(number)
             node = self.columns["node"]
             self.columns["previous"][row] = node[row]
             node[row] = end
+
+    def _move_many(self, numbers: IntArray, nodes: IntArray) -> None:
+        """Set the node of each agent to the last that it gets, and its previous node to the one before."""
+        rows = self.rows(numbers)
+        node = self.columns["node"]
+        places = np.arange(len(rows))
+        last, last_but_one = np.full((2, len(node)), -1)
+        last[rows] = places  # of several moves of one agent, the last one stays
+        is_earlier = last[rows] != places
+        last_but_one[rows[is_earlier]] = places[is_earlier]
+        moved = np.flatnonzero(last >= 0)
+        came = last_but_one[moved]
+        self.columns["previous"][moved] = np.where(came >= 0, nodes[came], node[moved])
+        node[moved] = nodes[last[moved]]
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:
         """Move a flyer."""
@@ -383,25 +355,6 @@ class DetachedAgents(AgentsState):
     def turn(self, row: int, quat: tuple[float, ...]) -> None:
         """Turn a flyer in space."""
         self.columns["quat"][row] = quat
-
-    def fly_all(self, flights: Tracks) -> None:
-        """Move flyers, in the order of the flights."""
-        if self.are_few(flights.numbers):
-            for number, node, *position in flights.data():
-                self.fly(self.row_of(number), node, tuple(position))
-            return
-        rows = self.rows(flights.numbers)
-        if not self.columns["kind"][rows].all():
-            row = rows[self.columns["kind"][rows] == 0][0]
-            raise _grounded(self.columns["names"][row])
-        nodes, positions = flights.nodes[:, 0], flights.floats
-        self._follow(rows, {"node": ("previous", nodes), "position": ("previous_position", positions)})
-
-    def turn_all(self, turns: Tracks) -> None:
-        """Turn flyers in space, in the order of the turns."""
-        if len(turns.numbers):
-            rows = self.rows(turns.numbers)  # first, for it may add rows
-            self.columns["quat"][rows] = turns.floats  # of several at one row, the last one stays
 
     def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
         """Set how far along edges agents are."""
@@ -428,27 +381,6 @@ class DetachedAgents(AgentsState):
         """Let an agent carry a sensor no longer."""
         self.columns["sensors"][row].pop(name, None)
 
-    def _follow(self, rows: IntArray, paths: dict[str, tuple[str, np.ndarray[Any, Any]]]) -> None:
-        """Set columns to the last of the values that each row gets, and other columns to the one before it.
-
-        Args:
-            rows: (values,), where each goes; a row may get several, one after the other.
-            paths: column -> the column of what was before, and the values, (values, …).
-        """
-        places = np.arange(len(rows))
-        last, last_but_one = np.full((2, len(self.columns["node"])), -1)
-        last[rows] = places  # of several at one row, the last one stays
-        is_earlier = last[rows] != places
-        last_but_one[rows[is_earlier]] = places[is_earlier]
-        moved = np.flatnonzero(last >= 0)
-        ends, came = last[moved], last_but_one[moved]
-        for name, (before, values) in paths.items():
-            column = self.columns[name]
-            came_from = column[moved]
-            came_from[came >= 0] = values[came[came >= 0]]
-            self.columns[before][moved] = came_from
-            column[moved] = values[ends]
-
 
 def _row_of_creation(
     name: str, number: int, given: dict[str, Any], state: dict[str, Any], strategy: str | None
@@ -473,51 +405,6 @@ def _row_of_creation(
         **dict.fromkeys(ON_EDGES, 0),
         **places,
     }
-
-
-# -- moves that wait ------------------------------------------------------------------------------------------------
-
-
-_Batch = tuple[IntArray, IntArray, Tracks, Tracks]
-"""Numbers and nodes of moves, (moves,) each; flights; turns in space."""
-
-
-class _PendingMoves:
-    """The moves, flights and turns in space of turns `start` to `stop - 1` of a recording that are not applied yet.
-
-    Attributes:
-        numbers: of the agents of all moves.
-        has_flyers: whether there are flights, or turns in space.
-    """
-
-    def __init__(self, reader: Reader, start: int, stop: int) -> None:
-        turns, self.numbers, self._nodes = reader.moves(start, stop)
-        self._flights = reader.tracks(kinds.AERIAL_AGENT_FLIGHT, start, stop, _OTHERS)
-        self._turns = reader.tracks(kinds.AERIAL_AGENT_TURN, start, stop, _OTHERS)
-        self._start, self._begins = start, turns.searchsorted(np.arange(start, stop)).tolist()
-        self._before = self._flights.before.tolist(), self._turns.before.tolist()
-        self._done: tuple[int, ...] = (0, 0, 0)
-        self.has_flyers = bool(len(self._flights.turns) or len(self._turns.turns))
-
-    def before(self, event: int, turn: int, place: int) -> _Batch:
-        """Take what comes before an event.
-
-        Args:
-            event: the event, counted in those of the other kinds.
-            turn: in which it happens.
-            place: how many moves of this turn come before it.
-        """
-        flown, turned = self._before
-        return self._until(self._begins[turn - self._start] + place, flown[event], turned[event])
-
-    def rest(self) -> _Batch:
-        """Take all that is left."""
-        return self._until(len(self.numbers), len(self._flights.turns), len(self._turns.turns))
-
-    def _until(self, *ends: int) -> _Batch:
-        moves, flights, turns = (slice(begin, end) for begin, end in zip(self._done, ends, strict=True))
-        self._done = ends
-        return self.numbers[moves], self._nodes[moves], self._flights.tracks.at(flights), self._turns.tracks.at(turns)
 
 
 def _by_id(groups: Iterable[Mapping[str, Plain]]) -> dict[str, dict[str, Any]]:

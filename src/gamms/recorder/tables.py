@@ -36,9 +36,10 @@ _LONG_NAME = 64  # characters; arrays of texts have room for the longest in each
 _MOST_CHARACTERS = 1 << 18
 
 _ROSTER = {kinds.AGENT_CREATE, kinds.SNAPSHOT}
-_FLIGHTS_BY_NAME = {kinds.AERIAL_AGENT_POSITION}
+_FLIGHTS = {kinds.AERIAL_AGENT_FLIGHT, kinds.AERIAL_AGENT_POSITION}
 _EMITTED = {kinds.GAME_EVENT, kinds.USER_EVENT}
 _EVENTS: dict[str, type] = {"turn": np.int64, "kind": np.str_}
+_POSITIONS: dict[str, type] = {"turn": np.int64, "agent": np.str_, **dict.fromkeys("xyz", np.float64)}
 _SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
 _DEEDS: dict[str, type] = {"turn": np.int64, "agent": np.str_, "deed": np.str_, "at": np.int64}
 _MESSAGES: dict[str, type] = {name: np.int64 if name in ("turn", "size") else object for name in MESSAGE_COLUMNS}
@@ -161,19 +162,16 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
 
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return every move of a flyer: the turn, its name, where to."""
-    flights = reader.tracks(kinds.AERIAL_AGENT_FLIGHT, start, stop, _ROSTER | _FLIGHTS_BY_NAME)
-    others = [(log, kind, data) for log, _, kind, data in reader.events(start, stop, _ROSTER | _FLIGHTS_BY_NAME)]
-    roster = [(kind, data) for _, kind, data in others if kind in _ROSTER]
-    is_named = np.array([kind not in _ROSTER for _, kind, _ in others], np.bool_)
-    names = _names(flights.tracks.numbers, flights.before[~is_named].tolist(), roster, names_at(start))
-    table = {"turn": flights.turns + 1, "agent": names}
-    table |= dict(zip("xyz", flights.tracks.floats.T.copy(), strict=True))
-    by_name = [(log + 1, data["agent_name"], *data["position"]) for log, kind, data in others if kind not in _ROSTER]
-    if not by_name:
-        return table
-    columns = table_of(dict(zip(table, zip(*by_name, strict=True), strict=True)))
-    order = np.concatenate((np.arange(len(names)) + 0.5, flights.before[is_named])).argsort(kind="stable")
-    return {key: np.concatenate((column, columns[key]))[order] for key, column in table.items()}
+    rows: list[tuple[Any, ...]] = []
+    names, following = names_at(start)
+    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, *_FLIGHTS}):
+        if kind in _ROSTER:
+            names, following = _roster_after(kind, data, names, following)
+        elif kind == kinds.AERIAL_AGENT_FLIGHT:
+            rows.append((log + 1, _name(names, data[0], log), *data[2:]))
+        else:
+            rows.append((log + 1, data["agent_name"], *data["position"]))
+    return _rows_as(_POSITIONS, rows)
 
 
 def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:

@@ -198,25 +198,6 @@ class Tracks:
             part[:] = layout.take(reader, are_floats=True)
         return cls(numbers, nodes, floats.view(np.float64))
 
-    @classmethod
-    def joined(cls, kind: int, parts: list["Tracks"]) -> "Tracks":
-        """Return those of several blocks."""
-        if len(parts) == 1:
-            return parts[0]
-        form = FORMS[kind]
-        empty = cls(np.zeros(0, np.int64), np.zeros((0, form.nodes), np.int64), np.zeros((0, form.floats)))
-        columns = ([getattr(part, name) for part in (empty, *parts)] for name in cls.__slots__)
-        return cls(*map(np.concatenate, columns))
-
-
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """The events of one kind in some turns of a recording, in their order."""
-
-    tracks: Tracks
-    turns: IntArray  # (events,): the turn of each
-    before: IntArray  # (others,): how many of these events come before each event of some other kinds
-
 
 # -- collecting and writing -------------------------------------------------------------------------------------
 
@@ -476,12 +457,14 @@ class Chunk:
         """Return some events of a kind whose data are only numbers."""
         return self.tracks[kind].at(self.places[kind].searchsorted(numbers))
 
-    def log(self, turn: int) -> Log:
-        """Return the log of a turn of the recording."""
+    def log(self, turn: int, without: Collection[int] = ()) -> Log:
+        """Return the log of a turn of the recording, without events of some kinds."""
         turn -= self.first
         begin, end = self.move_ends[turn : turn + 2].tolist()
         flat: Log = self.moves[begin:end].reshape(-1).tolist()
         numbers = self.numbers_of(turn, turn + 1)
+        if without:
+            numbers = numbers[[kind not in without for kind in self.kinds[numbers].tolist()]]
         if not len(numbers):
             return flat
         log: Log = []

@@ -16,7 +16,6 @@ from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.blocks import Contents, Head, Input, at_byte, contents_of, turns_of
-from gamms.recorder.formats.chunks import Stretch, Tracks
 from gamms.recorder.streams import Opened
 
 _KEPT = 4  # blocks of turns that are kept as arrays
@@ -69,13 +68,18 @@ class Reader(Opened):
         """Return the bytes of the file, as they are now."""
         return self._input.read(0, self._input.size)
 
-    def log(self, turn: int) -> chunks.Log:
-        """Return the log of a turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`."""
+    def log(self, turn: int, without: Collection[int] = ()) -> chunks.Log:
+        """Return the log of a turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`.
+
+        Args:
+            turn: which.
+            without: kinds of events to leave out.
+        """
         self._check_range(turn, turn + 1)
         number = bisect_right(self._firsts, turn) - 1
         chunk = self._kept.get(number) or self._chunk(number)
         with at_byte(self._chunks[number].at):
-            return chunk.log(turn)
+            return chunk.log(turn, without)
 
     def moves(self, start: int = 0, stop: int | None = None) -> tuple[IntArray, IntArray, IntArray]:
         """Return all moves of turns `start` to `stop - 1`, in their order: turns, rows, nodes, (moves,) each."""
@@ -115,25 +119,6 @@ class Reader(Opened):
                 with at_byte(self._chunks[bisect_right(self._firsts, turn) - 1].at):
                     data = next(every)
                 yield turn, place, kind, data
-
-    def tracks(self, kind: int, start: int, stop: int, among: Collection[int] = ()) -> Stretch:
-        """Return all events of a kind whose data are only numbers (`FORMS`), of turns `start` to `stop - 1`.
-
-        Args:
-            kind: of the events.
-            start: the first turn.
-            stop: the turn behind the last.
-            among: kinds of events of which the result says where they are.
-        """
-        events, parts = 0, []
-        turns, before = ([np.zeros(0, np.int64)] for _ in range(2))
-        for chunk, first, last in self._parts(start, stop):
-            if len(numbers := chunk.numbers_of(first, last, {kind})):
-                parts.append(chunk.tracks_of(kind, numbers))
-            before.append(numbers.searchsorted(chunk.numbers_of(first, last, among)) + events)
-            turns.append(chunk.turns_of(numbers) + chunk.first)
-            events += len(numbers)
-        return Stretch(Tracks.joined(kind, parts), np.concatenate(turns), np.concatenate(before))
 
     def pieces(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
         """Yield where pieces of these turns begin and end, of no more turns and blocks than stay in memory."""
