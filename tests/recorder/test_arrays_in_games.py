@@ -91,8 +91,8 @@ def test_a_keyframe_says_how_things_are_now_whatever_was_in_the_one_before(tmp_p
     ctx.record.start(tmp_path / "game")
     session = ctx.record._session
     ctx.game.step()
-    session._keyframe()
+    session.keyframe()
     change(ctx)
     ctx.game.step()
-    assert repr({**session._keyframe(), **captured(ctx)}) == repr(session._keyframe())
+    assert repr({**session.keyframe(), **captured(ctx)}) == repr(session.keyframe())
     ctx.record.stop()

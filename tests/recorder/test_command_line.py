@@ -122,8 +122,8 @@ def test_damage_of_any_byte_is_found(game):
 
 def written_anew(path, monkeypatch, spoil=lambda _: None):
     """A game of 70 turns in blocks of three, whose keyframe after 64 turns was spoilt."""
-    monkeypatch.setattr("gamms.recorder.session._KEYFRAME_ENTRIES", 1)
-    monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 64)
+    monkeypatch.setattr("gamms.recorder.turn_writer._KEYFRAME_ENTRIES", 1)
+    monkeypatch.setattr("gamms.recorder.turn_writer._TURNS_AT_ONCE", 64)
     stream = io.BytesIO()
     played(stream, 70)
     reader = recorder.Reader(io.BytesIO(stream.getvalue()))

@@ -75,8 +75,8 @@ def test_games_that_part_in_a_component_part_there(ctx):
 @pytest.fixture(params=[False, True], ids=["few keyframes", "a keyframe after each turn"])
 def keyframes(request, monkeypatch):
     if request.param:
-        monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 1)
-        monkeypatch.setattr("gamms.recorder.session._KEYFRAME_ENTRIES", 0)
+        monkeypatch.setattr("gamms.recorder.turn_writer._TURNS_AT_ONCE", 1)
+        monkeypatch.setattr("gamms.recorder.turn_writer._KEYFRAME_ENTRIES", 0)
 
 
 def without_components(state):

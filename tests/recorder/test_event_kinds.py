@@ -232,9 +232,9 @@ def test_an_event_that_cannot_happen_changes_nothing_and_is_not_noted():
 
 @pytest.fixture
 def a_keyframe_after_each_turn(monkeypatch):
-    monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 1)
-    monkeypatch.setattr("gamms.recorder.session._KEYFRAME_ENTRIES", 0)
-    monkeypatch.setattr("gamms.recorder.session._KEYFRAME_TURNS", 0)
+    monkeypatch.setattr("gamms.recorder.turn_writer._TURNS_AT_ONCE", 1)
+    monkeypatch.setattr("gamms.recorder.turn_writer._KEYFRAME_ENTRIES", 0)
+    monkeypatch.setattr("gamms.recorder.turn_writer._KEYFRAME_TURNS", 0)
 
 
 @pytest.mark.parametrize("game", [everything_of_version_3, flights_of_version_3, turns_of_version_3])

@@ -122,7 +122,7 @@ def test_another_process_can_read_the_turns_so_far(tmp_path):
     for turn in range(300):
         step(ctx, turn)
         if turn % 20 == 0:
-            ctx.record._session._saving.save_now()
+            ctx.record._session._writer._saving.save_now()
             with Reader(path) as reader:  # which is what another process would see
                 reader.verify()
                 seen.append(reader.turns)
@@ -133,12 +133,12 @@ def test_another_process_can_read_the_turns_so_far(tmp_path):
 def test_turns_behind_a_block_that_has_just_ended_are_saved_the_next_time(tmp_path):
     path, ctx, seen = tmp_path / "game.ggr", new_game(), []
     ctx.record.start(path)
-    ctx.record._session._saving.end()  # in the background
-    ctx.record._session._saving._is_over = False
+    ctx.record._session._writer._saving.end()  # in the background
+    ctx.record._session._writer._saving._is_over = False
     for turn in range(70):
         step(ctx, turn)
     for _ in range(2):
-        ctx.record._session._saving.save_now(is_last=False)
+        ctx.record._session._writer._saving.save_now(is_last=False)
         with Reader(path) as reader:
             seen.append(reader.turns)
     assert seen == [64, 70]
@@ -158,7 +158,7 @@ def test_the_finished_bytes_do_not_depend_on_when_they_were_saved(saves, version
                 for turn, is_saved in enumerate(saved):
                     step(ctx, turn)
                     if is_saved:
-                        ctx.record._session._saving.save_now()
+                        ctx.record._session._writer._saving.save_now()
             found.append(Path(f"{folder}/{number}.ggr").read_bytes())
         with new_game() as ctx:
             stream = io.BytesIO()
@@ -243,7 +243,7 @@ def test_what_goes_wrong_in_the_background_is_raised_by_the_next_turn(tmp_path):
         step(ctx, 0)
         step(ctx, 1)
         ctx.record._target.stream.close()
-        ctx.record._session._saving.save_now()
+        ctx.record._session._writer._saving.save_now()
         with pytest.raises(RecordingError, match="could not be written"):
             step(ctx, 2)
         assert not ctx.record.record()
@@ -428,7 +428,7 @@ def interrupted_game(path, at, version, turns=66):
 def test_a_turn_is_neither_lost_nor_there_twice_if_it_is_interrupted_while_it_is_written(
     tmp_path, version, make, monkeypatch
 ):
-    monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 64)
+    monkeypatch.setattr("gamms.recorder.turn_writer._TURNS_AT_ONCE", 64)
     interrupts = 0
     for at in (*range(1, 40, 4), *range(40, 900, 71)):
         target = make() or tmp_path / f"{at}.ggr"

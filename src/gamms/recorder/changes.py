@@ -364,6 +364,22 @@ class SensorChanges:
         return self._ctx.sensor.sensors[described["id"]], [described["type"], plain_subset(described["keywords"])]
 
 
+class ContextChanges:
+    """Everything that is compared with the last turn, because no journal notes it.
+
+    Attributes:
+        game: the fields of the game.
+        strategies: the functions that decide.
+        sensors: the sensors.
+    """
+
+    def __init__(self, ctx: HostContext, check: Callable[[list[dict[str, Any]]], None]) -> None:
+        """Compare with how things are now; `check` is called with sensors that come or change."""
+        self.game = GameChanges(ctx)
+        self.strategies = StrategyChanges(ctx)
+        self.sensors = SensorChanges(ctx, check)
+
+
 class DrawingChanges:
     """Compares what artists draw with what was recorded last.
 

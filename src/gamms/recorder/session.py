@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from copy import deepcopy
 from itertools import takewhile
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,51 +18,19 @@ from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
 from gamms.plain import Plain
-from gamms.progress import uninterrupted
 from gamms.recorder import keyframes, sensed
-from gamms.recorder.changes import DrawingChanges, GameChanges, SensorChanges, StrategyChanges
+from gamms.recorder.changes import ContextChanges, DrawingChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
+from gamms.recorder.following import Follower, Following
 from gamms.recorder.journals import SessionJournal, SkippedValues
 from gamms.recorder.maps import is_map_of
-from gamms.recorder.saving import Saving
+from gamms.recorder.turn_writer import Encoder, TurnWriter
 from gamms.typing.context import HostContext
 
 _OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
-_TURNS_AT_ONCE = 256  # what may wait to be written
-_ENTRIES_AT_ONCE = 1 << 13  # of logs; the same
-_TURNS_OF_ARRAYS = 8  # likewise, with the moves of many agents
-_TURNS_OF_STREAM = 64  # likewise, where blocks are written that stay, and no other thread writes
-_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
-_KEYFRAME_TURNS = 128  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
-_OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `SessionJournal.weight`
-
-
-class Follower(Protocol):
-    """What hears of a game as it is played, turn by turn, in the form in which it is recorded."""
-
-    def begin(self, header: dict[str, Any], state: keyframes.Keyframe) -> None:
-        """Begin, or begin again: the game is like this now, and what follows are its turns.
-
-        Args:
-            header: what that of a recording would say that began now.
-            state: not to be changed.
-        """
-
-    def hear(self, log: Log, *, is_over: bool) -> None:
-        """Hear what has happened since the last call.
-
-        Args:
-            log: not to be changed; of a turn whose agents sense first what has led to that.
-            is_over: whether the turn is over; else agents decide next.
-        """
-
-
-Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
-#            `close()`; `values`, how many events with a value were written; `blocks`, how many will not be replaced;
-#            `is_current`, whether what was flushed can be read
 
 
 class RecordingSession:
@@ -75,7 +43,6 @@ class RecordingSession:
 
     Attributes:
         is_paused: whether nothing is written for now.
-        has_failed: whether it could not be written further: nothing is noted then, and nothing more written.
         takes_records: whether records of version 2 that are replayed are written as they are.
         visuals: what it looked like when the first turn was over.
         drawings: what artists draw.
@@ -91,25 +58,14 @@ class RecordingSession:
         self._with_sensed = with_sensed
         self._versions: tuple[Any, ...] = ()  # of what was recorded, to see in each turn whether anything has changed
         self._graph, self._phase = ctx.graph, phase_of(ctx)
-        self._encoder: Encoder = None
-        self._has_begun = False  # for good: until the first turn is over, a map may be loaded
-        self._logs: list[Log] = []
-        self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a keyframe may be written
-        self._entries_here = 0  # of the log, since the last one
-        self._is_full = False  # whether these are too many to wait
-        self._since_keyframe = 0  # entries
-        self._values = 0  # that were written up to the last interval
-        self._blocks = 0  # that were complete when turns were saved that waited
+        self._writer: TurnWriter | None = None
         self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
-        self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
-        self._saving = Saving(self._save)
-        self.turn, self.seed = 0, ctx.seed
-        self.is_paused = self.has_failed = False
+        self.turn = 0
+        self.seed = ctx.seed
+        self.is_paused = False
         self._replayed: DetachedState | None = None  # of a recording that this one began like
         self.takes_records = False
-        self._followers: tuple[Follower, ...] = ()
-        self._followed: int | None = None  # the edits of what is drawn with which they began; None: they have not
-        self._heard = 0  # entries of the log of this turn that they know
+        self._following: Following | None = None
         self._pending: Log = []  # declarations of components which that one may have as well
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
@@ -127,12 +83,16 @@ class RecordingSession:
         """Begin to write.
 
         Args:
-            encoder: what writes.
-            in_background: whether another thread writes turns that wait for long; else every turn is written at its
-                end, if it can be read then.
+            encoder: writes the turns.
+            in_background: whether another thread writes turns that wait for long; else each turn is written at its end,
+                if it can be read then.
         """
-        self._encoder, self._in_background = encoder, in_background
-        encoder.begin(self, is_final=False)
+        self._writer = TurnWriter(self, encoder, in_background=in_background)
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it could not be written further: nothing is noted then, and nothing more written."""
+        return self._writer is not None and self._writer.has_failed
 
     @property
     def log(self) -> Log:
@@ -146,60 +106,53 @@ class RecordingSession:
             self.seed = self.ctx.seed
         self._note_changes()
         journal.log += self.drawings.changes()
-        self._game.count(journal.log)
+        self._changes.game.count(journal.log)
         log, journal.log, self._front = journal.log, [], 0
         if self._replayed is not None:
             try:
                 self._replayed.apply(log)
             except Damaged:  # by what a program has written among it
                 self._replayed = None
-        self._logs.append(log)
         self.turn += 1
-        self._entries_here += len(log) + journal.in_arrays
-        # NOTE: arrays may wait: to begin to write takes a twentieth of what a turn does (benchmarks: teams, recorded).
-        is_full = self._entries_here >= _ENTRIES_AT_ONCE
-        self._is_full = is_full and not (journal.in_arrays and self.turn % _TURNS_OF_ARRAYS)
-        journal.in_arrays = 0
         if self.world is None:  # a map that comes later is an event, however long it took
             self.world = self._skipped.packed()
-        if self.turn >= self._writes_at or self._is_full:
-            self._write()
-        if self._followers:
-            self._tell_followers(log, is_over=True)
+        if self._writer is not None:
+            self._writer.add(log, len(log) + journal.in_arrays, journal.weight, has_arrays=bool(journal.in_arrays))
+        journal.in_arrays = journal.weight = 0
+        self._tell_followers(log, is_over=True)
 
     def follow(self, followers: tuple[Follower, ...], header: "Callable[[RecordingSession], dict[str, Any]]") -> None:
-        """Let these hear of all that happens from now on, and others no longer.
+        """Report all that happens from now on to these followers, and to no others.
 
         Args:
-            followers: those who hear.
-            header: what a header says of a session.
+            followers: get the reports.
+            header: returns the header of a session.
         """
-        self._followers, self._header, self._followed = followers, header, None
+        self._following = Following(followers, lambda: header(self)) if followers else None
         self._begin_with_followers()
 
     def _begin_with_followers(self) -> None:
         """Let followers begin with how things are now, once there is a map."""
-        if not self._followers or next(iter(self.ctx.graph.graph.get_nodes()), None) is None:
+        following = self._following
+        if following is None or next(iter(self.ctx.graph.graph.get_nodes()), None) is None:
             return
         self._note_changes()
-        self._heard = self._front = len(self.log)
+        self._front = len(self.log)
         self._journal.last_set = None  # the state that they begin with has it
-        self._followed = self.drawings.edits
         looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs()}
-        header = self._header(self) | looks
-        state = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"pace": self._game.pace}
-        for follower in self._followers:
-            follower.begin(header, state)
+        state = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"pace": self._changes.game.pace}
+        following.begin(looks, state, self.drawings.edits, len(self.log))
 
     def _tell_followers(self, log: Log, *, is_over: bool) -> None:
-        # What is declared in the first turn is in the header, and no event says it.
-        if self._followed is None or (self.turn == 1 and is_over and self._followed != self.drawings.edits):
+        following = self._following
+        if following is None:
+            return
+        # The header has what is declared in the first turn, and no event says it.
+        if following.edits is None or (self.turn == 1 and is_over and following.edits != self.drawings.edits):
             self._begin_with_followers()
             return
-        heard, self._heard = self._heard, 0 if is_over else len(log)
         self._journal.last_set = None  # they have this event already
-        for follower in self._followers:
-            follower.hear(log[heard:], is_over=is_over)
+        following.tell(log, is_over=is_over)
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -235,24 +188,21 @@ class RecordingSession:
         """Write what is left, and listen no longer."""
         self.end_replay()
         self._stop_listening()
-        if self.has_failed or self._leave():
-            return  # and has said so
+        if self._writer is None or self._writer.has_stopped():
+            return
         if not self.is_paused:
             self._note_changes()
         self._skipped.check_data()
         log = self._journal.log
         if log:
             log.append((kinds.UNFINISHED, {}))
-            self._logs.append(log)
-        with self._writing():
-            self._encode()
-            self._encoder.close()
-            self._saving.end()
+        self._writer.close(log)
 
     @property
     def is_new(self) -> bool:
         """Whether nothing has happened yet but that classes of components were declared."""
-        is_new = not self._has_begun and not self.turn and not self.begin["names"] and not self.is_paused
+        has_begun = self._writer is not None and self._writer.has_begun
+        is_new = not has_begun and not self.turn and not self.begin["names"] and not self.is_paused
         log = self.log
         return is_new and all(entry[0] == kinds.COMPONENT_REGISTER for entry in log if type(entry) is tuple)
 
@@ -344,7 +294,8 @@ class RecordingSession:
     def abandon(self) -> None:
         """Listen no longer, and write nothing more."""
         self._stop_listening()
-        self._saving.end()
+        if self._writer is not None:
+            self._writer.end()
 
     # -- listening ----------------------------------------------------------------------------------------------
 
@@ -368,11 +319,11 @@ class RecordingSession:
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.node, strict=True))
         results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
-        if self._followers and self._followed is None:
+        if self._following is not None and self._following.edits is None:
             self._begin_with_followers()
         journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
         self._front = len(journal.log)  # what changes later in this turn is behind what was decided by
-        if self._followed is not None:
+        if self._following is not None and self._following.edits is not None:
             self._tell_followers(journal.log, is_over=False)
 
     def _stop_listening(self) -> None:
@@ -383,81 +334,11 @@ class RecordingSession:
             if callback in callbacks:
                 callbacks.remove(callback)
 
-    def _fail(self) -> None:
-        """Write nothing any more."""
-        self.abandon()
-        self.has_failed, self._logs = True, []
-
-    def _write(self) -> None:
-        """Write the turns that wait."""
-        if self._leave():
-            return
-        with self._writing():
-            if self._in_background:
-                self._in_background = self._saving.begin()
-            self._encode()
-            if self.turn >= self._interval_ends or self._is_full:
-                self._end_interval()
-            if self._in_background:
-                self._writes_at = self._interval_ends
-            elif self._encoder.is_current:
-                self._encoder.flush()
-            else:
-                self._writes_at = self.turn - self.turn % _TURNS_OF_STREAM + _TURNS_OF_STREAM
-
-    def _leave(self) -> bool:
-        """Stop if this is another process than the one that records; returns whether nothing more is written."""
-        if self._saving.is_inherited:
-            self._fail()
-            self.ctx.logger.warning("A recording goes on in the process that began it only, and not in this one.")
-        return self.has_failed
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        """Write all of it, even if Ctrl-C comes meanwhile, or end the recording."""
-        with uninterrupted(), self._saving.lock:
-            try:
-                self._saving.check()
-                yield
-            except BaseException:
-                self._fail()
-                raise
-
-    def _save(self, is_last: bool) -> None:
-        """Write the turns that wait, which no later turn has done; or let the next one say what went wrong."""
-        try:
-            self._encode()
-            # NOTE: the turns of a block that began since are written with it, or the next time: not twice where blocks
-            # are large and end soon (benchmarks: teams, recorded).
-            before, self._blocks = self._blocks, self._encoder.blocks
-            if is_last or before == self._blocks:
-                self._encoder.flush()
-        except Exception:
-            self._writes_at = 0
-            raise
-
-    def _end_interval(self) -> None:
-        """Write a keyframe if one is due: by what was recorded, never by the clock."""
-        values = self._encoder.values
-        self._since_keyframe += self._entries_here + self._journal.weight + _OF_VALUE * (values - self._values)
-        self._journal.weight, self._values = 0, values
-        self._interval_ends, self._entries_here = self.turn + _TURNS_AT_ONCE, 0
-        if self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self.ctx.agent.agents)):
-            self._encoder.keyframe(self._keyframe())
-            self._since_keyframe = 0
-
-    def _keyframe(self) -> keyframes.Keyframe:
-        if self._replayed is not None:  # which knows what no context can be: strategies are functions
+    def keyframe(self) -> keyframes.Keyframe:
+        """Return how things are after the last turn."""
+        if self._replayed is not None:  # it knows what no context can hold: strategies are functions
             return self._replayed.keyframe(self.turn)
-        return keyframes.captured(self.ctx) | {"pace": self._game.pace} | keyframes.components_of(self.ctx)
-
-    def _encode(self) -> None:
-        if not self._has_begun:
-            self._has_begun = True
-            self._encoder.begin(self, is_final=True)
-        if waiting := self._logs[:]:
-            self._encoder.add(waiting)
-            del self._logs[: len(waiting)]  # others may have joined, behind them
+        return keyframes.captured(self.ctx) | {"pace": self._changes.game.pace} | keyframes.components_of(self.ctx)
 
     def _note_changes(self, *, is_set_next: bool = False) -> None:
         """Record what no journal notes: a change of the map, before who stands on it, and what the game has come to.
@@ -474,9 +355,9 @@ class RecordingSession:
         if self._journal.progressed:
             log += self._new_progress()
         if has_changed:
-            self._strategies.detect(log)
+            self._changes.strategies.detect(log)
             self._versions = versions
-        self._game.detect(log)
+        self._changes.game.detect(log)
 
     def _current_versions(self) -> tuple[Any, ...]:
         """Return numbers, one of which changes whenever a map, sensor, artist, agent, team, strategy or plan does."""
@@ -500,9 +381,9 @@ class RecordingSession:
             above = None if is_set_next else keyframes.flyers_of(self.ctx)
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
-        if self._sensors.are_due:
+        if self._changes.sensors.are_due:
             place = self._front + len(list(takewhile(_precedes_sensors, log[self._front :])))
-            log[place:place] = self._sensors.detect()
+            log[place:place] = self._changes.sensors.detect()
         if self.drawings.edits != self._declarations:
             log += self._visual_changes()
 
@@ -516,16 +397,15 @@ class RecordingSession:
         elif kind == kinds.VISUAL_COMMANDS:
             self.drawings.changes()
         elif kind == kinds.SENSORS:
-            self._sensors.accept()
+            self._changes.sensors.accept()
         elif kind == kinds.AGENT_PROGRESS:
             self._journal.progressed.clear()
         else:
-            self._game.accept(kind, data)
+            self._changes.game.accept(kind, data)
 
     def _watch_game(self) -> None:
         """Compare with how things are now from now on."""
-        self._game, self._strategies = GameChanges(self.ctx), StrategyChanges(self.ctx)
-        self._sensors = SensorChanges(self.ctx, self._skipped.check_sensors)
+        self._changes = ContextChanges(self.ctx, self._skipped.check_sensors)
         self._journal.progressed.clear()
 
     def _new_progress(self) -> Log:
