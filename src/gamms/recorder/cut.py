@@ -288,7 +288,7 @@ class Cut:
         has_agents = any(field.role in _OF_AGENTS for field in known.fields.values())
         return None if is_empty and has_agents else own
 
-    def _own_move(self, number: Any, node: Any) -> Iterator[int]:
+    def _own_move(self, number: int, node: int) -> Iterator[int]:
         if self._names.get(int(number)) in self._own:
             yield self._id_of(int(number))
             yield int(node)
@@ -303,7 +303,7 @@ class Cut:
                 names = data[key]
         return [row for row, name in enumerate(names) if name in self._own]
 
-    def _own_items(self, role: Role, value: Any, rows: list[int]) -> Any:
+    def _own_items(self, role: Role, value: Plain, rows: list[int]) -> Any:
         """Return the part of the value of a field that is of the agents."""
         if role is Role.BY_AGENT:
             return self._of_own(value)
