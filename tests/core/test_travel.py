@@ -118,7 +118,10 @@ def test_agents_remember_the_way_that_the_graph_gives(edges, asked, most):
 def test_a_route_has_the_next_nodes_of_the_way(edges, source, goal, most):
     ways, graph = ways_on(edges, most)
     trips = Trips(1, 8)
-    count = core.put_route(ways, trips.core, 0, source, goal)
+    assert core.put_route(ways, trips.core, 0, source, goal, 1) == 1 + core.put_route(
+        ways, trips.core, 0, source, goal, 0
+    )
+    count = core.put_route(ways, trips.core, 0, source, goal, 0)
     far = graph.distance(IDS[source], IDS[goal])
     path = graph.shortest_path(IDS[source], IDS[goal]) if far < inf else [IDS[source]]
     found = [IDS[node] for node in trips.route[:count].tolist()]

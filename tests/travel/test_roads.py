@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.errors import BadValue
+from gamms.core import travel as core
 from gamms.game import travel
 from gamms.game.travel import Roads
 from gamms.graph import Graph
@@ -36,13 +36,13 @@ def test_paths_and_distances_are_those_of_the_graph_whatever_agents_remember(edg
         patch.setattr(travel, "_REMEMBERED", most)
         for agent, source, target in pairs:
             far = graph.distance(source, target, "cost")
-            assert roads.distance(agent, source, target) == far
-            if far < inf:
-                rows = [row for part in roads.path(agent, source, target) for row in part]
-                assert [source, *map(IDS.__getitem__, rows)] == graph.shortest_path(source, target, "cost")
-            else:
-                with pytest.raises(BadValue, match=f"from node {source} to node {target}"):
-                    list(roads.path(agent, source, target))
+            ways, start, goal = roads.ways(agent), roads.row(source), roads.row(target)
+            assert core.distance(ways, agent, start, goal) == far
+            way = [start]
+            while (node := core.following(ways, agent, way[-1], goal)) != way[-1]:
+                way.append(node)
+            path = graph.shortest_path(source, target, "cost") if far < inf else [source]
+            assert [IDS[node] for node in way] == path
 
 
 def test_an_agent_without_a_bound_of_its_own_keeps_to_the_speeds_of_edges():

@@ -34,7 +34,7 @@ cdef class Travelers:
     cdef Roaming roaming
 
 
-@cython.locals(i=i64, row=i64, target=i64, can_go=bint)
+@cython.locals(i=i64, row=i64, target=i64, can_go=bint, slot=i64)
 cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
 cdef int begin(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
@@ -43,10 +43,6 @@ cdef Py_ssize_t target_of(Games games, Travelers t, i64 game, i64 i) except -2 n
 @cython.locals(row=i64, node=i64, target=i64, far=double, left=i64, begin=i64, number=i64)
 cdef Py_ssize_t waypoint(Games games, Roaming roaming, Ways ways, draws.Choices walks, i64 game, i64 i) except -2 nogil
 cdef double way_length(Ways ways, i64 row, i64 node, i64 target) except? -1.0 nogil
-@cython.locals(node=i64, edge=i64, motion=i64, is_last=bint, count=i64)
-cdef bint set_off(Travelers t, Ways ways, i64 row, i64 i, i64 target) except -1 nogil
-@cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)
-cdef Py_ssize_t motion_towards(Travelers t, Ways ways, i64 row, i64 i, i64 target) except -1 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)
 cpdef int give_way(Games games, Travelers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)

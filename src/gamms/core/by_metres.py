@@ -103,9 +103,10 @@ def decide(games: Games, t: Travelers, game: int) -> int:
             target = target_of(games, t, game, i)
             can_go = True
             if target >= 0 and t.movers.decides_by[i] == ROAMS:
-                can_go = set_off(t, t.ways, row, i, target)
+                can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
             elif target >= 0:
-                can_go = set_off(t, t.near, (games.node[row] * 31 + target) & (t.slots - 1), i, target)
+                slot = (games.node[row] * 31 + target) & (t.slots - 1)
+                can_go = travel.go_towards(t.roads, t.trips, t.near, slot, i, target)
             if not can_go:
                 t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, t.trips.edge[i], target)
         if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
@@ -174,39 +175,6 @@ def way_length(ways: Ways, row: int, node: int, target: int) -> float:
     if target < 0:
         return travel.INFINITE
     return 0.0 if target == node else travel.distance(ways, row, node, target)
-
-
-def set_off(t: Travelers, ways: Ways, row: int, i: int, target: int) -> bool:
-    """Let an agent go towards a node until the turn is over, one on an edge the shorter way; return whether it can."""
-    node = t.trips.node[i]
-    edge = t.trips.edge[i]
-    motion = travel.FORWARD
-    if edge >= 0:
-        motion = motion_towards(t, ways, row, i, target)
-        if motion == 0:
-            return False
-        node = t.roads.sources[edge] if motion == travel.BACK else t.roads.targets[edge]
-        is_last = node == target or not travel.is_endless(t.roads, t.speeds[i])
-        if is_last and not travel.go(t.roads, t.trips, i, motion, 0):
-            return True
-    while node != target:
-        count = travel.put_route(ways, t.trips, row, node, target)
-        if count == 0 or not travel.go(t.roads, t.trips, i, motion, count):
-            return True
-        node = t.trips.node[i]
-    return True
-
-
-def motion_towards(t: Travelers, ways: Ways, row: int, i: int, target: int) -> int:
-    """Return the motion of an agent on an edge towards a node; 0: it cannot go there."""
-    node = t.trips.node[i]
-    edge = t.trips.edge[i]
-    motion = travel.end_towards(t.roads, node, edge, target)
-    if motion == 0 and t.speeds[i] == t.speeds[i]:  # not NaN
-        ahead = travel.distance(ways, row, t.roads.targets[edge], target)
-        behind = travel.distance(ways, row, node, target)
-        motion = travel.shorter_way(t.roads, edge, t.trips.share[i], ahead, behind)
-    return motion
 
 
 def give_way(games: Games, t: Travelers, game: int) -> int:

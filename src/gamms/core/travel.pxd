@@ -101,9 +101,9 @@ cpdef double distance(Ways ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
 @cython.locals(place=i64)
 cpdef Py_ssize_t following(Ways ways, i64 row, i64 node, i64 goal) except -1 nogil
 @cython.locals(place=i64, count=i64, first=i64, number=i64)
-cpdef Py_ssize_t put_route(Ways ways, Trips trips, i64 row, i64 node, i64 goal) except -1 nogil
+cpdef Py_ssize_t put_route(Ways ways, Trips trips, i64 row, i64 node, i64 goal, i64 begin) except -1 nogil
 
-cpdef Py_ssize_t end_towards(Roads roads, i64 node, i64 edge, i64 target) except -1 nogil
+cdef Py_ssize_t end_towards(Roads roads, i64 node, i64 edge, i64 target) except -1 nogil
 @cython.locals(cost=double)
 cpdef Py_ssize_t shorter_way(Roads roads, i64 edge, double share, double ahead, double behind) except -1 nogil
 
@@ -122,11 +122,17 @@ cpdef int stand(Trips trips, i64 row) except -1 nogil
 @cython.locals(at=i64, number=i64)
 cpdef Py_ssize_t without_edge(Roads roads, Trips trips, i64 node, i64 count) except -2 nogil
 @cython.locals(speed=double)
-cpdef bint takes_all(Roads roads, Trips trips, i64 row) except -1 nogil
+cdef bint takes_all(Roads roads, Trips trips, i64 row) except -1 nogil
 @cython.locals(at=i64, left=i64, metres=double, edge=i64, number=i64)
 cdef int set_pace(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
 @cython.locals(number=i64, node=i64)
 cpdef bint go(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
+@cython.locals(node=i64, edge=i64, motion=i64, needs_whole=bint, count=i64, before=i64, goes_on=bint)
+cpdef bint go_towards(Roads roads, Trips trips, Ways ways, i64 memory, i64 row, i64 target) except -1 nogil
+@cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)
+cdef Py_ssize_t motion_towards(
+    Roads roads, Trips trips, Ways ways, i64 memory, i64 row, i64 target
+) except -1 nogil
 
 @cython.locals(number=i64)
 cpdef int backs(Roads roads, const i64[::1] edges, i64[::1] found) except -1 nogil

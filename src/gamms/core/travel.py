@@ -622,17 +622,20 @@ def following(ways: Ways, row: int, node: int, goal: int) -> int:
     return ways.nodes[row * ways.most + place + 1] if place >= 0 and node != goal else node
 
 
-def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int) -> int:
-    """Write the next nodes on the way of an agent from a node to a goal; return how many: none at the goal."""
+def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int, begin: int) -> int:
+    """Append the next nodes on the way of an agent from a node to a goal to the first `begin` nodes of a route.
+
+    Return how many nodes the route has then: no more at the goal, and where no way leads there.
+    """
     if is_direct(ways, node, goal):
-        trips.route[0] = goal
-        return 1
+        trips.route[begin] = goal
+        return begin + 1
     place = place_on_way(ways, row, node, goal)
     count = ways.count[row] - place - 1 if place >= 0 else 0
     first = row * ways.most + place + 1
     for number in range(count):
-        trips.route[number] = ways.nodes[first + number]
-    return count
+        trips.route[begin + number] = ways.nodes[first + number]
+    return begin + count
 
 
 # -- where to --------------------------------------------------------------------------------------------------------
@@ -817,6 +820,54 @@ def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
         if trips.left[row] <= 0 or not cover(roads, trips, row, cheapest(roads, trips.node[row], node), FORWARD):
             return False
     return trips.left[row] > 0
+
+
+def go_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, target: int) -> bool:
+    """Let an agent go towards a node until the turn is over, one on an edge the shorter way; return whether it can.
+
+    Args:
+        roads: the map.
+        trips: has the agent where it sets out.
+        ways: finds the cheapest ways.
+        memory: the row of `ways` that remembers those of the agent.
+        row: of the agent.
+        target: the node.
+    """
+    node = trips.node[row]
+    edge = trips.edge[row]
+    motion = FORWARD
+    needs_whole = is_endless(roads, trips.speed[row])
+    count = 0
+    goes_on = True
+    if edge >= 0:
+        motion = motion_towards(roads, trips, ways, memory, row, target)
+        if motion == 0:
+            return False
+        node = roads.sources[edge] if motion == BACK else roads.targets[edge]
+        if node == target or not needs_whole:
+            goes_on = go(roads, trips, row, motion, 0)
+    while goes_on and node != target:
+        before = count
+        count = put_route(ways, trips, memory, node, target, before)
+        if count == before:
+            return False
+        node = trips.route[count - 1]
+        if node == target or not needs_whole:
+            goes_on = go(roads, trips, row, motion, count)
+            count = 0
+    return True
+
+
+def motion_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, target: int) -> int:
+    """Return the motion of an agent on an edge towards a node; 0: it cannot go there."""
+    node = trips.node[row]
+    edge = trips.edge[row]
+    motion = end_towards(roads, node, edge, target)
+    if motion == 0 and trips.speed[row] == trips.speed[row]:  # not NaN
+        ahead = distance(ways, memory, roads.targets[edge], target)
+        behind = distance(ways, memory, node, target)
+        motion = shorter_way(roads, edge, trips.share[row], ahead, behind)
+    return motion
 
 
 # -- many agents ----------------------------------------------------------------------------------------------------

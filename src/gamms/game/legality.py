@@ -2,26 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import chain, pairwise
-from math import floor, inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue, GammsError, NoPath, UnknownName
-from gamms.game.around import Around, Surroundings
+from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
+from gamms.game.walking import Walking
 from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import IntArray
 from gamms.ir.progress import Progress
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg, Track
-
-SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding
 
 
 class IllegalAction(GammsError, ValueError):
@@ -60,7 +57,7 @@ class Legality:
         self._ctx, self._settings = ctx, settings
         self.travel = Travel(ctx, settings)
         self._streets: Streets | None = None  # of the graph as it was when they were asked for
-        self._surroundings = Surroundings()
+        self._walking: Walking | None = None
         self._ids: tuple[Streets | None, tuple[int, ...]] = None, ()  # of all nodes, and of which map
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
@@ -128,14 +125,7 @@ class Legality:
             return self.travel.reachable(self.travel.place(mover.row), here, mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
-        speed = mover.speed or 0.0
-        near = self._around(here, speed).legal
-        begun, covered = self._begun(mover, here)
-        if begun is None:
-            return near
-        left = edges_within(speed + covered) - 1.0  # less than the speed
-        onward = [node for node, far in self._around(begun, speed).hops.items() if far <= left]
-        return tuple(dict.fromkeys([*near, *onward]))
+        return self.walking.reachable(here, mover.speed, self._ctx.agent.block.progress[mover.row])
 
     def _anywhere(self, here: int) -> tuple[int, ...]:
         """Return all nodes, the agent's own first."""
@@ -152,6 +142,14 @@ class Legality:
         if self._streets is None or self._streets.columns is not columns:
             self._streets = Streets(columns, self._ctx.graph.routes)
         return self._streets
+
+    @property
+    def walking(self) -> Walking:
+        """Where agents get along several edges a turn."""
+        streets = self.streets
+        if self._walking is None or self._walking.streets is not streets:
+            self._walking = Walking(streets)
+        return self._walking
 
     def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
         """Return what `reachable` returns for each of several agents: offsets (agents + 1,) and ids."""
@@ -188,62 +186,16 @@ class Legality:
             if len(path) > 1 or path[0] not in near:
                 raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
             return ResolvedAction(path[0], (here, path[0]))
-        begun, covered = self._begun(mover, here)
-        if not is_route:
-            path = self._shortest(mover.speed, here, path[0], begun, covered)
-        return self._advance_along(mover.speed, here, path, covered if path[0] == begun else 0.0)
-
-    def _shortest(self, speed: float, here: int, target: int, begun: int | None, covered: float) -> list[int]:
-        """Return the shortest path to a node, on from `here` or along the edge that the agent has begun."""
-        try:
-            path = self._path(speed, here, target)
-            if begun is not None and begun != path[0]:
-                onward = self._ctx.graph.graph.distance(begun, target, None)
-                if 1.0 - covered + onward <= len(path):
-                    path = [begun, *self._path(speed, begun, target)]
-        except NoPath as error:
-            raise BadValue(str(error)) from None
-        return path
-
-    def _path(self, speed: float, start: int, target: int) -> list[int]:
-        """Return the shortest path between nodes, without the first."""
-        if speed != inf and target in (around := self._around(start, speed)).before:
-            return around.path(target)
-        path: list[int] = self._ctx.graph.graph.shortest_path(start, target, None)[1:]
-        return path
-
-    def _advance_along(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
-        """Follow a path as far as the edges of this turn go; `covered` is the part of one that was gone before it."""
-        budget = speed + covered
-        whole = len(route) if budget >= len(route) else floor(edges_within(budget))
-        path, left, progress = (here, *route[:whole]), budget - whole, None
-        if whole < len(route) and route[whole] != path[-1] and SLACK < left < 1.0:
-            progress = Progress(path[-1], route[whole], left)
-        return ResolvedAction(path[-1], path, progress=progress)
-
-    def _begun(self, mover: AgentSlot, here: int) -> tuple[int | None, float]:
-        """Return the end of the edge that an agent has covered part of, and how much of it."""
-        progress = self._ctx.agent.block.progress[mover.row]
-        near = self._ctx.graph.graph.neighborhoods
-        if progress is None or progress.source != here or progress.target not in near[here]:
-            return None, 0.0
-        return progress.target, progress.share
-
-    def _around(self, node: int, speed: float) -> Around:
-        """Return the nodes within one turn at a speed."""
-        graph = self._ctx.graph.graph
-        if speed == inf:
-            hops: dict[int, float] = graph.distances(source=node, weight=None)
-            return Around(tuple(dict.fromkeys([*graph.neighborhoods[node], *hops])), hops, {})
-        return self._surroundings.of(graph, self.streets, node, floor(edges_within(speed)))
+        place = self._ctx.agent.block.progress[mover.row]
+        if is_route:
+            found = self.walking.along(here, mover.speed, place, path)
+        else:
+            found = self.walking.towards(mover.row, here, mover.speed, place, path[0])
+        passed, progress = found
+        return ResolvedAction(passed[-1], passed, progress=progress)
 
 
 def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
     """Return a way as an action; it began on an edge, or on a node."""
     path, times, legs, progress = way
     return ResolvedAction(path[-1], path, (), times, progress, legs, begun)
-
-
-def edges_within(budget: Any) -> Any:
-    """Return the largest number of edges that counts as within a budget; of a number or an array."""
-    return budget * (1.0 + SLACK)

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of, as_one_shape
+from gamms.core import moves
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
 from gamms.readonly import locked
@@ -107,6 +108,12 @@ class Streets:
             BadType, BadValue: they are no integers, or one is not the row of a node.
         """
         return as_numbers_of(rows, name, self.num_nodes, "nodes")
+
+    @cached_property
+    def core(self) -> moves.Streets:
+        """The same as the core takes them."""
+        columns: list[Any] = [np.ascontiguousarray(one, np.int32).data for one in (self.offsets, self.targets)]
+        return moves.Streets(*columns)
 
     @property
     def axes(self) -> FloatArray:

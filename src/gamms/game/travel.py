@@ -4,10 +4,9 @@
 there. `Travel` says where agents of the game of a context may go and where they go, by ids.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
-from itertools import chain
-from math import inf, nan
+from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from gamms.typing.on_edges import Line, OnEdge, placed
 
 SLACK = 1e-9  # of a turn, as the core has it
 _REMEMBERED = 64  # nodes on the way of each agent, 16 bytes each
-_FIRST_ROOM = 64  # legs of a way
+_MORE_LEGS = 3  # than a way has nodes
 ENDLESS = 1 << 32  # edges: more than any way has
 LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # of an edge: who is under way is on it, though these shares may be rounded
 _MOTIONS = tuple(Motion)
@@ -99,17 +98,94 @@ class Trips:
         columns = (*states, *shares, self.edges, *parts, self.nodes, self.times, self.route)
         self.core = core.Trips(most, *(column.reshape(-1).data for column in columns))
 
-    def columns(self) -> dict[str, Any]:
-        """Return all columns by their names."""
-        return {name: column for name, column in vars(self).items() if isinstance(column, np.ndarray)}
 
-    def with_room(self, most: int) -> "Trips":
-        """Return the same with room for more."""
-        found = Trips(len(self.node), most)
-        columns = found.columns()
-        for name, column in self.columns().items():
-            columns[name][..., : column.shape[-1]] = column
-        return found
+class Memories:
+    """The cheapest ways that agents remember; no way leads along an edge that costs infinitely much.
+
+    Args:
+        columns: of the graph.
+        costs: (edges,) by which agents find their ways.
+        rows: how many agents there are.
+        most: how many nodes of its way each remembers.
+    """
+
+    def __init__(self, columns: GraphColumns, costs: FloatArray, rows: int, most: int) -> None:
+        self._costs = costs
+        entering = kernels.group_rows(columns.targets, len(columns.node_ids))
+        turned = replace(columns, sources=columns.targets, targets=columns.sources)
+        leaving = _of_finite_costs(costs, (columns.offsets, columns.out_edges))
+        self._plain = map_of(columns, costs, None, 1.0, leaving)
+        self._back = map_of(turned, costs, None, 1.0, _of_finite_costs(costs, entering))
+        self._begin(rows, most)
+
+    def _begin(self, rows: int, most: int) -> None:
+        self.most = most
+        self._ints: Any = np.zeros((3, rows), np.int64)
+        self._ints[0] = -1  # the goal
+        self._nodes: Any = np.zeros(rows * most, np.int64)
+        self._far: Any = np.zeros(rows * most)
+
+    def apart(self, rows: int, most: int) -> "Memories":
+        """Return the same of so many other ways, of which so many nodes are remembered."""
+        twin = copy(self)
+        twin._begin(rows, most)
+        return twin
+
+    def ways(self, roads: core.Roads, reach: Reach) -> core.Ways:
+        """Return what one thread finds ways with on a map."""
+        columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
+        direct: Any = np.zeros(len(self._costs), np.uint8).data
+        return core.Ways(*[roads, self._back, reach.core, direct, self.most, *columns])
+
+    def plain_ways(self, reach: Reach) -> core.Ways:
+        """Return the same where only costs count."""
+        return self.ways(self._plain, reach)
+
+
+class Paths:
+    """The nodes of one revision of a graph by their ids, and the ways of the agents of one game.
+
+    Args:
+        columns: of the graph.
+        costs: (edges,) by which agents find their ways.
+
+    Attributes:
+        ids: of the nodes, by row.
+        reach: scratch, and the nodes that were found last.
+    """
+
+    def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
+        self._columns = columns
+        self._costs = costs
+        self.ids: list[int] = columns.node_ids.tolist()
+        self._row_of = {id: row for row, id in enumerate(self.ids)}
+        self.reach = Reach(len(self.ids))
+        self._found = self.reach.nodes.data
+        self._ways: core.Ways | None = None
+        self._agents = 0  # for how many of these that has room
+
+    def row(self, node: int) -> int:
+        """Return the row of a node.
+
+        Raises:
+            UnknownName (KeyError): there is none.
+        """
+        try:
+            return self._row_of[node]
+        except KeyError:
+            raise UnknownName("node", node) from None
+
+    def found(self, count: int) -> tuple[int, ...]:
+        """Return the ids of the first nodes that were found last."""
+        ids = self.ids
+        return tuple([ids[row] for row in self._found[:count].tolist()])
+
+    def ways(self, agent: int) -> core.Ways:
+        """Return the ways of agents, among them of this one, by its row."""
+        if self._ways is None or agent >= self._agents:
+            self._agents = 2 * agent + 2
+            self._ways = Memories(self._columns, self._costs, self._agents, _REMEMBERED).plain_ways(self.reach)
+        return self._ways
 
 
 class _EdgeIds(dict[int, tuple[int, int, int, int | None]]):
@@ -130,7 +206,7 @@ class _EdgeIds(dict[int, tuple[int, int, int, int | None]]):
         return found
 
 
-class Roads:
+class Roads(Paths):
     """The edges of one revision of a graph by their ids; of parallel ones the cheapest, of equal ones the first.
 
     Args:
@@ -142,38 +218,18 @@ class Roads:
 
     Attributes:
         map: what the core takes.
-        ids: of the nodes, by row.
         edge_ids: of edges, by row.
     """
 
     def __init__(
         self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
     ) -> None:
+        super().__init__(columns, graph.weights(weight))
         self._graph = graph
-        self._columns = columns
-        self._costs = graph.weights(weight)
         self.map = map_of(columns, self._costs, seconds, turn_seconds)
-        self.ids: list[int] = columns.node_ids.tolist()
-        self._row_of = {id: row for row, id in enumerate(self.ids)}
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
         self.edge_ids = _EdgeIds(columns, self.map)
         self._lines: dict[int, Line] = {}  # by the id of an edge
-        self._ways: core.Ways | None = None
-        self._agents = 0  # for how many of these that has room
-        self._parts = Trips(1, 1, route=_REMEMBERED)
-        self._reach = Reach(len(self.ids))
-        self._found = self._reach.nodes.data
-
-    def row(self, node: int) -> int:
-        """Return the row of a node.
-
-        Raises:
-            UnknownName (KeyError): there is none.
-        """
-        try:
-            return self._row_of[node]
-        except KeyError:
-            raise UnknownName("node", node) from None
 
     def on(self, edge: int) -> int | None:
         """Return the row of an edge by its id; None where there is none."""
@@ -208,7 +264,7 @@ class Roads:
         share, motion = (0.0, 0) if place is None else (place.share, place.motion)
         count = core.reachable(
             self.map,
-            self._reach.core,
+            self.reach.core,
             self.row(here),
             -1 if edge is None else edge,
             share,
@@ -217,53 +273,7 @@ class Roads:
             now,
             goes_on,
         )
-        ids = self.ids
-        return tuple([ids[row] for row in self._found[:count].tolist()])
-
-    # -- paths ----------------------------------------------------------------------------------------------------
-
-    def path(self, agent: int, source: int, target: int) -> Iterator[list[int]]:
-        """Yield the rows of the nodes behind `source` on the shortest path to `target`, a part of it after the other.
-
-        The way that an agent, by its row, has found last is remembered.
-
-        Raises:
-            BadValue: no path leads there.
-        """
-        ways, node, goal = self._ways_of(agent), self.row(source), self.row(target)
-        while node != goal:
-            count = core.put_route(ways, self._parts.core, agent, node, goal)
-            if not count:
-                raise BadValue(str(NoPath(self.ids[node], target)))
-            part = self._parts.route[:count].tolist()
-            yield part
-            node = part[-1]
-
-    def distance(self, agent: int, source: int, target: int) -> float:
-        """Return the distance from one node to another by the weight of the game; infinite where there is no path."""
-        return core.distance(self._ways_of(agent), agent, self.row(source), self.row(target))
-
-    def _ways_of(self, agent: int) -> core.Ways:
-        """Return the ways of agents, that of this one among them."""
-        if agent >= self._agents:
-            self._agents = 2 * agent + 2
-            columns, costs = self._columns, self._costs
-            leaving, entering = [
-                _of_finite_costs(costs, one)
-                for one in (
-                    (columns.offsets, columns.out_edges),
-                    kernels.group_rows(columns.targets, len(self.ids)),
-                )
-            ]
-            turned = replace(columns, sources=columns.targets, targets=columns.sources)
-            maps = map_of(columns, costs, None, 1.0, leaving), map_of(turned, costs, None, 1.0, entering)
-            of_each, nodes = np.zeros((3, self._agents), np.int64), np.zeros(self._agents * _REMEMBERED, np.int64)
-            of_each[0] = -1  # the goal
-            memory: list[Any] = [*of_each, nodes, np.zeros(len(nodes))]
-            direct: Any = np.zeros(len(costs), np.uint8).data
-            self._ways = core.Ways(*maps, self._reach.core, direct, _REMEMBERED, *[one.data for one in memory])
-        assert self._ways is not None  # noqa: S101 - made above
-        return self._ways
+        return self.found(count)
 
 
 def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
@@ -317,8 +327,7 @@ class Travel:
         self._roads: Roads | None = None
         self._key: tuple[Any, ...] = ()
         self.now = 0.0
-        self._trips = Trips(1, _FIRST_ROOM)
-        self._make_room(_FIRST_ROOM)
+        self._make_room(0)
 
     @property
     def roads(self) -> Roads:
@@ -331,6 +340,7 @@ class Travel:
             seconds = graph.weights(settings.weight) if has_speeds else None
             roads = Roads(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
             self._roads, self._key = roads, key
+            self._make_room(len(roads.ids) + _MORE_LEGS)
         return self._roads
 
     def place(self, row: int) -> Progress | None:
@@ -360,12 +370,12 @@ class Travel:
             return Way((here,), (self.now,), (), None)
         roads = self.roads
         self._begin(roads, place._replace(motion=Motion.STOPPED), here, None)
-        core.stand(self._trips.core, 0)
+        core.stand(self._trips, 0)
         return self._ended(roads)
 
     def go_on(self, place: Progress, here: int, speed: float | None) -> Way:
         """Return the way of an agent that is on its way along an edge, and goes on to the end that it heads for."""
-        return self._go(place, here, speed, place.motion)
+        return self._go(self.roads, place, here, speed, place.motion, 0)
 
     def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> Way:
         """Return the way along nodes that follow each other, as far as the turn goes.
@@ -382,12 +392,14 @@ class Travel:
             motion = Motion.BACK
             if core.back(roads.map, roads.of(place)) < 0:
                 raise one_way(place.source, place.target)
-        rows = [*map(roads.row, nodes)]
-        self._put_route(rows)
-        flaw = core.without_edge(roads.map, self._trips.core, roads.row(at), len(rows))
+        if len(nodes) + _MORE_LEGS > self._most:
+            self._make_room(len(nodes) + _MORE_LEGS)
+        for number, node in enumerate(nodes):
+            self._route[number] = roads.row(node)
+        flaw = core.without_edge(roads.map, self._trips, roads.row(at), len(nodes))
         if flaw >= 0:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
-        return self._go(place, here, speed, motion, (rows,))
+        return self._go(roads, place, here, speed, motion, len(nodes))
 
     def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
         """Return the way of an agent, by its row, towards a node, by the shortest path, as far as the turn goes.
@@ -396,24 +408,15 @@ class Travel:
             BadValue: no path leads there.
         """
         roads = self.roads
-        if place is None:
-            if target == here:
-                return self.stay(None, here)
-            if speed is None:
-                self._refuse_far(here, target)
-            return self._go(None, here, speed, route=roads.path(agent, here, target))
-        edge = roads.of(place)
-        motion = core.end_towards(roads.map, roads.row(here), edge, roads.row(target))
-        if motion:
-            return self._go(place, here, speed, motion)
-        if speed is not None:
-            ahead, behind = roads.distance(agent, place.target, target), roads.distance(agent, here, target)
-            motion = core.shorter_way(roads.map, edge, place.share, ahead, behind)
-        if not motion:
-            may_turn = core.back(roads.map, edge) >= 0
+        if place is None and speed is None and target != here:
+            self._refuse_far(here, target)
+        self._begin(roads, place, here, speed)
+        if not core.go_towards(roads.map, self._trips, roads.ways(agent), agent, 0, roads.row(target)):
+            if place is None:
+                raise BadValue(str(NoPath(here, target)))
+            may_turn = core.back(roads.map, roads.of(place)) >= 0
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
-        end = here if motion == Motion.BACK else place.target
-        return self._go(place, here, speed, motion, roads.path(agent, end, target))
+        return self._ended(roads)
 
     def _refuse_far(self, here: int, target: int) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
@@ -423,8 +426,9 @@ class Travel:
     # -- what the core is asked -------------------------------------------------------------------------------------
 
     def _make_room(self, most: int) -> None:
-        """Get memory for ways of so many legs, and keep what was written."""
-        self._trips = trips = self._trips.with_room(most)
+        """Get memory for ways of so many legs."""
+        trips = Trips(1, most)
+        self._most, self._trips = most, trips.core
         # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
         columns = trips.edges, trips.begins, trips.ends, trips.since, trips.until
         self._legs = [column[0].data for column in columns]
@@ -432,48 +436,16 @@ class Travel:
         self._nodes, self._times = trips.nodes[0].data, trips.times[0].data
         self._edge, self._share, self._motion = trips.edge.data, trips.share.data, trips.motion.data
 
-    def _put_route(self, rows: Sequence[int]) -> None:
-        """Write a part of a route for the core, and make room for what comes of it."""
-        needed = self._counts[0] + len(rows) + 2
-        if needed > self._trips.most:
-            self._make_room(2 * needed)
-        route = self._route
-        for place, row in enumerate(rows):
-            route[place] = row
-
     def _begin(self, roads: Roads, place: Progress | None, here: int, speed: float | None) -> None:
         """Put an agent where its way begins."""
         edge, share, motion = (-1, 0.0, 0) if place is None else (roads.of(place), place.share, place.motion)
         pace, most = nan if speed is None else speed, 1 if self._settings.decide == "arrival" else ENDLESS
-        core.begin(self._trips.core, 0, roads.row(here), edge, share, motion, self.now, pace, most)
+        core.begin(self._trips, 0, roads.row(here), edge, share, motion, self.now, pace, most)
 
-    def _go(
-        self,
-        place: Progress | None,
-        here: int,
-        speed: float | None,
-        motion: int = Motion.FORWARD,
-        route: Iterable[list[int]] = (),
-    ) -> Way:
-        """Return the way of an agent along a route, a part of it after the other, until the turn is over.
-
-        Args:
-            place: where on an edge it is; None: on its node.
-            here: the node that it has passed last.
-            speed: of the agent.
-            motion: on its edge.
-            route: parts of it, rows of nodes.
-        """
-        roads = self.roads
+    def _go(self, roads: Roads, place: Progress | None, here: int, speed: float | None, motion: int, count: int) -> Way:
+        """Return the way of an agent along the first nodes of the route that the core has."""
         self._begin(roads, place, here, speed)
-        if speed is None or speed == inf:  # perhaps its way takes the rest of the turn, however long it is
-            route = ([*chain.from_iterable(route)],)
-        elif place is not None and not core.go(roads.map, self._trips.core, 0, motion, 0):
-            return self._ended(roads)
-        for rows in route:
-            self._put_route(rows)
-            if not core.go(roads.map, self._trips.core, 0, motion, len(rows)):
-                break
+        core.go(roads.map, self._trips, 0, motion, count)
         return self._ended(roads)
 
     def _ended(self, roads: Roads) -> Way:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.movement import AIMS, LIMITED, Movement
-from gamms.game.legality import edges_within
 from gamms.game.streets import Streets
-from gamms.ir.graph import ClosedEdges, IntArray
+from gamms.game.travel import SLACK
+from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 
@@ -89,7 +89,7 @@ class ByEdges(Movement):
         keys = kind * entries + self.whole.offsets[node]
         keys[on] += self.whole.action_to(node[on], ahead[on])
         speed = self._speeds[agents[on]]
-        more = np.floor(edges_within(speed + self.covered[games[on], agents[on]])) - np.floor(edges_within(speed))
+        more = np.floor(_edges_within(speed + self.covered[games[on], agents[on]])) - np.floor(_edges_within(speed))
         keys[on] += more.astype(np.int64) * entries
         found: IntArray = self._number[keys]
         if (found < 0).any():
@@ -140,7 +140,7 @@ class ByEdges(Movement):
         kind, entry = np.divmod(keys, len(self.whole.targets))
         kind, more = np.divmod(kind, _REACHES)
         here, ahead = self._sources[entry], self.whole.targets[entry]
-        hops = np.floor(edges_within(self._kinds[kind])).astype(np.int64)
+        hops = np.floor(_edges_within(self._kinds[kind])).astype(np.int64)
         runs, near = self.streets.legal_of(here)
         parts = [
             (np.repeat(np.arange(len(keys)), np.diff(runs)), near),
@@ -206,3 +206,8 @@ class ByEdges(Movement):
         has_path = np.isfinite(table.distances(here, ends))
         found[has_speed] = np.where(has_path, AIMS * (first + limit) + ends, -1)
         return found
+
+
+def _edges_within(budget: FloatArray) -> FloatArray:
+    """Return the largest numbers of edges that count as within budgets."""
+    return budget * (1.0 + SLACK)

@@ -356,7 +356,7 @@ class CoreGames:
         self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
         streets = state.streets
-        self._streets = moves.Streets(flat(streets.offsets, np.int32), flat(streets.targets, np.int32))
+        self._streets = streets.core
         self._until = np.zeros(len(state), np.int64)
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions

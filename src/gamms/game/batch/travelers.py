@@ -2,13 +2,10 @@
 
 from array import array
 from collections.abc import Iterator
-from copy import copy
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.core import by_edges, by_metres, contacts, moves, rules, travel
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Roster
@@ -16,8 +13,8 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.conflicts import flat
-from gamms.game.travel import Reach, Trips, map_of
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.game.travel import Memories, Reach, Trips
+from gamms.ir.graph import IntArray
 
 _MOST_LEGS = 1 << 17  # of the agents of a game, 500 bytes each
 _MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
@@ -138,48 +135,9 @@ def _options_of(waypoints: Waypoints | None, by: Movement) -> IntArray:
     return np.arange(by.streets.num_nodes) if waypoints.nodes is None else by.streets.rows(waypoints.nodes)
 
 
-class Memories:
-    """The ways that agents remember, of all games.
-
-    Args:
-        by: how agents go.
-        costs: (edges,) by which they find their ways.
-        rows: how many agents all games have.
-        most: how many nodes each remembers, as far as that is not too much in all; 8 at least.
-        least: the same, whatever it is in all.
-    """
-
-    def __init__(self, by: Movement, costs: FloatArray, rows: int, most: int, least: int = 0) -> None:
-        self._by = by
-        self._costs = costs
-        self._begin(rows, max(8, least, min(most, _MOST_REMEMBERED // max(rows, 1))))
-        columns = by.columns
-        leaving = kernels.group_rows(columns.targets, by.streets.num_nodes)
-        turned = replace(columns, sources=columns.targets, targets=columns.sources)
-        self._back = map_of(turned, costs, None, 1.0, leaving)
-
-    def _begin(self, rows: int, most: int) -> None:
-        self.most = most
-        self._ints: Any = np.zeros((3, rows), np.int64)
-        self._ints[0] = -1
-        self._nodes: Any = np.zeros(rows * most, np.int64)
-        self._far: Any = np.zeros(rows * most)
-
-    def apart(self, rows: int, most: int) -> "Memories":
-        """Return the same of so many other ways, of which so many nodes are remembered."""
-        twin = copy(self)
-        twin._begin(rows, most)
-        return twin
-
-    def ways(self, roads: travel.Roads, reach: Reach) -> travel.Ways:
-        """Return what one thread finds ways with on a map."""
-        columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
-        direct: Any = np.zeros(len(self._costs), np.uint8).data
-        return travel.Ways(*[roads, self._back, reach.core, direct, self.most, *columns])
-
-    def plain_ways(self, reach: Reach) -> travel.Ways:
-        """Return the same where only costs count."""
-        return self.ways(map_of(self._by.columns, self._costs, None, 1.0), reach)
+def _remembered(rows: int) -> int:
+    """Return how many nodes on its way each of so many agents remembers."""
+    return max(8, min(_LONGEST, _MOST_REMEMBERED // max(rows, 1)))
 
 
 class EdgeColumns:
@@ -198,8 +156,10 @@ class EdgeColumns:
         self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
-        self._hops = Memories(by, np.ones(len(lengths)), rows, 8)
-        self._ways = Memories(by, lengths, rows, _LONGEST) if self.roamers.exist else self._hops
+        self._hops = Memories(by.columns, np.ones(len(lengths)), rows, 8)
+        self._ways = self._hops
+        if self.roamers.exist:
+            self._ways = Memories(by.columns, lengths, rows, _remembered(rows))
 
     def thread(self, number: int, movers: moves.Movers, events: rules.Events) -> ThreadTravel:  # noqa: ARG002
         """Return what one thread plays with; see `MetreColumns`."""
@@ -208,19 +168,17 @@ class EdgeColumns:
         nodes: Any = np.zeros(self._agents * most, np.int64).data
         times: Any = np.zeros(self._agents * most).data
         lengths: Any = np.zeros(self._agents, np.int64).data
-        walkers = by_edges.Walkers(
-            movers,
-            self._hops.plain_ways(reach),
-            self._ways.plain_ways(reach),
-            self.roamers.core,
-            most,
-            flat(by.paces, np.float64),
-            nodes,
-            times,
-            lengths,
+        ints: Any = np.zeros(self._agents + most, np.int64).data
+        covered: Any = np.zeros(self._agents).data
+        walks = by_edges.Walks(
+            *(nodes, times, lengths, by.streets.core, self._hops.plain_ways(reach), most),
+            speeds=flat(by.paces, np.float64),
+            ahead=ints[: self._agents],
+            covered=covered,
+            route=ints[self._agents :],
         )
-        course = by_edges.Walks(most, nodes, times, lengths)
-        return ThreadTravel(walkers, None, course, (nodes, times, lengths), NO_LEGS, most, 0)
+        walkers = by_edges.Walkers(movers, walks, self._ways.plain_ways(reach), self.roamers.core)
+        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
 class MetreColumns:
@@ -249,7 +207,7 @@ class MetreColumns:
         self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
         self._learned: list[tuple[travel.Ways, travel.Ways, travel.KnownReach]] = []  # of each thread
         rows = state.node.size if self.roamers.exist else 0
-        self._memories = Memories(by, by.terms.costs, rows, _LONGEST, self._longest)
+        self._memories = Memories(by.columns, by.terms.costs, rows, _remembered(rows))
         edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
         backs = by.backs(edges)
         self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)

@@ -1,0 +1,97 @@
+"""Where the agents of the game of a context get along several edges a turn, or parts of one; see `core.by_edges`."""
+
+from collections.abc import Sequence
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from gamms.core import by_edges as core
+from gamms.core.travel import Ways
+from gamms.errors import BadValue, NoPath
+from gamms.game.streets import Streets
+from gamms.game.travel import Paths
+from gamms.ir.progress import Progress
+
+Walk = tuple[tuple[int, ...], Progress | None]
+"""The ids of the nodes that an agent passes, and the part of the edge behind the last one that it has covered."""
+_MORE_NODES = 3  # than a way has
+
+
+class Walking(Paths):
+    """Where agents get on one revision of a graph.
+
+    Args:
+        streets: where they may go along one edge.
+
+    Attributes:
+        streets: as given.
+    """
+
+    def __init__(self, streets: Streets) -> None:
+        super().__init__(streets.columns, np.ones(len(streets.columns.edge_ids)))
+        self.streets = streets
+        self._most = streets.num_nodes + _MORE_NODES
+        self._take_ways(self.ways(0))
+
+    def _take_ways(self, hops: Ways) -> None:
+        """Let the core find ways with these."""
+        nodes: list[Any] = [one.data for one in np.zeros((2, self._most), np.int64)]
+        times: Any = np.zeros(self._most).data
+        ints: list[Any] = [one.data for one in np.zeros((2, 1), np.int64)]
+        floats: list[Any] = [one.data for one in np.zeros((2, 1))]
+        self._hops = hops
+        self._nodes, self._route = nodes
+        self._lengths, self._ahead = ints
+        self._speed, self._covered = floats
+        self._walks = core.Walks(
+            *(self._nodes, times, self._lengths, self.streets.core, hops, self._most),
+            speeds=self._speed,
+            ahead=self._ahead,
+            covered=self._covered,
+            route=self._route,
+        )
+
+    def _begin(self, here: int, speed: float | None, place: Progress | None) -> None:
+        """Put an agent where it sets out."""
+        ahead, covered = -1, 0.0
+        if place is not None and place.source == here:
+            ahead, covered = self._row_of.get(place.target, -1), place.share
+        self._speed[0] = nan if speed is None else min(speed, self._most)
+        core.begin(self._walks, 0, self.row(here), ahead, covered)
+
+    def reachable(self, here: int, speed: float | None, place: Progress | None) -> tuple[int, ...]:
+        """Return the nodes that an agent may go to in this turn, its own first."""
+        self._begin(here, speed, place)
+        return self.found(core.list_legal(self._walks, 0))
+
+    def towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> Walk:
+        """Return where an agent, by its row, gets on the way with the fewest edges to a node.
+
+        Raises:
+            BadValue: no path leads there.
+        """
+        hops = self.ways(agent)
+        if hops is not self._hops:
+            self._take_ways(hops)
+        self._begin(here, speed, place)
+        if not core.go_towards(self._walks, 0, hops, agent, self.row(target)):
+            raise BadValue(str(NoPath(here, target)))
+        return self._ended()
+
+    def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> Walk:
+        """Return where an agent gets along nodes that follow each other."""
+        if len(route) + _MORE_NODES > self._most:
+            self._most = len(route) + _MORE_NODES
+            self._take_ways(self._hops)
+        self._begin(here, speed, place)
+        for number, node in enumerate(route):
+            self._route[number] = self.row(node)
+        core.walk(self._walks, 0, len(route))
+        return self._ended()
+
+    def _ended(self) -> Walk:
+        """Return the way that the core has written."""
+        ids, ahead = self.ids, self._ahead[0]
+        path = tuple([ids[row] for row in self._nodes[: self._lengths[0]].tolist()])
+        return path, None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
