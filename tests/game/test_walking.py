@@ -47,5 +47,8 @@ def test_a_way_is_the_first_part_of_the_shortest_path_of_the_graph(ids, ends, sp
             edges = min(int(min(speed, 99)), len(path) - 1)
             left = speed - edges
             begun = Progress(path[edges], path[edges + 1], left) if edges + 1 < len(path) and left > 0.0 else None
-            assert walking.towards(agent, source, speed, None, target) == (tuple(path[: edges + 1]), begun)
-            assert walking.along(source, speed, None, path[1:]) == (tuple(path[: edges + 1]), begun)
+            for found in (
+                walking.towards(agent, source, speed, None, target),
+                walking.along(source, speed, None, path[1:]),
+            ):
+                assert (found.end, found.path, found.progress) == (path[edges], tuple(path[: edges + 1]), begun)

@@ -5,9 +5,8 @@ from functools import partial
 from heapq import heappop, heappush
 from typing import Any
 
-from gamms.game.legality import ResolvedAction
 from gamms.game.moves import TurnMoves
-from gamms.game.travel import progress_at
+from gamms.game.travel import ResolvedAction, progress_at
 from gamms.ir.agents import AgentBlock
 from gamms.typing.game import EdgePlace, Move
 

@@ -14,13 +14,14 @@ from gamms.core.ask import ask_each
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import FactsOf
-from gamms.game.legality import IllegalAction, Legality, ResolvedAction
+from gamms.game.legality import IllegalAction, Legality
 from gamms.game.order import Commanded, Part
 from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
 from gamms.game.team_memory import Memory, copier_of, merged_memory, why_not_copied
+from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import as_ids, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState

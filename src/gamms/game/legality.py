@@ -1,8 +1,8 @@
 """Which actions of agents are legal, and where they lead."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain, pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,14 +11,12 @@ from gamms.game.deeds import wanted_deeds
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import Streets
-from gamms.game.travel import Travel, Way
+from gamms.game.travel import ResolvedAction, Travel
 from gamms.game.walking import Walking
-from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import IntArray
-from gamms.ir.progress import Progress
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
-from gamms.typing.game import Leg, Track
+from gamms.typing.game import Track
 
 
 class IllegalAction(GammsError, ValueError):
@@ -28,21 +26,6 @@ class IllegalAction(GammsError, ValueError):
     def missing(cls, legal: Sequence[int]) -> "IllegalAction":
         """Return the error of an agent that has set no action, with the ids of its legal nodes."""
         return cls(f"state['action'] was not set (what is returned does not count); legal are {[*legal]}")
-
-
-class ResolvedAction(NamedTuple):
-    """What one agent is going to do."""
-
-    end: int  # node id
-    path: tuple[int, ...]  # node ids, from the agent's node to the end
-    heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
-    times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
-    progress: Progress | None = None  # along the edge behind the end of the path
-    legs: tuple[Leg, ...] = ()  # of one that travels by metres
-    begun: Progress | None = None  # where on an edge such a one is before the turn
-    position: Position | None = None  # of a flyer
-    quat: Quat | None = None
-    deeds: Mapping[str, dict[str, Any]] | None = None  # what it does besides: deed -> the values of its fields
 
 
 class Legality:
@@ -96,12 +79,10 @@ class Legality:
         travel = self.travel
         place = travel.place(mover.row)
         if wanted is None:
-            way = travel.stay(place, here)
-        elif isinstance(wanted, list):
-            way = travel.along(place, here, mover.speed, wanted)
-        else:
-            way = travel.towards(mover.row, place, here, mover.speed, wanted)
-        return action_of(way, place)
+            return travel.stay(place, here)
+        if isinstance(wanted, list):
+            return travel.along(place, here, mover.speed, wanted)
+        return travel.towards(mover.row, place, here, mover.speed, wanted)
 
     def is_open(self, track: Track) -> bool:
         """Return whether all edges of a legal move are there still."""
@@ -188,14 +169,5 @@ class Legality:
             return ResolvedAction(path[0], (here, path[0]))
         place = self._ctx.agent.block.progress[mover.row]
         if is_route:
-            found = self.walking.along(here, mover.speed, place, path)
-        else:
-            found = self.walking.towards(mover.row, here, mover.speed, place, path[0])
-        passed, progress = found
-        return ResolvedAction(passed[-1], passed, progress=progress)
-
-
-def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
-    """Return a way as an action; it began on an edge, or on a node."""
-    path, times, legs, progress = way
-    return ResolvedAction(path[-1], path, (), times, progress, legs, begun)
+            return self.walking.along(here, mover.speed, place, path)
+        return self.walking.towards(mover.row, here, mover.speed, place, path[0])

@@ -10,10 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gamms.core.agents import Moves
-from gamms.game.legality import ResolvedAction, action_of
 from gamms.game.order import TurnOrder
 from gamms.game.slots import LazySlots
-from gamms.game.travel import Travel
+from gamms.game.travel import ResolvedAction, Travel
 from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
@@ -275,7 +274,7 @@ class TurnMoves:
             slot = self.slots[i]
             place = travel.place(slot.row) if slot.travels and i not in self.actions else None
             if place is not None and travel.roads.on(place.edge) is not None:
-                self.go(i, action_of(travel.stay(place, self.starts[i]), place))
+                self.go(i, travel.stay(place, self.starts[i]))
 
     def on(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves of the agents of another order; those that are new in it stay."""

@@ -4,8 +4,10 @@
 there. `Travel` says where agents of the game of a context may go and where they go, by ids.
 """
 
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from math import nan
 from typing import Any, NamedTuple
 
@@ -15,6 +17,7 @@ from gamms import kernels
 from gamms.core import travel as core
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
+from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext
@@ -246,6 +249,11 @@ class Roads(Paths):
             raise UnknownName("edge", place.edge)
         return row
 
+    @cached_property
+    def xy(self) -> list[tuple[float, float]]:
+        """Where nodes are, by row."""
+        return [*map(tuple, self._columns.xy.tolist())]
+
     def located(self, place: Progress) -> OnEdge | None:
         """Return what `typing.on_edges.located` does."""
         row = self._edge_row_of.get(place.edge)
@@ -256,25 +264,6 @@ class Roads(Paths):
             line = self._lines[place.edge] = Line.of(self._graph.get_edge(place.edge).points)
         return placed(place, self._columns.lengths.item(row), line)
 
-    def reachable(
-        self, place: Progress | None, here: int, speed: float | None, now: float, *, goes_on: bool
-    ) -> tuple[int, ...]:
-        """Return the ids of the nodes that an agent may go to; see `core.reachable`."""
-        edge = None if place is None else self._edge_row_of.get(place.edge)
-        share, motion = (0.0, 0) if place is None else (place.share, place.motion)
-        count = core.reachable(
-            self.map,
-            self.reach.core,
-            self.row(here),
-            -1 if edge is None else edge,
-            share,
-            motion,
-            nan if speed is None else speed,
-            now,
-            goes_on,
-        )
-        return self.found(count)
-
 
 def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
     """Return offsets and rows of edges without those of which no path is made."""
@@ -283,20 +272,19 @@ def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> 
     return np.concatenate(([0], np.cumsum(kept)))[offsets], edges[kept]
 
 
-class Way(NamedTuple):
-    """Where an agent goes in a turn.
+class ResolvedAction(NamedTuple):
+    """What one agent is going to do."""
 
-    Attributes:
-        path: ids of the nodes that it passes, the last one that it had passed before first.
-        times: when it is at each, from 0 to 1.
-        legs: what it covers, in order; those on which it stands on an edge, too.
-        progress: where on an edge it is at the end; None: on the last node of the path.
-    """
-
-    path: tuple[int, ...]
-    times: tuple[float, ...]
-    legs: tuple[Leg, ...]
-    progress: Progress | None
+    end: int  # node id
+    path: tuple[int, ...]  # node ids, from the agent's node to the end
+    heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
+    times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
+    progress: Progress | None = None  # along the edge behind the end of the path
+    legs: tuple[Leg, ...] = ()  # of one that travels by metres
+    begun: Progress | None = None  # where on an edge such a one is before the turn
+    position: Position | None = None  # of a flyer
+    quat: Quat | None = None
+    deeds: Mapping[str, dict[str, Any]] | None = None  # what it does besides: deed -> the values of its fields
 
 
 def progress_at(leg: Leg, time: float) -> Progress | None:
@@ -359,25 +347,38 @@ class Travel:
         One whose edge was closed is on the node that it has passed last when the next turn begins. One on its way that
         decides where it arrives gets the nodes that are in reach from there.
         """
-        goes_on = self._settings.decide == "arrival"
-        return self.roads.reachable(place, here, speed, self.now, goes_on=goes_on)
+        roads = self.roads
+        edge = None if place is None else roads.on(place.edge)
+        share, motion = (0.0, 0) if place is None else (place.share, place.motion)
+        count = core.reachable(
+            roads.map,
+            roads.reach.core,
+            roads.row(here),
+            -1 if edge is None else edge,
+            share,
+            motion,
+            nan if speed is None else speed,
+            self.now,
+            self._settings.decide == "arrival",
+        )
+        return roads.found(count)
 
     # -- ways -----------------------------------------------------------------------------------------------------
 
-    def stay(self, place: Progress | None, here: int) -> Way:
+    def stay(self, place: Progress | None, here: int) -> ResolvedAction:
         """Return the way of an agent that stops where it is: on an edge, or on its node."""
         if place is None:
-            return Way((here,), (self.now,), (), None)
+            return ResolvedAction(here, (here,), (), (self.now,))
         roads = self.roads
         self._begin(roads, place._replace(motion=Motion.STOPPED), here, None)
         core.stand(self._trips, 0)
-        return self._ended(roads)
+        return self._ended(roads, place)
 
-    def go_on(self, place: Progress, here: int, speed: float | None) -> Way:
+    def go_on(self, place: Progress, here: int, speed: float | None) -> ResolvedAction:
         """Return the way of an agent that is on its way along an edge, and goes on to the end that it heads for."""
         return self._go(self.roads, place, here, speed, place.motion, 0)
 
-    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> Way:
+    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> ResolvedAction:
         """Return the way along nodes that follow each other, as far as the turn goes.
 
         Raises:
@@ -401,7 +402,9 @@ class Travel:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
         return self._go(roads, place, here, speed, motion, len(nodes))
 
-    def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
+    def towards(
+        self, agent: int, place: Progress | None, here: int, speed: float | None, target: int
+    ) -> ResolvedAction:
         """Return the way of an agent, by its row, towards a node, by the shortest path, as far as the turn goes.
 
         Raises:
@@ -416,7 +419,7 @@ class Travel:
                 raise BadValue(str(NoPath(here, target)))
             may_turn = core.back(roads.map, roads.of(place)) >= 0
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
-        return self._ended(roads)
+        return self._ended(roads, place)
 
     def _refuse_far(self, here: int, target: int) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
@@ -442,14 +445,16 @@ class Travel:
         pace, most = nan if speed is None else speed, 1 if self._settings.decide == "arrival" else ENDLESS
         core.begin(self._trips, 0, roads.row(here), edge, share, motion, self.now, pace, most)
 
-    def _go(self, roads: Roads, place: Progress | None, here: int, speed: float | None, motion: int, count: int) -> Way:
+    def _go(
+        self, roads: Roads, place: Progress | None, here: int, speed: float | None, motion: int, count: int
+    ) -> ResolvedAction:
         """Return the way of an agent along the first nodes of the route that the core has."""
         self._begin(roads, place, here, speed)
         core.go(roads.map, self._trips, 0, motion, count)
-        return self._ended(roads)
+        return self._ended(roads, place)
 
-    def _ended(self, roads: Roads) -> Way:
-        """Return the way that the core has written."""
+    def _ended(self, roads: Roads, begun: Progress | None) -> ResolvedAction:
+        """Return the way that the core has written, of an agent that was on its node or there on an edge."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
         edges, begins, ends, since, until = self._legs
         legs = list[Leg]()
@@ -467,7 +472,7 @@ class Travel:
         if edge >= 0:
             source, target, id, _ = roads.edge_ids[edge]
             progress = Progress(source, target, self._share[0], id, _MOTIONS[self._motion[0]])
-        return Way(tuple(path), tuple(passed), tuple(legs), progress)
+        return ResolvedAction(path[-1], tuple(path), (), tuple(passed), progress, tuple(legs), begun)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:

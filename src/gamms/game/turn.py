@@ -16,13 +16,14 @@ from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
 from gamms.game.conflicts import ArrayMoves, TurnConflicts, ranked, stopped_in_arrays
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
-from gamms.game.legality import Legality, ResolvedAction, action_of
+from gamms.game.legality import Legality
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, TurnOrder, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy
+from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
@@ -242,11 +243,10 @@ class TurnEngine:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
         if slot.travels:
-            progress = block.on_edge(row)
-            place = None if progress is None else self.travel.roads.located(progress)
+            progress, roads = block.on_edge(row), self.travel.roads
+            place = None if progress is None else roads.located(progress)
             if place is None:
-                node = self._ctx.graph.graph.get_node(here)
-                state["edge"], state["offset_m"], state["xy"] = None, 0.0, (node.x, node.y)
+                state["edge"], state["offset_m"], state["xy"] = None, 0.0, roads.xy[roads.row(here)]
             else:
                 state["edge"], state["offset_m"], state["xy"] = place[:3]
         if "time" in state:
@@ -461,7 +461,7 @@ class TurnEngine:
         turn = self._ask(order, Part(slots, resting, order.progress, self._settings), observers)
         turn.let_stand([i for i in places if i not in going], travel)
         for i, place in going.items():
-            turn.go(i, action_of(travel.go_on(place, block.node[slots[i].row], slots[i].speed), place))
+            turn.go(i, travel.go_on(place, block.node[slots[i].row], slots[i].speed))
         arrivals, asked = Arrivals(turn, block, has_end=self._settings.conflicts is not None), Counter[int]()
         for i in self._give_way(turn, arrivals, part.members, turn.actions):
             turn.stop(i)

@@ -10,11 +10,9 @@ from gamms.core import by_edges as core
 from gamms.core.travel import Ways
 from gamms.errors import BadValue, NoPath
 from gamms.game.streets import Streets
-from gamms.game.travel import Paths
+from gamms.game.travel import Paths, ResolvedAction
 from gamms.ir.progress import Progress
 
-Walk = tuple[tuple[int, ...], Progress | None]
-"""The ids of the nodes that an agent passes, and the part of the edge behind the last one that it has covered."""
 _MORE_NODES = 3  # than a way has
 
 
@@ -65,7 +63,7 @@ class Walking(Paths):
         self._begin(here, speed, place)
         return self.found(core.list_legal(self._walks, 0))
 
-    def towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> Walk:
+    def towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> ResolvedAction:
         """Return where an agent, by its row, gets on the way with the fewest edges to a node.
 
         Raises:
@@ -79,7 +77,7 @@ class Walking(Paths):
             raise BadValue(str(NoPath(here, target)))
         return self._ended()
 
-    def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> Walk:
+    def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> ResolvedAction:
         """Return where an agent gets along nodes that follow each other."""
         if len(route) + _MORE_NODES > self._most:
             self._most = len(route) + _MORE_NODES
@@ -90,8 +88,9 @@ class Walking(Paths):
         core.walk(self._walks, 0, len(route))
         return self._ended()
 
-    def _ended(self) -> Walk:
+    def _ended(self) -> ResolvedAction:
         """Return the way that the core has written."""
         ids, ahead = self.ids, self._ahead[0]
         path = tuple([ids[row] for row in self._nodes[: self._lengths[0]].tolist()])
-        return path, None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
+        progress = None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
+        return ResolvedAction(path[-1], path, progress=progress)
