@@ -1,5 +1,7 @@
 """Batches whose games have several maps: each game is the one of its seed on the map that the seed draws."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from batch_scenes import WALK, plain, scene
@@ -8,12 +10,16 @@ import gamms
 import gamms.recorder
 from gamms import rl
 from gamms.errors import BadType, BadValue
+from gamms.rl.learners import default_observation
 from gamms.scenario.documents import ScenarioError
+from gamms.strategies import random_walk
 
 MAPS = [{"grid": {"width": width, "height": height}} for width, height in ((4, 4), (7, 3), (1, 9), (5, 6))]
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "score": 0.5}}
 LIMIT = {"rule": "time_limit", "with": {"turns": 9, "winner": "blue"}}
 CODE = '''
+from functools import partial
+
 import numpy as np
 
 import gamms
@@ -119,6 +125,32 @@ def test_array_rules_are_called_for_the_games_of_each_map(with_code):
         games.reset([0, 3, 4], seeds=[30, 33, 34])
         games.run()
         assert_as_alone(scenario, games)
+
+
+def visit_the_least(state):
+    """Go to the legal node that was visited least."""
+    visits = state["memory"].setdefault("visits", {})
+    visits[state["curr_pos"]] = visits.get(state["curr_pos"], 0) + 1
+    state["action"] = min(state["legal"], key=lambda node: (visits.get(node, 0), node))
+
+
+@pytest.mark.parametrize(
+    ("rules", "others"),
+    [(["count_meetings", "crowd"], random_walk), (["crowd"], visit_the_least)],
+)
+def test_plain_functions_and_array_functions_play_together_on_all_maps(with_code, rules, others):
+    scenario = with_code(*({"rule": f"mine:{rule}"} for rule in rules), max_turns=12)
+    strategies = {"red": visit_the_least, "blue": others}
+    with scenario.batch(14, seed=5, maps=MAPS, strategies=strategies) as games:
+        assert games.is_in_arrays
+        assert {*games.maps.tolist()} == {0, 1, 2, 3}
+        games.step()
+        games.step()
+        games.reset([1, 6, 9], seeds=[61, 66, 69])
+        while games.step().any():
+            pass
+        assert games.detached == {}
+        assert_as_alone(scenario, games, strategies)
 
 
 def test_the_map_of_a_game_follows_from_its_seed_alone():
@@ -269,6 +301,35 @@ def test_learners_observe_all_maps_in_one_array():
         assert masks[view.games].sum(axis=2).tolist() == view.counts.tolist()
     assert env.single_observation_space["observation"].shape == observed["observation"].shape[1:]
     env.close()
+
+
+def test_what_learners_observe_by_default_is_what_views_give_on_each_map():
+    sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 2.5}}
+    teams = {team: {"count": 2, "strategy": WALK, "sensors": ["near"]} for team in ("red", "blue")}
+    scenario = scene([{**TAG, "with": {**TAG["with"], "then": "eliminate"}}, LIMIT], teams=teams, sensors=sensors)
+    plain_env, called = [
+        rl.vector_env(scenario, num_games=12, maps=MAPS, observation=observation)
+        for observation in (None, partial(default_observation, threads=1))
+    ]
+    observed, _ = plain_env.reset(seed=4)
+    others, _ = called.reset(seed=4)
+    draw = np.random.default_rng(1)
+    num_out = 0
+    for _ in range(30):
+        np.testing.assert_array_equal(observed["observation"], others["observation"])
+        np.testing.assert_array_equal(observed["action_mask"], others["action_mask"])
+        before = observed["observation"].copy()
+        actions = draw.integers(0, 5, len(before))  # some of which are not legal
+        now, *ends = plain_env.step(actions)
+        np.testing.assert_array_equal(observed["observation"], before)  # nobody writes into it any more
+        others, *same = called.step(actions)
+        for mine, other in zip(ends[:3], same[:3], strict=True):
+            np.testing.assert_array_equal(mine, other)
+        num_out += int(ends[1].sum())
+        observed = now
+    assert num_out > 0
+    plain_env.close()
+    called.close()
 
 
 @pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])

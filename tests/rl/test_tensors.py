@@ -200,3 +200,22 @@ def test_agents_that_fly_have_a_box_without_masks(settings):
     )  # a direction, and what each deed and none is worth
     assert ("red", "action_mask") not in played.keys(include_nested=True)
     assert ("blue", "action_mask") in played.keys(include_nested=True)
+
+
+def test_tensors_have_the_games_on_the_maps_that_their_seeds_draw():
+    maps = [{"grid": {"width": width, "height": 4}} for width in (3, 5, 9)]
+    tensors = rl.torchrl_env(scene(), num_games=9, team="red", seed=5, maps=maps)
+    arrays = rl.vector_env(scene(), num_games=9, team="red", seed=5, maps=maps)
+    state, (observed, _) = tensors.reset(), arrays.reset()
+    assert len({*tensors.learners.games.maps.tolist()}) == 3
+    for turn in range(25):
+        assert np.array_equal(state["red", "observation"].flatten(0, 1).numpy(), observed["observation"])
+        masks = observed["action_mask"]
+        assert np.array_equal(state["red", "action_mask"].flatten(0, 1).numpy(), masks.astype(bool))
+        actions = np.array([np.flatnonzero(mask)[turn % mask.sum()] for mask in masks])
+        state["red", "action"] = torch.from_numpy(actions.reshape(9, 2))
+        played, state = tensors.step_and_maybe_reset(state)
+        observed, rewards, *_ = arrays.step(actions)
+        assert np.array_equal(played["next", "red", "reward"].flatten().numpy(), rewards.astype(np.float32))
+    tensors.close()
+    arrays.close()

@@ -21,7 +21,8 @@ cdef class Seen:
 @cython.final
 cdef class Observers:
     cdef i64 agents
-    cdef const i64[::1] node, choice, turn
+    cdef bint are_by_node
+    cdef const i64[::1] games, rows, choice, turn
     cdef const i32[::1] offsets, targets
     cdef const u8[::1] is_asked
     cdef Seen seen
@@ -34,6 +35,7 @@ cdef class Vectors:
     cdef i64 actions, others, entries
     cdef float[::1] values
     cdef u8[::1] legal
+    cdef i64[::1] counts
 
 
 @cython.final
@@ -54,23 +56,24 @@ cdef class Nodes:
 
 @cython.locals(agents=i64, row=i64, viewer=i64, first=i64, other=i64)
 cpdef int mark_seen(strategies.Looks looks, const i64[::1] viewers, const i64[::1] team, const u8[::1] is_asked, const u8[::1] alive, u8[::1] marks) except -1 nogil
+cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, place=i64, action=i64)
 cpdef int observe(Observers o, Vectors v, Found found, i64 game) except -1 nogil
-@cython.locals(row=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
+@cython.locals(row=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
 cdef int _write(Observers o, Vectors v, Found found, i64 game, i64 agent) except -1 nogil
-@cython.locals(row=i64, pair=i64, at=i64, viewer=i64, own=i64, other=i64, node=i64)
+@cython.locals(row=i64, here=i64, pair=i64, at=i64, viewer=i64, own=i64, other=i64, node=i64)
 cpdef int look(Observers o, Found found, i64 game, i64 agent) except -1 nogil
 @cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)
 cdef i64 _choose_nearest(Vectors v, Found found, double own_x, double own_y) except -1 nogil
-@cython.locals(size=i64, i=i64, row=i64, entry=i64, other=i64, at=i64)
+@cython.locals(size=i64, i=i64, row=i64, node=i64, entry=i64, other=i64, at=i64)
 cpdef int observe_nodes(Observers o, Nodes n, Found found, i64 game) except -1 nogil
-@cython.locals(node=i64, k=i64, at=i64, place=i64, near=i64, entry=i64, first=i64, action=i64)
-cdef int _write_around(Observers o, Nodes n, i64 row) except -1 nogil
+@cython.locals(choice=i64, k=i64, at=i64, place=i64, near=i64, entry=i64, first=i64, action=i64)
+cdef int _write_around(Observers o, Nodes n, i64 row, i64 node) except -1 nogil
 @cython.locals(other=i64, k=i64, place=i64)
-cdef int _count_around(Observers o, Nodes n, Found found, i64 row) except -1 nogil
-@cython.locals(node=i64, at=i64, first=i64, action=i64)
-cdef int _write_map(Observers o, Nodes n, i64 row) except -1 nogil
-@cython.locals(game=i64)
-cpdef int observe_aside(Observers o, Vectors v, Found found, i64 begin, i64 end) except -1
+cdef int _count_around(Nodes n, Found found, i64 row, i64 node) except -1 nogil
+@cython.locals(other=i64, choice=i64, at=i64, first=i64, action=i64)
+cdef int _write_map(Observers o, Nodes n, i64 row, i64 node) except -1 nogil
+@cython.locals(number=i64)
+cpdef int observe_aside(Observers o, Vectors v, Found found, const i64[::1] places, i64 begin, i64 end) except -1
 @cython.locals(game=i64)
 cpdef int observe_nodes_aside(Observers o, Nodes n, Found found, i64 begin, i64 end) except -1

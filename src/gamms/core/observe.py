@@ -34,7 +34,7 @@ class Seen:
         mates: (pairs,) 1: it is a mate.
         viewers: (agents that observe,) their numbers among all agents.
         agents: how many these are.
-        node, alive: (games * agents,) of all.
+        node, alive: (all games * agents,) of all agents.
         team: (agents,) the number of the team of each.
         are_mates: (teams,) 1: agents of this team are mates.
     """
@@ -66,21 +66,24 @@ class Seen:
 
 
 class Observers:
-    """The agents that observe; rows are games times these agents.
+    """The agents that observe in some games, each of which has a row in what is written.
 
     Attributes:
         agents: how many there are in a game.
-        node: (rows,) where they are, or were last.
+        games: (places,) the numbers of the games, in whose columns `turn`, `seen.node` and `seen.alive` they are.
+        rows: (places,) the row of the first of these agents in each game.
         is_asked: (rows,) 1: the agent is alive; else all of its numbers are 0.
-        choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own first.
-        turn: (games,) how many turns were played.
+        choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own first;
+            (0,): a choice is the node of the agent.
+        turn: (all games,) how many turns were played.
         seen: whom they see.
     """
 
     def __init__(
         self,
         agents: int,
-        node: memoryview[int],
+        games: memoryview[int],
+        rows: memoryview[int],
         is_asked: memoryview[int],
         choice: memoryview[int],
         offsets: memoryview[int],
@@ -90,9 +93,11 @@ class Observers:
         seen: Seen,
     ) -> None:
         self.agents = agents
-        self.node = node
+        self.games = games
+        self.rows = rows
         self.is_asked = is_asked
         self.choice = choice
+        self.are_by_node = len(choice) == 0
         self.offsets = offsets
         self.targets = targets
         self.turn = turn
@@ -111,6 +116,7 @@ class Vectors:
             n turns.
         values: (rows * entries,)
         legal: (rows * actions,) 1: the action is legal; of agents that are dead, only to stay.
+        counts: (rows,) how many actions are legal.
     """
 
     def __init__(
@@ -122,6 +128,7 @@ class Vectors:
         entries: int,
         values: memoryview[float],
         legal: memoryview[int],
+        counts: memoryview[int],
     ) -> None:
         self.places = places
         self.own = own
@@ -131,6 +138,7 @@ class Vectors:
         self.entries = entries
         self.values = values
         self.legal = legal
+        self.counts = counts
 
 
 class Found:
@@ -214,10 +222,16 @@ def mark_seen(
     return 0
 
 
+def node_of(o: Observers, place: int, agent: int) -> int:
+    """Return the node of an agent that observes, in the game at a place."""
+    return o.seen.node[o.games[place] * o.seen.agents + o.seen.viewers[agent]]
+
+
 def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
-    """Write the vectors of the agents of one game."""
+    """Write the vectors of the agents of the game at a place."""
     for i in range(o.agents):
-        row = game * o.agents + i
+        row = o.rows[game] + i
+        v.counts[row] = 1
         place = row * v.actions
         for action in range(place, place + v.actions):
             v.legal[action] = 0
@@ -233,16 +247,20 @@ def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
 
 def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int:
     """Write the vector of an agent that is alive."""
-    row = game * o.agents + agent
-    own_x = v.places[2 * o.node[row]] if v.are_on_nodes else v.own[2 * row]
-    own_y = v.places[2 * o.node[row] + 1] if v.are_on_nodes else v.own[2 * row + 1]
+    row = o.rows[game] + agent
+    here = node_of(o, game, agent)
+    own_x = v.places[2 * here] if v.are_on_nodes else v.own[2 * row]
+    own_y = v.places[2 * here + 1] if v.are_on_nodes else v.own[2 * row + 1]
     at = row * v.entries
     last = at + v.entries
     v.values[at] = own_x
     v.values[at + 1] = own_y
     at += OWN
-    first = o.offsets[o.choice[row]]
-    count = min(v.actions, o.offsets[o.choice[row] + 1] - first)
+    choice = here if o.are_by_node else o.choice[row]
+    first = o.offsets[choice]
+    count = o.offsets[choice + 1] - first
+    v.counts[row] = count
+    count = min(v.actions, count)
     for action in range(count):
         node = o.targets[first + action]
         v.legal[row * v.actions + action] = 1
@@ -269,13 +287,13 @@ def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int
     for entry in range(at, last):
         v.values[entry] = 0.0
     if is_timed:
-        v.values[last - 1] = o.turn[game] / (o.turn[game] + 100.0)
+        v.values[last - 1] = o.turn[o.games[game]] / (o.turn[o.games[game]] + 100.0)
     return 0
 
 
 def look(o: Observers, found: Found, game: int, agent: int) -> int:
-    """Find the agents that an agent sees."""
-    row = game * o.agents + agent
+    """Find the agents that an agent sees, in the game at a place."""
+    row = o.rows[game] + agent
     found.count = 0
     if not o.seen.has_looks:
         for pair in range(o.seen.first[row], o.seen.first[row + 1]):
@@ -283,14 +301,15 @@ def look(o: Observers, found: Found, game: int, agent: int) -> int:
             found.mates[found.count] = o.seen.mates[pair]
             found.count += 1
         return 0
-    at = game * o.seen.agents
+    at = o.games[game] * o.seen.agents
     viewer = o.seen.viewers[agent]
+    here = o.seen.node[at + viewer]
     own = o.seen.team[viewer]
     for other in range(o.seen.agents):
         if other == viewer or not o.seen.alive[at + other]:
             continue
         node = o.seen.node[at + other]
-        if strategies.shows(o.seen.looks, viewer, o.seen.team[other], o.node[row], node):  # type: ignore[arg-type]
+        if strategies.shows(o.seen.looks, viewer, o.seen.team[other], here, node):  # type: ignore[arg-type]
             found.nodes[found.count] = node
             found.mates[found.count] = o.seen.team[other] == own and o.seen.are_mates[own]
             found.count += 1
@@ -316,19 +335,20 @@ def _choose_nearest(v: Vectors, found: Found, own_x: float, own_y: float) -> int
 
 
 def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
-    """Write the entries of nodes for the agents of one game."""
+    """Write the entries of nodes for the agents of the game at a place."""
     size = n.most * (AROUND if n.hops > 0 else ON_MAP)
     for i in range(o.agents):
-        row = game * o.agents + i
+        row = o.rows[game] + i
+        node = node_of(o, game, i)
         if not o.is_asked[row]:
             for entry in range(row * size, (row + 1) * size):
                 n.values[entry] = 0.0
         elif n.hops > 0:
-            _write_around(o, n, row)
+            _write_around(o, n, row, node)
             look(o, found, game, i)
-            _count_around(o, n, found, row)
+            _count_around(n, found, row, node)
         else:
-            _write_map(o, n, row)
+            _write_map(o, n, row, node)
             look(o, found, game, i)
             for other in range(found.count):
                 at = (row * n.most + found.nodes[other] + 1) * ON_MAP
@@ -336,9 +356,10 @@ def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
     return 0
 
 
-def _write_around(o: Observers, n: Nodes, row: int) -> int:
+def _write_around(o: Observers, n: Nodes, row: int, node: int) -> int:
     """Write the entries of the nodes around an agent, on which nobody is seen."""
-    node = o.node[row]
+    choice = node if o.are_by_node else o.choice[row]
+    first = o.offsets[choice]
     for k in range(n.most):
         at = (row * n.most + k) * AROUND
         place = node * n.most + k
@@ -352,51 +373,51 @@ def _write_around(o: Observers, n: Nodes, row: int) -> int:
         n.values[at + 1] = n.places[2 * near] - n.places[2 * node]
         n.values[at + 2] = n.places[2 * near + 1] - n.places[2 * node + 1]
         n.values[at + 3] = n.far[place] / (n.hops * 1.0)
-        first = o.offsets[o.choice[row]]
-        for action in range(o.offsets[o.choice[row] + 1] - first):
+        for action in range(o.offsets[choice + 1] - first):
             if o.targets[first + action] == near:
                 n.values[at + 4] = action
                 break
     return 0
 
 
-def _count_around(o: Observers, n: Nodes, found: Found, row: int) -> int:
+def _count_around(n: Nodes, found: Found, row: int, node: int) -> int:
     """Count the agents that are seen on the nodes around an agent."""
     for other in range(found.count):
         for k in range(n.most):
-            place = o.node[row] * n.most + k
+            place = node * n.most + k
             if n.far[place] >= 0 and n.near[place] == found.nodes[other]:
                 n.values[(row * n.most + k) * AROUND + 5 + (not found.mates[other])] += 1.0
     return 0
 
 
-def _write_map(o: Observers, n: Nodes, row: int) -> int:
+def _write_map(o: Observers, n: Nodes, row: int, node: int) -> int:
     """Write the entries of all nodes, on which nobody is seen."""
-    for node in range(n.most):
-        at = (row * n.most + node) * ON_MAP
-        n.values[at] = n.places[2 * node]
-        n.values[at + 1] = n.places[2 * node + 1]
+    for other in range(n.most):
+        at = (row * n.most + other) * ON_MAP
+        n.values[at] = n.places[2 * other]
+        n.values[at + 1] = n.places[2 * other + 1]
         n.values[at + 2] = 0.0
         n.values[at + 3] = -1.0
         n.values[at + 4] = 0.0
         n.values[at + 5] = 0.0
-    n.values[(row * n.most + o.node[row]) * ON_MAP + 2] = 1.0
-    first = o.offsets[o.choice[row]]
-    for action in range(o.offsets[o.choice[row] + 1] - first - 1, -1, -1):  # of several, the first one counts
+    n.values[(row * n.most + node) * ON_MAP + 2] = 1.0
+    choice = node if o.are_by_node else o.choice[row]
+    first = o.offsets[choice]
+    for action in range(o.offsets[choice + 1] - first - 1, -1, -1):  # of several, the first one counts
         n.values[(row * n.most + o.targets[first + action]) * ON_MAP + 3] = action
     return 0
 
 
-def observe_aside(o: Observers, v: Vectors, found: Found, begin: int, end: int) -> int:
-    """Write the vectors of the games from `begin` to `end - 1`, and let other threads of Python go on meanwhile."""
+def observe_aside(o: Observers, v: Vectors, found: Found, places: memoryview[int], begin: int, end: int) -> int:
+    """Write the vectors of the games at `places[begin:end]`, and let other threads of Python go on meanwhile."""
     with cython.nogil:
-        for game in range(begin, end):
-            observe(o, v, found, game)
+        for number in range(begin, end):
+            observe(o, v, found, places[number])
     return 0
 
 
 def observe_nodes_aside(o: Observers, n: Nodes, found: Found, begin: int, end: int) -> int:
-    """Do the same with entries of nodes."""
+    """Write the entries of nodes of the games at the places from `begin` to `end - 1`, likewise."""
     with cython.nogil:
         for game in range(begin, end):
             observe_nodes(o, n, found, game)

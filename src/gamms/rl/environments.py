@@ -248,6 +248,7 @@ def torchrl_env(
     seed: int = 0,
     most_agents: MostAgents | None = None,
     threads: int = 1,
+    maps: Sequence[Any] | None = None,
 ) -> "TensorEnv":
     """Return many games of a scenario as an `EnvBase` of TorchRL.
 
@@ -264,6 +265,7 @@ def torchrl_env(
         seed: of the first game; those of the others follow.
         most_agents: see `parallel_env`.
         threads: see `vector_env`.
+        maps: see `vector_env`.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -283,5 +285,6 @@ def torchrl_env(
             seed=seed,
             most_agents=most_agents,
             threads=threads,
+            maps=maps,
         )
     )

@@ -15,6 +15,8 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
 from gamms.game.batch.arrays import Numbers
 from gamms.game.batch.games import step_numbers
+from gamms.game.batch.observed import Writers, writers_of
+from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import movement_in, vectors_in
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
@@ -181,6 +183,8 @@ class Learners:
         self._columns = [slice(first, last) for first, last in pairwise(ends)]  # of the agents of each team
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
+        self._found: Vectors | None = None  # what all agents observe now, where the core writes it
+        self._begin_writing()
         self._remember()
         self.names: tuple[str, ...] = tuple(name for view in views for name in view["name"])
         game = self.games.game
@@ -233,6 +237,8 @@ class Learners:
 
     def observe(self, which: IntArray | None = None) -> Any:
         """Return what all agents observe, (games, agents, …); of some games, by their numbers, or of all."""
+        if self._found is not None:
+            return self._found.values if which is None else self._found.values[which]
         if which is None:
             return joined([self._observed_by(views) for views in self._now])
         are_alike = all(type(view) is ArrayView for views in self._now for view in views)  # with the same roads
@@ -266,9 +272,10 @@ class Learners:
         self._refuse_closed()
         was_over = self._of_games(self.is_over)
         plays = self.alive & ~was_over
-        before = self._now
+        before = None if self._reward is None else self._now
         scores = self._scores
-        moves = self._numbers_of(actions)
+        given = self._numbers_of(actions)
+        moves = np.where(self.are_legal(given), given, 0)
         done = flown = None
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
@@ -288,24 +295,25 @@ class Learners:
         return Played(rewards, counts & (terminated | is_out), counts & truncated & ~is_out)
 
     def _play(self, moves: ActionArray, done: IntArray | None, flown: FloatArray | None) -> None:
-        """Play one turn; moves that are not legal stay."""
-        chosen = np.where(self.are_legal(moves), moves, 0)
-        self._numbers.actions[:, self._members] = chosen
+        """Play one turn."""
+        self._numbers.actions[:, self._members] = moves
         if self._hand is not None:
-            self._hand.take(self.games.turn, chosen, done, flown)
+            self._hand.take(self.games.turn, moves, done, flown)
         if step_numbers(self.games, self._numbers, self._threads):
             return
         self.games.step({} if self._hand is not None else self._given(moves, done, flown), on_illegal="stay")
 
-    def _earned(self, before: Sequence[Sequence[ArrayView]], scores: Mapping[Any, FloatArray]) -> FloatArray:
+    def _earned(self, before: Sequence[Sequence[ArrayView]] | None, scores: Mapping[Any, FloatArray]) -> FloatArray:
         """Return the rewards of a turn, also of agents that have none."""
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
         earned = np.zeros(self._shape)
+        if self._reward is None or before is None:
+            for team, columns in zip(self.teams, self._columns, strict=True):
+                if team in gains:
+                    earned[:, columns] = gains[team][:, None]
+            return earned
         outcomes = Outcomes(self.games)
         for team, views, views_now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
-            if self._reward is None:
-                earned[:, columns] += gains[team][:, None] if team in gains else 0.0
-                continue
             for was, now in zip(views, views_now, strict=True):
                 own = {key: numbers[now.games] for key, numbers in gains.items()}
                 turn = Turn(team, was, now, own, outcomes)
@@ -362,7 +370,9 @@ class Learners:
         self.games.reset(which, seeds=seeds)
         self.has_begun = True
         self._prefix.begin(which)
-        self._remember()
+        if self.games.num_maps > 1:
+            self._begin_writing()
+        self._remember(np.sort(which))
 
     def carried(self) -> Carried:
         """Return where the games are, for `restore` in learners of the same scenario and options."""
@@ -429,13 +439,41 @@ class Learners:
             return [games.observe_agent(agent, map=number)]
         return [games.observe(team, map=number) for team in self.teams]
 
-    def _remember(self) -> None:
-        """Look at the games as they are now."""
+    def _begin_writing(self) -> None:
+        """Find out whether the core can write what agents observe, on the maps that games are on now."""
+        self._writers: Writers | None = None
+        if self.observation is default_observation and self.games.is_in_arrays:
+            views = self._seen_now()[0]
+            others = min(len(views[0].roster.names) - 1, _MOST_OTHERS)
+            self._writers = writers_of(views, self._members, others, 1, self._threads)
+
+    def _seen_now(self) -> list[tuple[ArrayView, ...]]:
+        """Return of each team a view for each map that has games."""
         by_map = [self._views(number) for number in np.unique(self.games.maps).tolist()]
-        self._now = list(zip(*by_map, strict=True))  # of each team, a view for each map that has games
+        return list(zip(*by_map, strict=True))
+
+    @property
+    def _now(self) -> list[tuple[ArrayView, ...]]:
+        """What `_seen_now` returns of the games as they are now."""
+        if self._known_views is None:
+            self._known_views = self._seen_now()
+        return self._known_views
+
+    def _remember(self, which: IntArray | None = None) -> None:
+        """Look at the games as they are now, of which some have begun again: which; None: all have gone on."""
+        self._known_views: list[tuple[ArrayView, ...]] | None = None
         self._scores = self.games.scores
         self.is_over = self.games.is_over
-        self.alive: BoolArray = joined([_in_order([view.mask for view in views], views) for views in self._now])
+        if self._writers is not None and self.games.is_in_arrays:
+            self._found = self._writers.written(self._found, which)
+            self.alive: BoolArray = self._found.mask
+            self.masks: BoolArray = self._found.legal
+            self._counts = self._found.counts
+            self._counts[self.is_over] = 1
+            self.masks[self.is_over] = self._masks_of[1]
+            return
+        self._found = None
+        self.alive = joined([_in_order([view.mask for view in views], views) for views in self._now])
         if self._can_come:
             there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
             self.is_there = joined(there)
@@ -443,7 +481,7 @@ class Learners:
         self._counts = np.where(
             plays, joined([_in_order([view.counts for view in views], views) for views in self._now]), 1
         )
-        self.masks: BoolArray = self._masks_of.take(self._counts, axis=0)
+        self.masks = self._masks_of.take(self._counts, axis=0)
 
     def _of_games(self, column: BoolArray) -> BoolArray:
         """Return a column (games,) for each agent, (games, agents)."""

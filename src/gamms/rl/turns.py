@@ -16,7 +16,6 @@ from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices
 
 ObjectArray = np.ndarray[tuple[int, ...], np.dtype[np.object_]]
-_LEAST, _MOST = -1, 4096  # numbers of actions that are not legal: there are at most 4,096, numbered from 0
 
 
 class Outcomes:
@@ -121,8 +120,8 @@ class Prefix:
         self._first -= forgotten
 
     def add(self, games: BoolArray, heads: list[Any], flights: FloatArray | None) -> None:
-        """Add what agents do in a turn of some games, each head (games, agents)."""
-        self._heads.append([np.clip(head, _LEAST, _MOST).astype(np.int16) for head in heads])
+        """Add what agents do in a turn of some games, each head (games, agents) legal: at most 4,096 in number."""
+        self._heads.append([head.astype(np.int16) for head in heads])
         self._flights.append(None if flights is None else flights.copy())
         self.steps += games
 

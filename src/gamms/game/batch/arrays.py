@@ -57,6 +57,7 @@ class GamesOnMap:
 
     Attributes:
         game, state: see above.
+        before: the rules of the phase "before".
         core: plays them.
         cursor: calls plain functions; None: there are none.
 
@@ -72,7 +73,7 @@ class GamesOnMap:
         if settings["team_memory"]:
             state.share_memories()
         self._block = block
-        self._before = [one for one in as_called(game.rules) if one.phase == "before"]
+        self.before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])
         rules, asked = as_called(game.rules), asked_of(game, roster)
         calls_each = len(asked) > 0 or any(map(is_plain_rule, rules))
@@ -108,12 +109,11 @@ class GamesOnMap:
 
     def check(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Refuse what is not legal before a rule is called."""
-        if self._before:
-            self._take(games, given)
+        self._take(games, given)
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
-        for named in self._before:
+        for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
     def decide(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray:
@@ -128,7 +128,7 @@ class GamesOnMap:
         is_given = np.zeros(len(state.roster.names), np.bool_)
         if numbers is not None:
             is_given |= numbers.is_given
-            if self._before:  # a rule may have moved the agents
+            if self.before:  # a rule may have moved the agents
                 counts = self._asked(games, np.arange(len(is_given))).counts
                 actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
             self._note_given(games, np.flatnonzero(is_given))
@@ -324,11 +324,12 @@ class ArrayEngine:
         self, playing: list[IntArray], given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
     ) -> None:
         """Play one turn; the games of all maps come to the end of a phase before the next begins."""
-        for one, games in zip(self._maps, playing, strict=True):
-            one.check(games, given)
-        for one, games in zip(self._maps, playing, strict=True):
-            one.call_before(games)
-        playing = self._playing()
+        if any(one.before for one in self._maps):
+            for one, games in zip(self._maps, playing, strict=True):
+                one.check(games, given)
+            for one, games in zip(self._maps, playing, strict=True):
+                one.call_before(games)
+            playing = self._playing()
         if numbers is not None:
             self._block.given[:] = numbers.actions
         are_given = [one.decide(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]

@@ -410,6 +410,8 @@ class CoreGames:
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
         """Apply the rules of some games that have moved; yield each function where it has its turn."""
+        if not self.has_functions:
+            return
         numbers = flat(games, np.int64)
         state = self._state
         starts, ends, took_part = self.last_moves(games)
@@ -424,8 +426,9 @@ class CoreGames:
 
     def _refuse_unknown_nodes(self) -> None:
         """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""
-        nodes, travel = self._state.streets.num_nodes, self._columns
-        targets = np.zeros(0, np.int64) if travel is None else travel.roamers.targets
+        if self._columns is None:
+            return
+        nodes, targets = self._state.streets.num_nodes, self._columns.roamers.targets
         if targets.min(initial=-1) < -1 or targets.max(initial=-1) >= nodes:
             raise BadValue(f"Agents remember rows of nodes from -1 to {nodes - 1}, not {shown(targets)}.")
 

@@ -31,12 +31,14 @@ class Vectors(NamedTuple):
         names: (entries,) what they are, such as `other_0.dx`.
         mask: (games, agents) which agents are alive.
         legal: (games, agents, actions) which actions are legal; of dead agents, only to stay.
+        counts: (games, agents) how many these are.
     """
 
     values: Vectors32
     names: tuple[str, ...]
     mask: BoolArray
     legal: BoolArray
+    counts: IntArray
 
 
 class Encoder:
@@ -59,29 +61,19 @@ class Encoder:
         self._actions = actions
         refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
         self._places = self._placed(xy)
+        self._on_nodes = self._placed(np.zeros((0, 2)))
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
             *(f"other_{number}.{name}" for number in range(others) for name in OTHER),
         )
 
-    def encode(
-        self,
-        observers: observe.Observers,
-        mask: BoolArray,
-        *,
-        xy: FloatArray | None = None,
-        more: int = 0,
-        threads: int = 1,
-    ) -> Vectors:
-        """Return the vectors of some agents.
+    def made(self, mask: BoolArray, more: int) -> Vectors:
+        """Return room for the vectors of some agents, with so many further entries.
 
         Args:
-            observers: they.
             mask: (games, agents) which are alive.
-            xy: (games, agents, 2) where they are; None: on their nodes.
-            more: how many further entries the vectors have: 0, but the last one the share n / (n + 100) after n turns.
-            threads: how many write them, each those of some games.
+            more: how many further entries: 0, but the last one the share n / (n + 100) after n turns.
         """
         entries = len(self.names) + more
         bytes_ = 4.0 * mask.size * entries
@@ -89,15 +81,39 @@ class Encoder:
             refuse_above(bytes_, f"{mask.size} vectors of {self._others} others")
         values = np.empty((*mask.shape, entries), np.float32)
         is_legal = np.empty((*mask.shape, self._actions), np.bool_)
-        own = self._placed(np.zeros((0, 2)) if xy is None else xy)
-        written: Any = values.reshape(-1).data, is_legal.view(np.uint8).reshape(-1).data
-        vectors = observe.Vectors(self._places, own, self._actions, self._others, entries, *written)
+        return Vectors(values, self.names, mask, is_legal, np.empty(mask.shape, np.int64))
+
+    def write(
+        self,
+        observers: observe.Observers,
+        vectors: Vectors,
+        places: IntArray,
+        *,
+        xy: FloatArray | None = None,
+        threads: int = 1,
+    ) -> None:
+        """Write the vectors of some agents.
+
+        Args:
+            observers: they.
+            vectors: that are written.
+            places: of the games among those of the observers.
+            xy: (games, agents, 2) where they are; None: on their nodes.
+            threads: how many write them, each those of some games.
+        """
+        own = self._on_nodes if xy is None else self._placed(xy)
+        written: Any = (
+            vectors.values.reshape(-1).data,
+            vectors.legal.view(np.uint8).reshape(-1).data,
+            vectors.counts.reshape(-1).data,
+        )
+        entries, chosen = vectors.values.shape[-1], flat(places, np.int64)
+        core = observe.Vectors(self._places, own, self._actions, self._others, entries, *written)
 
         def observe_part(_: int, begin: int, end: int) -> None:
-            observe.observe_aside(observers, vectors, room_for(self._agents, self._others), begin, end)
+            observe.observe_aside(observers, core, room_for(self._agents, self._others), chosen, begin, end)
 
-        in_threads(observe_part, len(mask), threads)
-        return Vectors(values, self.names, mask, is_legal)
+        in_threads(observe_part, len(places), threads)
 
     def _placed(self, xy: FloatArray) -> Any:
         """Return places, (…, 2), in shares of the map from its centre, as the core takes them."""

@@ -31,6 +31,7 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
+_NO_CHOICES = flat(np.zeros(0), np.int64)
 _NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
 
 
@@ -324,25 +325,37 @@ class ArrayView(Mapping[str, Any]):
 
     def _encoded(self, others: int, more: int, threads: int) -> Vectors:
         """Return vectors, with so many more entries, 0 but the last one: the share n / (n + 100) after n turns."""
-        shared, movement = self._shared, self._movement
-        key = "encoder", len(self.roster.names), others, movement.width
-        if key not in shared:
-            shared[key] = Encoder(self.streets, *key[1:])
-        xy = self._places().xy if movement.leaves_nodes else None
-        encoder: Encoder = shared[key]
-        return encoder.encode(self._observers(others > 0), self.mask, xy=xy, more=more, threads=threads)
+        encoder = self._encoder(others)
+        found = encoder.made(self.mask, more)
+        xy = self._places().xy if self._movement.leaves_nodes else None
+        places = np.arange(len(self.games))
+        observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
+        encoder.write(observers, found, places, xy=xy, threads=threads)
+        return found
 
-    def _observers(self, are_looking: bool) -> observe.Observers:
-        """Return the agents as the core takes them; they see nobody if they are not looking."""
+    def _encoder(self, others: int) -> Encoder:
+        """Return what makes vectors with so many others."""
+        agents, actions = len(self.roster.names), self._movement.width
+        key = "encoder", agents, others, actions
+        return kept_in(self._shared, key, lambda: Encoder(self.streets, agents, others, actions))
+
+    def _observers(self, mask: BoolArray, rows: IntArray, *, are_looking: bool = True) -> observe.Observers:
+        """Return the agents as the core takes them.
+
+        Args:
+            mask: which are asked, in rows as they are written.
+            rows: (games,) the first row of each game.
+            are_looking: whether they see others.
+        """
         roster, state, streets = self.roster, self._state, self.streets
-        node = choice = flat(self.node, np.int64)
+        choice = _NO_CHOICES
         if self._movement.are_plain(self.agents):
             offsets, targets = kept_in(self._shared, "along edges", lambda: legal_of(streets.offsets, streets.targets))
         else:
-            rows, is_legal = self.legal_rows()
+            nodes, is_legal = self.legal_rows()
             counts = is_legal.sum(axis=-1).reshape(-1)
             choice = flat(np.arange(len(counts)), np.int64)
-            offsets, targets = legal_of(np.concatenate(([0], np.cumsum(counts))), rows[is_legal])
+            offsets, targets = legal_of(np.concatenate(([0], np.cumsum(counts))), nodes[is_legal])
         looks = self._plain_looks()
         pairs = _NO_PAIRS
         if are_looking and looks is None:
@@ -350,19 +363,18 @@ class ArrayView(Mapping[str, Any]):
             counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
-        are_all = len(self.games) == len(state)
         seen = observe.Seen(
             looks,
             *pairs,
             viewers=flat(self.agents, np.int64),
-            node=flat(state.node if are_all else state.node[self.games], np.int64),
-            alive=flat((state.alive if are_all else state.alive[self.games]).view(np.uint8), np.uint8),
+            node=flat(state.node, np.int64),
+            alive=flat(state.alive.view(np.uint8), np.uint8),
             team=flat(roster.team_of, np.int64),
             are_mates=flat(roster.are_teams(), np.uint8),
         )
-        is_asked = flat(self.mask.view(np.uint8), np.uint8)
-        turn = flat(self.turn, np.int64)
-        return observe.Observers(len(self.agents), node, is_asked, choice, offsets, targets, turn=turn, seen=seen)
+        columns = flat(self.games, np.int64), flat(rows, np.int64), flat(mask.view(np.uint8), np.uint8)
+        turn = flat(state.turn, np.int64)
+        return observe.Observers(len(self.agents), *columns, choice, offsets, targets, turn=turn, seen=seen)
 
     def _plain_looks(self) -> strategies.Looks | None:
         """Return the sensors of all agents, if the core has all that they show; else None."""
@@ -500,7 +512,28 @@ def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors
 
 def observers_in(view: ArrayView) -> observe.Observers:
     """Return the agents of a view as the core takes them."""
-    return view._observers(are_looking=True)
+    return view._observers(view.mask, np.arange(len(view.games)) * len(view.agents))
+
+
+def lasting_in(
+    view: ArrayView, agents: IntArray, others: int, mask: BoolArray
+) -> tuple[Encoder, observe.Observers, BoolArray] | None:
+    """Return what writes the vectors of agents after any turn, as long as the games are on their map.
+
+    Args:
+        view: of the games.
+        agents: numbers in the roster, in any order.
+        others: how many others vectors have.
+        mask: (all games, agents) which are alive, in whose rows vectors are written; it may change.
+
+    Returns:
+        And (all games, all agents) who is alive. None: turns change what agents see, or where they may go, in other
+        columns than these.
+    """
+    those = view.of(agents)
+    if not those._movement.are_plain(agents) or those._plain_looks() is None:
+        return None
+    return those._encoder(others), those._observers(mask, view.games * len(agents)), view._state.alive
 
 
 class _ByName(Mapping[str, T]):

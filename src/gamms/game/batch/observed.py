@@ -1,0 +1,90 @@
+"""What agents of a batch in the core observe as vectors after each turn, in the games on all maps at once."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.core import observe
+from gamms.game.batch.vectors import Encoder, Vectors
+from gamms.game.batch.view import ArrayView, lasting_in
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+
+
+class Part(NamedTuple):
+    """What writes the vectors of the games on one map.
+
+    Attributes:
+        games: these games.
+        encoder, observers: see `Encoder.write`.
+    """
+
+    games: IntArray
+    encoder: Encoder
+    observers: observe.Observers
+
+
+class Writers(NamedTuple):
+    """What writes the vectors of agents in all games, as these are now.
+
+    Attributes:
+        alive: (games, all agents)
+        agents: numbers in the roster of those that observe, in the order of their rows.
+        mask: (games, agents) which of these are alive.
+        parts: of each map.
+        more: how many further entries the vectors have; see `Encoder.made`.
+        threads: how many write.
+    """
+
+    alive: BoolArray
+    agents: IntArray
+    mask: BoolArray
+    parts: list[Part]
+    more: int
+    threads: int
+
+    def written(self, known: Vectors | None = None, which: IntArray | None = None) -> Vectors:
+        """Return the vectors of all games in new arrays.
+
+        Args:
+            known: what they were before some games have begun again.
+            which: these games, ascending; None: all games are others.
+        """
+        self.alive.take(self.agents, axis=1, out=self.mask)
+        found = self.parts[0].encoder.made(self.mask.copy(), self.more)
+        is_other = np.ones(len(self.mask), np.bool_)
+        if known is not None and which is not None:
+            is_other[:] = False
+            is_other[which] = True
+            found.values[:] = known.values
+            found.legal[:] = known.legal
+            found.counts[:] = known.counts
+        for games, encoder, observers in self.parts:
+            places = np.flatnonzero(is_other[games])
+            encoder.write(observers, found, places, threads=self.threads)
+        return found
+
+
+def writers_of(views: Sequence[ArrayView], agents: IntArray, others: int, more: int, threads: int) -> Writers | None:
+    """Return what writes the vectors of agents.
+
+    Args:
+        views: of the games on each map, of all games of a batch.
+        agents: numbers in the roster of those that observe, in any order.
+        others: how many others vectors have.
+        more: how many further entries they have; see `Encoder.made`.
+        threads: how many write.
+
+    Returns:
+        None: what agents observe is not in columns of the core.
+    """
+    mask = np.zeros((sum(len(view.games) for view in views), len(agents)), np.bool_)
+    parts = []
+    for view in views:
+        found = lasting_in(view, agents, others, mask)
+        if found is None:
+            return None
+        encoder, observers, alive = found
+        parts.append(Part(view.games, encoder, observers))
+    return Writers(alive, agents, mask, parts, more, threads)
