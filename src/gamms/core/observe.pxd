@@ -57,10 +57,10 @@ cdef class Nodes:
 @cython.locals(agents=i64, row=i64, viewer=i64, first=i64, other=i64)
 cpdef int mark_seen(strategies.Looks looks, const i64[::1] viewers, const i64[::1] team, const u8[::1] is_asked, const u8[::1] alive, u8[::1] marks) except -1 nogil
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
-@cython.locals(i=i64, row=i64, entry=i64, place=i64, action=i64)
+@cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, Vectors v, Found found, i64 game) except -1 nogil
-@cython.locals(row=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
-cdef int _write(Observers o, Vectors v, Found found, i64 game, i64 agent) except -1 nogil
+@cython.locals(row=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
+cdef i64 _write(Observers o, Vectors v, Found found, i64 game, i64 agent) except -1 nogil
 @cython.locals(row=i64, here=i64, pair=i64, at=i64, viewer=i64, own=i64, other=i64, node=i64)
 cpdef int look(Observers o, Found found, i64 game, i64 agent) except -1 nogil
 @cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)

@@ -231,22 +231,20 @@ def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
     """Write the vectors of the agents of the game at a place."""
     for i in range(o.agents):
         row = o.rows[game] + i
-        v.counts[row] = 1
-        place = row * v.actions
-        for action in range(place, place + v.actions):
-            v.legal[action] = 0
+        count = 1
         if o.is_asked[row]:
-            _write(o, v, found, game, i)
-            continue
-        for entry in range(row * v.entries, (row + 1) * v.entries):
-            v.values[entry] = 0.0
-        if v.actions > 0:
-            v.legal[place] = 1
+            count = _write(o, v, found, game, i)
+        else:
+            for entry in range(row * v.entries, (row + 1) * v.entries):
+                v.values[entry] = 0.0
+        v.counts[row] = count
+        for action in range(v.actions):
+            v.legal[row * v.actions + action] = action < count
     return 0
 
 
 def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int:
-    """Write the vector of an agent that is alive."""
+    """Write the vector of an agent that is alive; return how many actions are legal."""
     row = o.rows[game] + agent
     here = node_of(o, game, agent)
     own_x = v.places[2 * here] if v.are_on_nodes else v.own[2 * row]
@@ -258,12 +256,10 @@ def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int
     at += OWN
     choice = here if o.are_by_node else o.choice[row]
     first = o.offsets[choice]
-    count = o.offsets[choice + 1] - first
-    v.counts[row] = count
-    count = min(v.actions, count)
+    num_legal = o.offsets[choice + 1] - first
+    count = min(v.actions, num_legal)
     for action in range(count):
         node = o.targets[first + action]
-        v.legal[row * v.actions + action] = 1
         v.values[at] = 1.0
         v.values[at + 1] = v.places[2 * node] - own_x
         v.values[at + 2] = v.places[2 * node + 1] - own_y
@@ -288,7 +284,7 @@ def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int
         v.values[entry] = 0.0
     if is_timed:
         v.values[last - 1] = o.turn[o.games[game]] / (o.turn[o.games[game]] + 100.0)
-    return 0
+    return num_legal
 
 
 def look(o: Observers, found: Found, game: int, agent: int) -> int:

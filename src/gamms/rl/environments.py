@@ -238,7 +238,7 @@ def _closing_after_error(learners: Learners) -> Iterator[None]:
         raise
 
 
-def torchrl_env(
+def torchrl_env(  # noqa: PLR0913 - what environments are given
     scenario: Scenario,
     *,
     num_games: int,

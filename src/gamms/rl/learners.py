@@ -183,6 +183,7 @@ class Learners:
         self._columns = [slice(first, last) for first, last in pairwise(ends)]  # of the agents of each team
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
+        self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
         self._found: Vectors | None = None  # what all agents observe now, where the core writes it
         self._begin_writing()
         self._remember()
@@ -290,11 +291,13 @@ class Learners:
             self._refuse_no_numbers(rewards)
         counts = plays | ~was_over if self.may_return else plays
         is_out = np.zeros_like(plays) if self.may_return else ~self.alive
+        if not self.is_over.any():
+            return Played(rewards, counts & is_out, np.zeros_like(plays))
         truncated = self._of_games(self.games.truncated)
         terminated = self._of_games(self.is_over) & ~truncated
         return Played(rewards, counts & (terminated | is_out), counts & truncated & ~is_out)
 
-    def _play(self, moves: ActionArray, done: IntArray | None, flown: FloatArray | None) -> None:
+    def _play(self, moves: IntArray, done: IntArray | None, flown: FloatArray | None) -> None:
         """Play one turn."""
         self._numbers.actions[:, self._members] = moves
         if self._hand is not None:
@@ -372,7 +375,7 @@ class Learners:
         self._prefix.begin(which)
         if self.games.num_maps > 1:
             self._begin_writing()
-        self._remember(np.sort(which))
+        self._remember(which)
 
     def carried(self) -> Carried:
         """Return where the games are, for `restore` in learners of the same scenario and options."""
@@ -461,11 +464,11 @@ class Learners:
 
     def _remember(self, which: IntArray | None = None) -> None:
         """Look at the games as they are now, of which some have begun again: which; None: all have gone on."""
-        self._known_views: list[tuple[ArrayView, ...]] | None = None
+        self._known_views = None
         self._scores = self.games.scores
         self.is_over = self.games.is_over
         if self._writers is not None and self.games.is_in_arrays:
-            self._found = self._writers.written(self._found, which)
+            self._found = self._writers.written(self._found, None if self._found is None else which)
             self.alive: BoolArray = self._found.mask
             self.masks: BoolArray = self._found.legal
             self._counts = self._found.counts

@@ -116,7 +116,7 @@ class GamesOnMap:
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
-    def decide(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray:
+    def decide(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray | None:
         """Write the actions of agents that do not decide in the core into the block; return who these are, (agents,).
 
         Args:
@@ -124,6 +124,8 @@ class GamesOnMap:
             given: team -> what its agents do, in place of what their strategies decide.
             numbers: what other agents do, which is in the block.
         """
+        if numbers is None and not given and not self._groups:
+            return None
         state, actions = self.state, self._block.given
         is_given = np.zeros(len(state.roster.names), np.bool_)
         if numbers is not None:

@@ -269,9 +269,9 @@ class Block:
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
         )
         by = self._states[self._map_of[game]].movement
-        ends = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
+        node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
         may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
-        error = no_way(*ends, target, is_paced=True, may_turn=bool(may_turn))
+        error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
         self._state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))
 
 

@@ -106,7 +106,7 @@ class OneByOneOnMaps:
 
     def ran_from(self, game: int) -> int | None:
         """Return how many turns a game had when it was played to its end at once; None: it was not."""
-        return self._engines[self._map_of[game]].ran_from.get(game)
+        return self._of(game).ran_from.get(game)
 
     def _stepping(self, game: int) -> OneByOneEngine:
         self.current = int(self._map_of[game])

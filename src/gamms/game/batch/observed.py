@@ -49,19 +49,17 @@ class Writers(NamedTuple):
 
         Args:
             known: what they were before some games have begun again.
-            which: these games, ascending; None: all games are others.
+            which: these games; None: all games have gone on, or nothing is known.
         """
-        self.alive.take(self.agents, axis=1, out=self.mask)
-        found = self.parts[0].encoder.made(self.mask.copy(), self.more)
-        is_other = np.ones(len(self.mask), np.bool_)
+        mask = self.alive.take(self.agents, axis=1)
+        self.mask[:] = mask
+        found = self.parts[0].encoder.made(mask, self.more)
         if known is not None and which is not None:
-            is_other[:] = False
-            is_other[which] = True
             found.values[:] = known.values
             found.legal[:] = known.legal
             found.counts[:] = known.counts
         for games, encoder, observers in self.parts:
-            places = np.flatnonzero(is_other[games])
+            places = np.arange(len(games)) if which is None else np.flatnonzero(np.isin(games, which))
             encoder.write(observers, found, places, threads=self.threads)
         return found
 
