@@ -44,7 +44,8 @@ def random_scenario(number, units=("edges", "edges", "metres", "metres_per_secon
     if has_speeds and (unit != "edges" or rng.random() < 0.5):
         for team in teams:
             teams[team] |= random_travel(rng, nodes, SPEEDS["edges" if unit == "edges" else "metres"])
-    changes = {"teams": teams, "rules": random_rules(rng, names, nodes), "max_turns": rng.choice([9, 30])}
+    rules = random_rules(rng, names, nodes, by_metres=unit != "edges")
+    changes = {"teams": teams, "rules": rules, "max_turns": rng.choice([9, 30])}
     if rng.random() < 0.6:
         changes["conflicts"] = random_conflicts(rng, names, nodes)
     settings = {"team_memory": False} if rng.random() < 0.3 else {}
@@ -70,7 +71,7 @@ def random_travel(rng, nodes, speeds):
     return travel
 
 
-def random_rules(rng, teams, nodes):
+def random_rules(rng, teams, nodes, *, by_metres):
     """Return random rules that the core knows."""
     rules = []
     land = {node: rng.choice(teams) for node in nodes if rng.random() < 0.8}
@@ -82,6 +83,9 @@ def random_rules(rng, teams, nodes):
         tag = {"taggers": taggers, "tagged": tagged, "mutual": rng.random() < 0.3, "passing": rng.random() < 0.8}
         tag |= {"then": rng.choice(["respawn", "eliminate"]), "score": rng.choice([0, 1, 2, 2.5])}
         tag["crossing"] = rng.choice([None, True, False])
+        tag |= rng.choice([{}, {}, {"hops": rng.choice([0, 1, 2.5])}, {"metres": rng.choice([0.5, 3.0])}])
+        if not by_metres and not {"hops", "metres"} & {*tag}:
+            tag |= rng.choice([{}, {"euclid": rng.choice([1, 2.5])}])
         if territory is not None and rng.random() < 0.5:
             tag["territory"] = territory
         rules.append({"rule": "tag", "with": tag})
@@ -289,7 +293,6 @@ OTHERWISE = {
     "order": {"settings": {"order": [["red"], ["blue"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},
     "channels": {"channels": {"radio": {"range_m": 3.0}}},
-    "hops": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1}}]},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
 }
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.core import contacts as core
-from gamms.core import draws
+from gamms.core import draws, travel
 
 NODES = 5
 XY = [(0.0, 0.0), (3.0, 0.0), (3.0, 4.0), (0.0, 4.0), (1.5, 2.0)]
@@ -65,7 +65,7 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
         names,
         purposes,
         ints([3] * len(games)),
-        reach=table(reach or {}),
+        reach=table(reach or {}, limit or 0.0),
         places=core.Places(nodes, floats([value for x, y in XY for value in (x, y, 0.0)])),
         lines=core.Lines(ints([]), *[floats([])] * 4),
         crossing=crossing,
@@ -77,13 +77,13 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
     return [tuple(column[k] for column in columns) for k in found.order[:kept]]
 
 
-def table(reach):
-    """`core.Reach` of node -> {node: distance}."""
+def table(reach, limit=0.0):
+    """`core.Reach` of the edges of node -> {node: length}."""
     rows = [sorted(reach.get(node, {}).items()) for node in range(NODES)]
-    counts = [len(row) for row in rows]
-    offsets = [sum(counts[:node]) for node in range(NODES)]
-    flat = [entry for row in rows for entry in row]
-    return core.Reach(ints(offsets), ints(counts), ints([end for end, _ in flat]), floats([far for _, far in flat]))
+    arcs = [sum(map(len, rows[:node])) for node in range(NODES + 1)]
+    flat = [edge for row in rows for edge in row]
+    search = travel.Reach(*[ints([0] * NODES) if kind == "q" else floats([0.0] * NODES) for kind in "qdqqqdqq"])
+    return core.Reach(ints(arcs), ints([end for end, _ in flat]), floats([far for _, far in flat]), limit, search)
 
 
 def pairs(*args, **kwargs):
@@ -229,13 +229,17 @@ distances = st.dictionaries(
 
 
 @given(games, distances)
-def test_contacts_by_paths_are_those_of_the_definition(games, reach):
-    reach = {node: {**reach.get(node, {}), node: 0.0} for node in range(NODES)}
+def test_contacts_by_paths_are_those_of_the_definition(games, edges):
+    reach = {node: {**edges.get(node, {}), node: 0.0} for node in range(NODES)}
+    for one, end in product(range(NODES), repeat=2):  # of edges of 1 or 2, two are the most within 2
+        over = [edges.get(one, {}).get(middle, inf) + edges.get(middle, {}).get(end, inf) for middle in range(NODES)]
+        reach[one][end] = min(reach[one].get(end, inf), *over)
 
     def distance(one, other):
-        return min(reach[one].get(other, inf), reach[other].get(one, inf))
+        far = min(reach[one][other], reach[other][one])
+        return far if far <= 2.0 else inf
 
-    found = contacts(games, reach=reach, limit=2.0)
+    found = contacts(games, reach=edges, limit=2.0)
     for number, game in enumerate(games):
         met = {one[1:6] for one in found if one[0] == number}
         assert met == expected(game, lambda one, other: near(one, other, distance))

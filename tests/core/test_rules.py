@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from gamms.core import contacts as meeting
 from gamms.core import rules as core
+from gamms.core import travel
 
 NODES, PURPOSE = 10, 11
 RED, BLUE = 0, 1
@@ -29,7 +30,12 @@ def flags_of(values):
 
 
 NO_LEGS = meeting.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
-NOTHING = meeting.Reach(*[ints([])] * 3, floats([])), meeting.Places(ints([]), floats([]))
+NOTHING = (
+    meeting.Reach(
+        ints([0]), ints([]), floats([]), 0.0, travel.Reach(*map({"q": ints([]), "d": floats([])}.get, "qdqqqdqq"))
+    ),
+    meeting.Places(ints([]), floats([])),
+)
 
 
 class Block:

@@ -148,14 +148,10 @@ def list_within(walks: Walks, node: int, hops: float) -> int:
                     walks.reach.when[other] = walks.reach.when[at] + 1.0
                     walks.reach.seen[walks.reach.count] = other
                     walks.reach.count += 1
-    travel.forget_seen(walks.reach)
-    walks.reach.size = 0
-    walks.reach.count = 0
+    travel.sort_seen(walks.reach)
     for place in range(number):
-        travel.reach_node(walks.reach, walks.reach.seen[place], 0.0, walks.reach.seen[place])
-    while walks.reach.size > 0:
-        travel.list_node(walks.reach, travel.visit_first(walks.reach), 0.0)
-    return travel.forget_seen(walks.reach)
+        travel.list_node(walks.reach, walks.reach.seen[place], 0.0)
+    return 0
 
 
 def go_towards(walks: Walks, i: int, ways: Ways, memory: int, target: int) -> bool:

@@ -54,6 +54,7 @@ cdef class Course(Steps):
     cdef Roads roads
     cdef const i64[::1] edge_streets, edge_flags
     cdef i64[::1] sources, targets, streets, flags
+    cdef double[::1] metres
 
     @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64)
     cdef int fill(self, Games games, i64 game) except -1 nogil

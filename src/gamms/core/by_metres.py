@@ -218,8 +218,7 @@ class Course(Steps):
         trips: of the agents; their columns are those of the tracks and legs.
         roads: the map.
         edge_streets, edge_flags: (edges,) what legs along each edge have, see `contacts.Legs`.
-        sources, targets, streets, flags: columns of the legs: (agents * most,); the first two of those that end on
-            nodes.
+        sources, targets, streets, flags, metres: columns of the legs: (agents * most,)
     """
 
     def __init__(
@@ -235,6 +234,7 @@ class Course(Steps):
         targets: memoryview[int],
         streets: memoryview[int],
         flags: memoryview[int],
+        metres: memoryview[float],
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
@@ -246,6 +246,7 @@ class Course(Steps):
         self.targets = targets
         self.streets = streets
         self.flags = flags
+        self.metres = metres
 
     def fill(self, games: Games, game: int) -> int:
         """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
@@ -261,7 +262,7 @@ class Course(Steps):
                 edge = self.trips.edges[leg]
                 self.streets[leg] = self.edge_streets[edge]
                 self.flags[leg] = self.edge_flags[edge]
-                if self.trips.ends[leg] == 0.0 or self.trips.ends[leg] == 1.0:
-                    self.sources[leg] = self.roads.sources[edge]
-                    self.targets[leg] = self.roads.targets[edge]
+                self.sources[leg] = self.roads.sources[edge]
+                self.targets[leg] = self.roads.targets[edge]
+                self.metres[leg] = self.roads.lengths[edge]
         return 0

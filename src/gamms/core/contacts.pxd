@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws
+from gamms.core cimport draws, travel
 
 ctypedef unsigned long long u64
 ctypedef long long i64
@@ -11,7 +11,7 @@ cdef extern from "math.h":
 
 cdef double INFINITE, SLACK
 cdef int ON_NODES, BY_PATHS, ON_WAYS, NEAR_PLACES, ON_LINES, OURS, THEIRS, BY_RANK, BY_PAIR, BY_PLACE
-cdef i64 ON_NODE, LEAVES, FIRST_ROOM
+cdef i64 ON_NODE, LEAVES, FIRST_ROOM, MOST_NEAR
 cdef u64 MASK, SPREAD
 
 
@@ -32,8 +32,19 @@ cdef class Legs:
 
 @cython.final
 cdef class Reach:
-    cdef const i64[::1] offsets, counts, ends
-    cdef const double[::1] far
+    cdef const i64[::1] arcs, heads
+    cdef const double[::1] costs
+    cdef double limit
+    cdef travel.Reach search
+    cdef i64[::1] offsets, counts, ends
+    cdef double[::1] far
+    cdef i64 used
+
+    cpdef int make_room(self, i64 room) except -1 with gil
+    @cython.locals(node=i64)
+    cdef int begin(self) except -1 nogil
+    @cython.locals(at=i64, arc=i64, far=double, number=i64, end=i64)
+    cdef Py_ssize_t learn(self, i64 node) except -1 nogil
 
     @cython.locals(first=i64, beyond=i64, last=i64, middle=i64)
     cdef double ahead(self, i64 start, i64 end) except -1.0 nogil
@@ -141,7 +152,7 @@ cdef class Contacts:
     cdef double _first_touch(self, i64 piece, i64 other) except? -1.0 nogil
     @cython.locals(begin=double, share=double, span=double)
     cdef double _place_on_street(self, i64 piece, double time) except? -1.0 nogil
-    @cython.locals(side=int, piece=i64, node=i64, entry=i64, other=i64, back=double, distance=double)
+    @cython.locals(side=int, piece=i64, node=i64, begin=i64, entry=i64, other=i64, back=double, distance=double)
     cdef int _near(self, i64 game) except -1 nogil
     @cython.locals(time=double, a_node=i64, b_node=i64)
     cdef int _come_near(self, i64 game, i64 piece, i64 other, double distance) except -1 nogil
@@ -168,7 +179,9 @@ cdef class Contacts:
     cdef double _metres_to(self, i64 piece, bint is_source, double time) except? -1.0 nogil
     @cython.locals(since=double, until=double)
     cdef double _even(self, i64 piece, double begin, double end, double time) except? -1.0 nogil
-    @cython.locals(row=i64, entry=i64, other=i64, since=double, until=double, is_source=bint, begin=double, last=double)
+    @cython.locals(
+        first=i64, row=i64, entry=i64, other=i64, since=double, until=double, is_source=bint, begin=double, last=double
+    )
     cdef int _go_from(self, i64 game, i64 piece, int end, i64 node, int side) except -1 nogil
     @cython.locals(since=double, until=double, length=double, first=double, last=double, passing=double)
     cdef int _along_street(self, i64 game, i64 piece, i64 other, int side) except -1 nogil

@@ -11,7 +11,7 @@ from array import array
 from math import fabs, sqrt
 from typing import Any
 
-from gamms.core import draws
+from gamms.core import draws, travel
 
 INFINITE = float("inf")
 SLACK = 1e-9  # of a turn: agents that are at one place so far apart in time meet there
@@ -22,6 +22,7 @@ LEAVES = -2  # the agent left this node when the turn began
 MASK = 0xFFFFFFFFFFFFFFFF
 SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
 FIRST_ROOM = 64  # a power of two
+MOST_NEAR = 1 << 20  # pairs of nodes that are kept of one distance, 16 bytes each
 ON_NODES = 0
 BY_PATHS = 1
 ON_WAYS = 2
@@ -116,29 +117,87 @@ class Legs:
 
 
 class Reach:
-    """The nodes within a distance ahead of nodes.
+    """The nodes within a distance ahead of nodes, which are found when they are first asked for.
 
     Attributes:
-        offsets, counts: (nodes,) where the entries of a node begin, and how many there are.
-        ends: (entries,) numbers of nodes; those of one node ascend.
-        far: (entries,) how far they are.
+        arcs: (nodes + 1,) where the edges that leave each node begin in `heads`.
+        heads, costs: (edges,) the nodes that they lead to, and how far that is.
+        limit: the distance.
+        search: scratch.
+        offsets: (nodes,) where the entries of a node begin; -1: it is not known what lies ahead of it.
+        counts: (nodes,) how many entries there are.
+        ends: (room,) numbers of nodes; those of one node ascend.
+        far: (room,) how far they are.
+        used: how many entries there are.
     """
 
     def __init__(
         self,
-        offsets: memoryview[int],
-        counts: memoryview[int],
-        ends: memoryview[int],
-        far: memoryview[float],
+        arcs: memoryview[int],
+        heads: memoryview[int],
+        costs: memoryview[float],
+        limit: float,
+        search: travel.Reach,
     ) -> None:
-        self.offsets = offsets
-        self.counts = counts
+        nodes = len(arcs) - 1
+        self.arcs = arcs
+        self.heads = heads
+        self.costs = costs
+        self.limit = limit
+        self.search = search
+        self.offsets = memoryview(array("q", [-1] * nodes))
+        self.counts = memoryview(array("q", bytes(8 * nodes)))
+        self.used = 0
+        self.make_room(0)
+
+    def make_room(self, room: int) -> int:
+        """Make room for so many entries; those that there are stay."""
+        ends = memoryview(array("q", bytes(8 * room)))
+        far: Any = memoryview(array("d", bytes(8 * room)))
+        if self.used > 0:
+            ends[: self.used] = self.ends[: self.used]
+            far[: self.used] = self.far[: self.used]
         self.ends = ends
-        self.far = far
+        self.far: memoryview[float] = far
+        return 0
+
+    def begin(self) -> int:
+        """Forget all, if it is much."""
+        if self.used > MOST_NEAR:
+            self.used = 0
+            for node in range(len(self.offsets)):
+                self.offsets[node] = -1
+        return 0
+
+    def learn(self, node: int) -> int:
+        """Find the nodes ahead of a node; return where its entries begin."""
+        if self.offsets[node] >= 0:
+            return self.offsets[node]
+        self.search.size = 0
+        self.search.count = 0
+        travel.reach_node(self.search, node, 0.0, 0)
+        while self.search.size > 0:
+            at = travel.visit_first(self.search)
+            self.search.times[at] = self.search.when[at]
+            for arc in range(self.arcs[at], self.arcs[at + 1]):
+                far = self.search.when[at] + self.costs[arc]
+                if far <= self.limit:
+                    travel.reach_node(self.search, self.heads[arc], far, 0)
+        travel.sort_seen(self.search)
+        self.offsets[node] = self.used
+        self.counts[node] = self.search.count
+        if self.used + self.search.count > len(self.ends):
+            self.make_room(2 * (self.used + self.search.count))
+        for number in range(self.search.count):
+            end = self.search.seen[number]
+            self.ends[self.used + number] = end
+            self.far[self.used + number] = self.search.times[end]
+        self.used += self.search.count
+        return self.offsets[node]
 
     def ahead(self, start: int, end: int) -> float:
         """Return how far it is from a node to another; infinite where that is too far."""
-        first = self.offsets[start]
+        first = self.learn(start)
         beyond = first + self.counts[start]
         last = beyond
         while first < last:
@@ -741,6 +800,7 @@ class Contacts:
     def _near(self, game: int) -> int:
         """Find the pairs that are near each other whenever one of the two reaches a node."""
         self.pieces.count = 0
+        self.reach.begin()
         self._put_steps(game)
         for side in range(2):  # paths from ours to theirs, and then those back
             for piece in range(self.pieces.count):
@@ -751,7 +811,8 @@ class Contacts:
                 if not self._is_of(game, piece, THEIRS if side else OURS):
                     continue
                 node = self.pieces.nodes[piece]
-                for entry in range(self.reach.offsets[node], self.reach.offsets[node] + self.reach.counts[node]):
+                begin = self.reach.learn(node)
+                for entry in range(begin, begin + self.reach.counts[node]):
                     other = self.pieces.first[self.reach.ends[entry]]
                     if other < 0:
                         continue
@@ -889,6 +950,7 @@ class Contacts:
     def _within(self, game: int) -> int:
         """Find the pairs that are near each other along the edges, on nodes or between them."""
         self.pieces.count = 0
+        self.reach.begin()
         put_visits(self.tracks, self.legs, self.pieces, game)
         self._put_legs(game, True)
         for side in range(2):  # paths from ours to theirs, and then those back
@@ -958,7 +1020,8 @@ class Contacts:
 
     def _go_from(self, game: int, piece: int, end: int, node: int, side: int) -> int:
         """Follow the paths that leave where an agent is by a node; their changes of length end with the self.pieces."""
-        for row in range(self.reach.offsets[node], self.reach.offsets[node] + self.reach.counts[node]):
+        first = self.reach.learn(node)
+        for row in range(first, first + self.reach.counts[node]):
             entry = self.pieces.first[self.reach.ends[row]]
             while entry >= 0:
                 other = entry >> 1

@@ -80,6 +80,8 @@ cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil
 cdef int list_around(Roads roads, Reach reach, i64 node, double speed, double begun, double left) except -1 nogil
 @cython.locals(number=i64)
 cdef int forget_seen(Reach reach) except -1 nogil
+@cython.locals(number=i64, place=i64)
+cdef int sort_seen(Reach reach) except -1 nogil
 cdef bint comes_before(Reach reach, i64 one, i64 other) except -1 nogil
 @cython.locals(place=i64, above=i64)
 cdef int reach_node(Reach reach, i64 node, double time, i64 rank) except -1 nogil

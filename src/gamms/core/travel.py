@@ -173,8 +173,8 @@ class Trips:
         edges: (rows * most,) what they lead along.
         begins, ends: (rows * most,) shares of the edge.
         since, until: (rows * most,) of the turn.
-        passed: (rows,) how many nodes there are: the one that the agent has passed last, then those that it comes to,
-            also back to the same one.
+        passed: (rows,) how many nodes there are: the one that the agent has passed last, then the others that it comes
+            to.
         nodes: (rows * (most + 1),) these nodes.
         times: (rows * (most + 1),) when the agent is at each.
         route: rows of nodes that an agent is to go along; see `go`.
@@ -456,6 +456,19 @@ def forget_seen(reach: Reach) -> int:
     for number in range(reach.count):
         reach.places[reach.seen[number]] = 0
     return 0
+
+
+def sort_seen(reach: Reach) -> int:
+    """End a search, and put the nodes that it has seen in the order of their rows."""
+    forget_seen(reach)
+    number = reach.count
+    reach.size = 0
+    reach.count = 0
+    for place in range(number):
+        reach_node(reach, reach.seen[place], 0.0, reach.seen[place])
+    for place in range(number):
+        reach.seen[place] = visit_first(reach)
+    return forget_seen(reach)
 
 
 def comes_before(reach: Reach, one: int, other: int) -> bool:
@@ -743,10 +756,11 @@ def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
     trips.left[row] -= 1
     add_leg(trips, row, edge, first, 0.0 if motion == BACK else 1.0, until if until < 1.0 - ROUNDED else 1.0)
     node = roads.sources[edge] if motion == BACK else roads.targets[edge]
-    place = row * (trips.most + 1) + trips.passed[row]
-    trips.nodes[place] = node
-    trips.times[place] = trips.now[row]
-    trips.passed[row] += 1
+    if node != trips.node[row]:
+        place = row * (trips.most + 1) + trips.passed[row]
+        trips.nodes[place] = node
+        trips.times[place] = trips.now[row]
+        trips.passed[row] += 1
     trips.node[row] = node
     trips.edge[row] = -1
     trips.share[row] = 0.0

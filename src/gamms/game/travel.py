@@ -463,16 +463,13 @@ class Travel:
             leg = Leg(source, target, id, begins[number], ends[number], since[number], until[number], back)
             legs.append(leg)
         ids, nodes, times = roads.ids, self._nodes, self._times
-        path, passed = [ids[nodes[0]]], [times[0]]
-        for number in range(1, self._passed[0]):
-            if nodes[number] != nodes[number - 1]:
-                path.append(ids[nodes[number]])
-                passed.append(times[number])
+        path = [ids[node] for node in nodes[: self._passed[0]]]
         progress, edge = None, self._edge[0]
         if edge >= 0:
             source, target, id, _ = roads.edge_ids[edge]
             progress = Progress(source, target, self._share[0], id, _MOTIONS[self._motion[0]])
-        return ResolvedAction(path[-1], tuple(path), (), tuple(passed), progress, tuple(legs), begun)
+        passed = tuple(times[: self._passed[0]])
+        return ResolvedAction(path[-1], tuple(path), (), passed, progress, tuple(legs), begun)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:

@@ -7,14 +7,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from gamms.core import contacts, rules
-from gamms.errors import BadValue
+from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import Roster, kept_in
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats, ints, memory_of
 from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.meetings import ask, search_for
+from gamms.rules.meetings import Near, Nearness, ask, reach_of, search_for
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -53,7 +53,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
         sides = ints(len(roster.names))
         nearness = one.nearness
         tracks = making.tracks(sides, at_end=not nearness.passing)
-        near = making.near(nearness)
+        near = _near(nearness, making)
         found = contacts.Contacts(making.pieces)
         ask(
             found,
@@ -85,6 +85,26 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
     tags = rules.Tags(ints(len(roster.names)))
     purposes = memory_of(state.purposes("contacts"))
     return rules.TagRule(making.games, making.events, number, behind, tags, making.steps, purpose, turn, purposes)
+
+
+def _near(nearness: Nearness, making: Making) -> Near:
+    """Return the distances between agents that count as contacts; None: they meet on nodes.
+
+    Raises:
+        GammsError: they count straight lines between agents on edges, or in the air.
+    """
+    state, (unit, limit, *_) = making.state, nearness
+    if unit is None:
+        return None
+    if unit != "euclid":
+
+        def make() -> contacts.Reach:
+            return reach_of(state.streets.ways(None if unit == "hops" else "length"), limit)
+
+        return kept_in(state.shared, ("reach", unit, limit, making.thread), make)
+    if making.by_metres or (nearness.air and state.roster.flies.any()):
+        raise GammsError(f"contacts within {limit:g} {unit} of agents that are not on nodes")
+    return contacts.Places(making.columns[0], flat(np.insert(state.streets.columns.xy, 2, 0.0, axis=1), np.float64))
 
 
 def capture_flag(flags: Flags, making: Making) -> rules.Rule:

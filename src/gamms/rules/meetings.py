@@ -17,18 +17,17 @@ from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.game.batch.travelers import NO_LEGS
 from gamms.game.moves import TurnMoves
+from gamms.game.travel import Reach
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import IntArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.near_nodes import NearNodes, Reached
 from gamms.rules.visits import EdgesGoneAlong, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
 
 _MOST_DISTANCES = 8  # for which a game keeps what is near nodes
 _MOST_TERRITORIES = 8  # of which a game keeps who owns nodes
-_MOST_NEAR_IN_GAME = 1 << 20  # pairs of nodes, for each distance
 _NOWHERE = 0.0, 0.0, 0.0
 _NO_LEG = (0,) * 4 + (0.0,) * 5
 BACKWARDS, TURNS, UNKNOWN_PLACE = 1, 2, 4  # flags of legs, see `core.Legs`
@@ -80,7 +79,7 @@ def column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, whi
     return memoryview(array(kind, values))
 
 
-_NO_REACH = core.Reach(column("q"), column("q"), column("q"), column("d"))
+_NO_REACH = core.Reach(column("q", [0]), column("q"), column("d"), 0.0, Reach(0).core)
 _NO_PLACES = core.Places(column("q"), column("d"))
 _NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
@@ -361,7 +360,7 @@ class InTurn:
     def _near(self, sides: memoryview, nearness: Nearness, flying: Mapping[str, Position]) -> Near:
         game, unit = self.game, nearness.unit
         if unit != "euclid":
-            return game.near(unit, nearness.limit).around(self._asked(sides), self.numbers.count)
+            return game.near(unit, nearness.limit, game.number_all())
         places = [flying.get(name) for name in self.roster.names]
         if self.by_metres:
             tracks = self.tracks if nearness.passing else [at_end(track) for track in self.tracks]
@@ -372,24 +371,17 @@ class InTurn:
             xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
         return core.Places(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
 
-    def _asked(self, sides: memoryview) -> IntArray:
-        """Return the nodes, by number, around which agents of a side may be near others."""
-        # Where none passes a node, those that agents have left do not count.
-        first = 0 if self.by_metres or self.most > 2 else self.most - 1
-        takes_part = np.asarray(sides) > 0
-        nodes = np.asarray(self.columns[0]).reshape(len(sides), self.most)[takes_part, first:].ravel()
-        if not self.by_metres:
-            return nodes
-        legs = chain.from_iterable([track.legs for track in compress(self.tracks, takes_part.tolist())])
-        ends = [self.numbers.number(node) for leg in legs for node in (leg.source, leg.target)]
-        return np.concatenate((nodes, np.array(ends, np.int64)))
-
 
 def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
     """Return agent -> where it is, of those that fly where straight lines count."""
     if nearness.unit != "euclid" or not (nearness.air and ctx.agent.block.flyers):
         return {}
     return {agent.name: agent.position for agent in ctx.game.agents if agent.type is AgentType.AERIAL}
+
+
+def reach_of(arcs: kernels.Arcs, limit: float) -> core.Reach:
+    """Return what finds the nodes that are so near nodes along the edges of a map."""
+    return core.Reach(*_flat(arcs), limit, Reach(len(arcs.offsets) - 1).core)
 
 
 def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
@@ -434,6 +426,8 @@ class InGame:
         self.revision = graph.revision
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
+        self._columns: Any = None  # of the map, whose nodes have these numbers
+        self._numbers = np.zeros(0, np.int64)
         self._steps: InTurn | None = None
         self._steps_of: tuple[Any, ...] = ()
         self._seeds = -1  # how often the seed had changed when draws were derived from it
@@ -460,16 +454,20 @@ class InGame:
         _, x, y = self.graph.get_node(node)
         return x, y, 0.0
 
-    def _near(self, unit: str, limit: float) -> NearNodes:
-        search = nodes_within if unit == "hops" else _by_length
+    def _near(self, unit: str, limit: float, _: int) -> core.Reach:
+        """Return what finds the nodes so near nodes, of which there are so many."""
+        columns, numbers = self._columns, self._numbers
+        costs = np.ones(len(columns.lengths)) if unit == "hops" else columns.lengths
+        ends = numbers[columns.sources], numbers[columns.targets]
+        return reach_of(kernels.make_arcs(*ends, costs, self.numbers.count), limit)
 
-        def found(rows: IntArray) -> Reached:
-            near = [search(self.graph, self.numbers.ids[row], limit) for row in rows.tolist()]
-            pairs = [sorted([(self.numbers.number(node), far) for node, far in one.items()]) for one in near]
-            ends, far = np.array([*chain.from_iterable(pairs)]).T
-            return np.array([len(one) for one in near]), ends, far
-
-        return NearNodes(found, _MOST_NEAR_IN_GAME)
+    def number_all(self) -> int:
+        """Give all nodes of the map numbers; return how many numbers there are."""
+        if self._columns is None:
+            self._columns = columns = self.graph.columns()
+            self._numbers = np.empty(len(columns.node_ids), np.int64)
+            self.numbers.write(columns.node_ids.data, self._numbers.data)
+        return self.numbers.count
 
     def turn(self, ctx: Context) -> InTurn:
         """Return where agents are in this turn."""
@@ -562,10 +560,6 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Cal
     counts = [len(track.legs) for track in tracks]
     ints: Any = (counts, *columns[:4])
     return core.Legs(most, *(column("q", one) for one in ints), *(column("d", one) for one in columns[4:]))
-
-
-def _by_length(graph: Graph, node: int, limit: float) -> dict[int, float]:
-    return graph.distances(source=node, cutoff=limit)
 
 
 def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:

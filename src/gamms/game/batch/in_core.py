@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core import by_metres, conflicts, contacts, draws, moves, rules, turn
-from gamms.errors import BadValue, GammsError
+from gamms.errors import BadValue
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.forms import strategy_spec_of
@@ -32,7 +32,6 @@ ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
-Near = contacts.Reach | contacts.Places | contacts.Lines | None
 
 
 class PlayedRule(NamedTuple):
@@ -59,8 +58,10 @@ class Making:
 
     Attributes:
         state: of all games.
+        thread: its number.
         games, events, steps, pieces: see `gamms.core.rules`.
-        legs: of the agents of one game; none in games that count edges.
+        columns: of the agents of one game: nodes, times and lengths of their tracks.
+        legs: of the same; none in games that count edges.
         by_metres: whether the games are by metres.
         home: (all games, agents) where agents come back; -1: they have not come yet.
         rules: of the numbers that events have, what they are of.
@@ -74,9 +75,11 @@ class Making:
         events: rules.Events,
         travel: ThreadTravel | None,
         known: list[PlayedRule],
+        thread: int,
     ) -> None:
         agents, streets = len(state.roster.names), state.streets
         self.state = state
+        self.thread = thread
         self.games = games
         self.events = events
         self.home: IntArray = state.start
@@ -84,12 +87,12 @@ class Making:
         self.legs = NO_LEGS
         if travel is None:
             self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
-            self._tracks: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
-            self.steps: rules.Steps = rules.Steps(*self._tracks)
+            self.columns: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
+            self.steps: rules.Steps = rules.Steps(*self.columns)
         else:
             self._most_nodes, most_legs = travel.most, travel.most_legs
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
-            self._tracks, self.steps, self.legs = travel.tracks, travel.course, travel.legs
+            self.columns, self.steps, self.legs = travel.tracks, travel.course, travel.legs
         room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
         places: Any = [ints(room) for _ in range(3)] + [floats(room) for _ in range(4)]
         found: Any = ints(room), ints(room), np.full(keys, -1).data, ints(room)
@@ -104,27 +107,13 @@ class Making:
 
     def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
         """Return the tracks of the agents of a game, of these sides."""
-        return contacts.Tracks(len(self.state.roster.names), self._most_nodes, *self._tracks, sides, at_end=at_end)
+        return contacts.Tracks(len(self.state.roster.names), self._most_nodes, *self.columns, sides, at_end=at_end)
 
     def visitors(self, *, at_end: bool) -> rules.Visitors:
         """Return the agents on the ground, with the nodes that they visit."""
         sides = ints(len(self.state.roster.names))
         tracks = self.tracks(sides, at_end=at_end)
         return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
-
-    def near(self, nearness: tuple[str | None, float, bool, bool, bool]) -> Near:
-        """Return the distances between agents that count as contacts; None: they meet on nodes.
-
-        Args:
-            nearness: what counts as a contact, a `Nearness` of `gamms.rules.meetings`, which imports this.
-
-        Raises:
-            GammsError: a distance counts, which the core does not look for in batches.
-        """
-        unit, limit, *_ = nearness
-        if unit is None:
-            return None
-        raise GammsError(f"contacts within {limit:g} {unit}")
 
     def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
         """Return which agents are of these teams, 1 or 0; None: of any. `air` says whether those that fly are, too."""
@@ -473,7 +462,7 @@ class CoreGames:
         )
         events = block.events_of(len(self._made))
         travel = None if columns is None else columns.thread(len(self._made), movers, events)
-        making = Making(state, games, events, travel, block.rules)
+        making = Making(state, games, events, travel, block.rules, len(self._made))
         parts = self._made_rules(making)
         first = None
         if self.has_functions:

@@ -246,10 +246,10 @@ class MetreColumns:
             ends=self.ends[1].reshape(-1).data,
         )
         legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
-        metres: Any = np.zeros(self._agents * most).data  # that distances along edges need, which the core has none of
+        metres: Any = np.zeros(self._agents * most).data
         tables = flat(self._streets, np.int64), flat(self._flags, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
-        course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs])
+        course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs, metres])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         return ThreadTravel(None, travelers, course, tracks, of_legs, most + 1, most)
