@@ -175,7 +175,8 @@ class AgentView:
     @property
     def current_node_id(self) -> int:
         """The node it stands on; settable, without changing `prev_node_id`."""
-        return self._block._node_of(self._row)
+        node: int = self._block._node_of(self._row)
+        return node
 
     @current_node_id.setter
     def current_node_id(self, node_id: int) -> None:

@@ -148,7 +148,8 @@ class Reach:
         self.offsets = memoryview(array("q", [-1] * nodes))
         self.counts = memoryview(array("q", bytes(8 * nodes)))
         self.used = 0
-        self.make_room(0)
+        self.ends: memoryview[int] = memoryview(array("q"))
+        self.far: memoryview[float] = memoryview(array("d"))
 
     def make_room(self, room: int) -> int:
         """Make room for so many entries; those that there are stay."""
@@ -158,7 +159,7 @@ class Reach:
             ends[: self.used] = self.ends[: self.used]
             far[: self.used] = self.far[: self.used]
         self.ends = ends
-        self.far: memoryview[float] = far
+        self.far = far
         return 0
 
     def begin(self) -> int:

@@ -6,7 +6,7 @@
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from itertools import accumulate, chain, compress
+from itertools import accumulate, chain
 from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
@@ -20,7 +20,6 @@ from gamms.game.moves import TurnMoves
 from gamms.game.travel import Reach
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
-from gamms.ir.graph import IntArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.visits import EdgesGoneAlong, at_end
 from gamms.typing import AgentType, IAgent
@@ -381,7 +380,8 @@ def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
 
 def reach_of(arcs: kernels.Arcs, limit: float) -> core.Reach:
     """Return what finds the nodes that are so near nodes along the edges of a map."""
-    return core.Reach(*_flat(arcs), limit, Reach(len(arcs.offsets) - 1).core)
+    offsets, heads, costs = _flat(arcs)
+    return core.Reach(offsets, heads, costs, limit, Reach(len(arcs.offsets) - 1).core)
 
 
 def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
