@@ -197,9 +197,8 @@ def test_games_that_are_played_one_by_one_have_the_same_rows():
     scenario = made()
     with scenario.build(seed=1) as ctx:
         ctx.game.add(reinforce)
-        ctx.game.time_budget = 60.0
         with ctx.game.batch(seeds=[3], most_agents={"blue": 6}) as games:
-            assert "time budget" in games.slow
+            assert games.slow == "agents that may come"
             for _ in range(4):
                 view = games.observe("blue")
                 games.step({"blue": np.zeros(view.mask.shape, np.int64)})
@@ -221,7 +220,7 @@ def test_agents_that_come_without_sensors_are_observed_one_by_one():
 
     late = {"late": {"type": "AGENT_RANGE", "sensor_range": 1000.0, "delay_turns": 1}, "all": {"type": "MAP"}}
     teams = {"red": {"count": 1, "sensors": ["late", "all"]}, "blue": {"count": 1}}
-    with scene(sensors=late, teams=teams, settings={"time_budget": 60.0}).build(seed=1) as ctx:
+    with scene(sensors=late, teams=teams).build(seed=1) as ctx:
         ctx.game.add(recruit)
         games = ctx.game.batch(2, most_agents={"red": 2})
         for _ in range(3):

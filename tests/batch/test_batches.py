@@ -154,13 +154,13 @@ def test_only_what_differs_with_the_seed_is_made_for_each_game(given, where, tmp
 
 
 def test_run_says_once_why_many_games_are_played_one_by_one(caplog):
-    scenario = scene([], max_turns=1, settings={"time_budget": 60.0})
+    scenario = scene([], max_turns=1, settings={"deeds": {"rest": {}}})
     with scenario.batch(16) as games:
         for _ in range(2):
             games.run()
             games.reset()
     assert [record.message for record in caplog.records if "one game after the other" in record.message] == [
-        "A batch is played one game after the other, because of a time budget."
+        "A batch is played one game after the other, because of deeds."
     ]
 
 
@@ -198,9 +198,9 @@ def test_games_without_an_array_form_are_played_one_by_one_with_the_same_results
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
         ctx.game.add(leave)
-        ctx.game.time_budget = 60.0
+        ctx.game.deeds = {"rest": {}}
         with ctx.game.batch(seeds=[1, 2]) as slow:
-            assert slow.slow == "a time budget"
+            assert slow.slow == "deeds"
             assert "one by one" in repr(slow)
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["left", "left"]

@@ -14,6 +14,7 @@ from gamms import strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import games as batch_games
 from gamms.game.batch.forms import strategy_spec_of
+from gamms.rules import Conflicts, tag, time_limit
 from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
 
@@ -310,6 +311,23 @@ def test_games_with_anything_else_are_played_one_by_one(change):
     with GRID.replace(**change).batch(2) as games:
         assert games.slow
         assert not is_in_core(games)
+
+
+def test_agents_of_no_team_score_for_nobody_and_are_no_mates():
+    rules = [tag("red", "blue", then="respawn", score=1), time_limit(9)]
+    with GRID.replace(rules=[]).build(seed=1) as ctx:
+        for number in range(4):
+            ctx.agent.create_agent(f"loner_{number}", start_node_id=number, strategy=strategies.random_walk)
+        for rule in rules:
+            ctx.game.add(rule)
+        ctx.game.conflicts = Conflicts(1, among="team")
+        ctx.game.time_budget = 60.0  # the core needs none
+        with ctx.game.batch(4, seed=2) as games, ctx.game.fork(0).ctx as alone:
+            assert is_in_core(games)
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 5, 64])

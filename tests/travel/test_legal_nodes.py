@@ -147,7 +147,7 @@ def test_agents_in_arrays_may_go_where_those_of_games_one_by_one_may_and_meet_as
         ctx.game.conflicts = rng.choice([None, Conflicts(1), Conflicts(2, edge_capacity=1)])
         ctx.game.order = rng.choice([None, [["red"], ["blue"]], [["blue"], ["red"]]])
         fast = ctx.game.batch(1, seed=1)
-        ctx.game.time_budget = 60.0  # which arrays cannot have
+        ctx.game.deeds = {"rest": {}}  # which the core does not have
         with fast, ctx.game.batch(1, seed=1) as slow:
             for _ in range(14):
                 given = {}  # the others stop where they are

@@ -439,6 +439,7 @@ class CoreGames:
             over=block.over.data,
             score=memory_of(block.score),
             team=flat(roster.team_of, np.int64),
+            nobody=roster.teams.index(None) if None in roster.teams else -1,
             **({} if columns is None else columns.on_edges),
         )
         shared = {

@@ -76,7 +76,7 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
     settings, graph = game.settings(), game.ctx.graph
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    named = {"time_budget": "a time budget", "order": "an order of play", "deeds": "deeds", "channels": "channels"}
+    named = {"order": "an order of play", "deeds": "deeds", "channels": "channels"}
     for name, what in named.items():
         if settings[name]:
             yield what
@@ -100,8 +100,6 @@ def _why_not_agents(roster: Roster) -> Iterator[str]:
     for agent in roster.agents:
         if agent.type is AgentType.AERIAL:
             yield f"agent {shown(agent.name)}, which flies"
-        if agent.team is None:
-            yield f"agent {shown(agent.name)}, which has no team"
         for name, why in why_not_asked_in_core(agent):
             yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
 
@@ -149,6 +147,8 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
     form = core_form_of(decider, is_plain=is_plain)
     if form is None and spec.array_form is None and not is_plain:
         yield f"the {kind} {as_code(decider)}"
+    if settings["time_budget"] is not None and spec.array_form is not None:
+        yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
     if may_forget(game, agent):
         yield f"the {kind} {as_code(decider)}, which remembers something"
     if isinstance(form, Waypoints) and agent.speed is None:
