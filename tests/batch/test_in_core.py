@@ -50,6 +50,9 @@ def random_scenario(number, units=("edges", "edges", "metres", "metres_per_secon
     if rng.random() < 0.6:
         changes["conflicts"] = random_conflicts(rng, names, nodes)
     settings = {"team_memory": False} if rng.random() < 0.3 else {}
+    if unit == "edges" and not any("speed" in team for team in teams.values()) and rng.random() < 0.5:
+        order = rng.sample(names, len(names))
+        settings["order"] = [order[:1], order[1:]] if rng.random() < 0.5 else [[team] for team in order]
     if unit != "edges":
         settings |= {"speed_unit": unit} | ({"turn_seconds": 2.5} if unit != "metres" else {})
     return base.replace(**changes, settings=settings) if settings else base.replace(**changes)
@@ -291,7 +294,8 @@ EVERY_RULE = [
 OTHERWISE = {
     "arrivals": {"settings": {"speed_unit": "metres", "decide": "arrival"}},
     "anywhere": {"settings": {"legal": "any"}},
-    "order": {"settings": {"order": [["red"], ["blue"]]}},
+    "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
+    "a part of the teams": {"settings": {"order": [["red"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},
     "channels": {"channels": {"radio": {"range_m": 3.0}}},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
@@ -399,6 +403,34 @@ def test_rollouts_go_on_from_a_running_game(scenario, turns):
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_an_error_in_a_later_part_of_a_turn_takes_back_the_moves_before_it():
+    raises = [False]
+
+    @gamms.array_strategy
+    def watch(view):
+        if raises[0]:
+            raise ValueError("too late")
+        return view.node * 0
+
+    @gamms.array_strategy
+    def go(view):
+        return view.counts - 1
+
+    scenario = GRID.replace(settings={"order": [["red"], ["blue"]]}, rules=[])
+    with scenario.batch(3, strategies={"red": go, "blue": watch}) as games:
+        games.step()
+        before = games.observe("red").node
+        raises[0] = True
+        with pytest.raises(ValueError, match="too late"):
+            games.step()
+        assert is_in_core(games)
+        assert games.turn.tolist() == [1, 1, 1]
+        assert (games.observe("red").node == before).all()
+        raises[0] = False
+        games.step()
+        assert games.turn.tolist() == [2, 2, 2]
 
 
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])

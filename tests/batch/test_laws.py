@@ -147,7 +147,6 @@ def games_with_plain_parts(draw):
     called = st.tuples(st.sampled_from(["look", "push", "purge", "toll"]), st.sampled_from(["before", "after"]))
     return replace(
         drawn,
-        order=None,
         deeds=None,
         channels={},
         closed=set(),

@@ -20,9 +20,11 @@ class Ring:
         decides_by: of each agent.
         capacity: of nodes; None: there are no conflicts.
         last: the turn after which games end; None: nothing ends them.
+        part_of: the part of the turn of each agent; None: all are of the only one.
     """
 
-    def __init__(self, node, decides_by, *, capacity=None, last=None, keys=None, allow_swaps=True):
+    def __init__(self, node, decides_by, *, capacity=None, last=None, keys=None, allow_swaps=True, part_of=None):
+        self.parts = 1 if part_of is None else max(part_of) + 1
         self.node = np.array(node, np.int64)
         shape = self.node.shape
         agents = shape[1]
@@ -51,7 +53,7 @@ class Ring:
         self.events = rules.Events(1)
         targets = [(node + step) % RING for node in range(RING) for step in (0, 1, -1)]
         contests, requests = self.conflicts(capacity, agents, allow_swaps) if capacity else (None, None)
-        movers = moves.Movers(
+        self.movers = movers = moves.Movers(
             moves.Streets(flat(np.arange(RING + 1, dtype=np.int32) * ACTIONS), flat(np.array(targets, np.int32))),
             flat(np.array(decides_by, np.uint8)),
             draws.Choices(flat(self.keys), flat(self.counts), flat(self.ends)),
@@ -65,6 +67,9 @@ class Ring:
             moves=flat(self.moves),
             blocks=flat(self.blocks),
             blocked=flat(self.blocked),
+            part_of=flat(np.zeros(agents, np.int64) if part_of is None else np.array(part_of)),
+            part=flat(np.zeros(shape[0], np.int64)),
+            parts=self.parts,
         )
         first = None
         if last is not None:
@@ -91,11 +96,11 @@ class Ring:
         )
         limits, ranks = np.full(RING, capacity), np.arange(agents, dtype=np.uint64)
         offsets = np.zeros(agents, np.int64)
-        where = flat(self.start), flat(self.ends), flat(self.takes_part)
+        where = flat(self.node), flat(self.ends), flat(self.takes_part)
         return contests, conflicts.Requests(*where, flat(offsets), flat(limits), flat(ranks))
 
     def play(self, turns, begin=0, end=None):
-        self.until[:] = self.turn + turns
+        self.until[:] = (self.turn + turns) * self.parts
         turn.play(self.player, begin, len(self.node) if end is None else end)
 
 
@@ -202,3 +207,16 @@ def test_a_game_among_others_is_the_game_alone(games):
         alone.play(9)
         for name in ("node", "moves", "blocks", "blocked", "turn"):
             assert getattr(alone, name)[0].tolist() == getattr(together, name)[number].tolist()
+
+
+def test_agents_of_a_later_part_move_when_those_before_them_have_moved():
+    ring = Ring([[0, 1]], [moves.GIVEN] * 2, capacity=1, part_of=[1, 0])
+    ring.given[:] = [[1, 1]]
+    ring.play(1)
+    assert ring.node.tolist() == [[1, 2]]  # at once, nobody may come to the node of another that has to stay
+    nodes, times, lengths = np.zeros(6, np.int64), np.zeros(6), np.zeros(2, np.int64)
+    steps = moves.StepsInParts(ring.movers, flat(nodes), flat(times), flat(lengths))
+    rules.fill_steps(steps, ring.games, 0)
+    assert nodes.tolist() == [0, 0, 1, 1, 2, 0]
+    assert times.tolist() == [0.0, 0.5, 1.0, 0.0, 0.5, 0.0]
+    assert lengths.tolist() == [3, 2]

@@ -2,7 +2,7 @@ cimport cython
 
 from gamms.core cimport draws, strategies
 from gamms.core.conflicts cimport Contests, Requests, resolve
-from gamms.core.rules cimport Games
+from gamms.core.rules cimport Games, Steps
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -28,11 +28,21 @@ cdef class Movers:
     cdef bint some_walk, some_steps, has_conflicts
     cdef i64[::1] ends, counts, moves, blocks
     cdef u8[::1] takes_part, blocked
+    cdef const i64[::1] part_of
+    cdef i64[::1] part
+    cdef i64 parts
 
 
-@cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64)
+@cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, part=i64)
 cpdef int decide(Games games, Movers m, i64 game) except -1 nogil
 @cython.locals(at=i64, i=i64, row=i64)
 cpdef int give_way(Games games, Movers m, i64 game) except -1 nogil
 @cython.locals(at=i64, row=i64)
 cpdef int move(Games games, Movers m, i64 game) except -1 nogil
+
+
+cdef class StepsInParts(Steps):
+    cdef Movers movers
+
+    @cython.locals(agent=i64, row=i64, place=i64, part=i64)
+    cdef int fill(self, Games games, i64 game) except -1 nogil

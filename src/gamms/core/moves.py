@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gamms.core import draws, strategies
 from gamms.core.conflicts import Contests, Requests, resolve
-from gamms.core.rules import Games
+from gamms.core.rules import Games, Steps
 
 STAYS = 0  # how an agent decides: it stays where it is,
 WALKS = 1  # goes to one of its legal nodes, each as likely,
@@ -40,8 +40,11 @@ class Movers:
         some_walk: whether there are such.
         given: (rows,) the actions of those that are given one; (0,) where none is.
         by_steps: decides for those of `STEPS`, if there are such (`some_steps`).
-        contests, requests: find who gives way, if `has_conflicts`; the requests have `start` of the games, `ends` and
+        contests, requests: find who gives way, if `has_conflicts`; the requests have `node` of the games, `ends` and
             `takes_part`.
+        part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
+        parts: how many parts a turn has; agents that do not go along one edge have one.
+        part: (games,) how many of them were played in the turn that is under way.
         ends: (rows,) where agents go in the turn that is played.
         takes_part: (rows,) 1: the agent was alive when this turn began.
         counts: (rows,) how many nodes were legal then.
@@ -65,6 +68,9 @@ class Movers:
         moves: memoryview[int],
         blocks: memoryview[int],
         blocked: memoryview[int],
+        part_of: memoryview[int],
+        part: memoryview[int],
+        parts: int,
         by_steps: strategies.Strategies | None = None,
     ) -> None:
         self.streets = streets
@@ -83,33 +89,38 @@ class Movers:
         self.moves = moves
         self.blocks = blocks
         self.blocked = blocked
+        self.part_of = part_of
+        self.part = part
+        self.parts = parts
 
 
 def decide(games: Games, m: Movers, game: int) -> int:
-    """Let the living agents of a game choose the legal nodes that they go to; the others stay.
+    """Let the living agents of this part of a turn choose the legal nodes that they go to; the others stay.
 
     Return 1 where a way is not known yet that one of them asks for: nothing has happened then.
     """
     at = game * games.agents
+    part = m.part[game]
     for row in range(at, at + games.agents):
         node = games.node[row]
-        games.start[row] = node
-        m.takes_part[row] = games.alive[row]
-        if games.alive[row]:
-            m.blocked[row] = 0
+        if part == 0:
+            games.start[row] = node
+            m.takes_part[row] = games.alive[row]
         m.counts[row] = m.streets.offsets[node + 1] - m.streets.offsets[node]
     if m.some_walk:  # `ends` are numbers of legal nodes for a while
         draws.choose(m.walks, at, games.agents, games.turn[game])
     for i in range(games.agents):
         row = at + i
         action = 0
-        if m.takes_part[row] and m.decides_by[i] == WALKS:
-            action = m.ends[row]
-        elif m.takes_part[row] and m.decides_by[i] == IS_GIVEN:
-            action = m.given[row]
-        elif m.takes_part[row] and m.decides_by[i] == STEPS:
-            action = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type] # there are some
-        m.ends[row] = m.streets.targets[m.streets.offsets[games.start[row]] + action]
+        if m.takes_part[row] and m.part_of[i] == part:
+            m.blocked[row] = 0
+            if m.decides_by[i] == WALKS:
+                action = m.ends[row]
+            elif m.decides_by[i] == IS_GIVEN:
+                action = m.given[row]
+            elif m.decides_by[i] == STEPS:
+                action = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type] # there are some
+        m.ends[row] = m.streets.targets[m.streets.offsets[games.node[row]] + action]
     return strategies.remember(m.by_steps, game) if m.some_steps else 0  # type: ignore[arg-type]
 
 
@@ -120,20 +131,60 @@ def give_way(games: Games, m: Movers, game: int) -> int:
     at = game * games.agents
     for i in range(games.agents):
         row = at + i
-        if m.contests.stays[i] and m.ends[row] != games.start[row]:  # type: ignore[union-attr] # there are conflicts
-            m.ends[row] = games.start[row]
+        if m.contests.stays[i] and m.ends[row] != games.node[row]:  # type: ignore[union-attr] # there are conflicts
+            m.ends[row] = games.node[row]
             m.blocked[row] = 1
             m.blocks[row] += 1
     return 0
 
 
 def move(games: Games, m: Movers, game: int) -> int:
-    """Let agents go, and count their moves; one turn more was played then."""
+    """Let agents go, and count their moves; one turn more was played then if this was its last part."""
     at = game * games.agents
     for row in range(at, at + games.agents):
         games.placed[row] = 0
-        if m.ends[row] != games.start[row]:
+        if m.ends[row] != games.node[row]:
             games.node[row] = m.ends[row]
             m.moves[row] += 1
-    games.turn[game] += 1
+    m.part[game] += 1
+    if m.part[game] == m.parts:
+        m.part[game] = 0
+        games.turn[game] += 1
     return 0
+
+
+class StepsInParts(Steps):
+    """How the agents of one game have gone in a turn along one edge or none, each in its part of the turn.
+
+    Args:
+        movers: the agents.
+        nodes, times: see `Steps`, with three nodes of each agent: one that waits for its part is twice on the first.
+        lengths: see `Steps`.
+    """
+
+    def __init__(
+        self, movers: Movers, nodes: memoryview[int], times: memoryview[float], lengths: memoryview[int]
+    ) -> None:
+        super().__init__(nodes, times, lengths)
+        self.are_one_edge = False
+        self.movers = movers
+
+    def fill(self, games: Games, game: int) -> int:
+        """Write how the agents of a game came to where they are."""
+        for agent in range(games.agents):
+            row = game * games.agents + agent
+            place = 3 * agent
+            part = self.movers.part_of[agent]
+            self.nodes[place] = games.node[row]
+            self.times[place] = 1.0 if games.placed[row] else 0.0
+            if not games.placed[row] and games.start[row] != games.node[row]:
+                self.nodes[place] = games.start[row]
+                if part > 0:
+                    place += 1
+                    self.nodes[place] = games.start[row]
+                    self.times[place] = part / self.movers.parts
+                place += 1
+                self.nodes[place] = games.node[row]
+                self.times[place] = (part + 1) / self.movers.parts
+            self.lengths[agent] = place - 3 * agent + 1
+        return 0

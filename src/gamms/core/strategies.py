@@ -210,7 +210,7 @@ class Strategies:
 
 def act(p: Strategies, game: int, agent: int) -> int:
     """Return the action of an agent of a game; any where a way is missing, as `ways` says then."""
-    node = p.games.start[game * p.games.agents + agent]
+    node = p.games.node[game * p.games.agents + agent]
     p.drawn = 0
     for step in range(p.steps.begins[agent], p.steps.begins[agent + 1]):
         kind = p.steps.kinds[step]
@@ -334,7 +334,7 @@ def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool
     at = game * games.agents
     if not games.alive[at + other] or games.team[other] == games.team[agent]:
         return False
-    return shows(looks, agent, games.team[other], games.start[at + agent], games.start[at + other])
+    return shows(looks, agent, games.team[other], games.node[at + agent], games.node[at + other])
 
 
 def shows(looks: Looks, agent: int, team: int, here: int, there: int) -> bool:
@@ -355,10 +355,10 @@ def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     at = game * p.games.agents
     for other in range(p.games.agents):
         if _sees(p.looks, p.games, game, agent, other):
-            far = _distance(p.ways, node, p.games.start[at + other])
+            far = _distance(p.ways, node, p.games.node[at + other])
             if far < least:
                 least = far
-                found = p.games.start[at + other]
+                found = p.games.node[at + other]
     return found
 
 
@@ -374,6 +374,6 @@ def _farthest(p: Strategies, game: int, agent: int, node: int) -> int:
         if _sees(p.looks, p.games, game, agent, other):
             is_seen = True
             for action in range(count):
-                far = _distance(p.ways, p.games.start[at + other], p.targets[p.offsets[node] + action])
+                far = _distance(p.ways, p.games.node[at + other], p.targets[p.offsets[node] + action])
                 p.safety[action] = min(p.safety[action], far)
     return farthest(p.safety, p.legal, count) if is_seen else NOTHING

@@ -16,7 +16,7 @@ cdef class Player:
     cdef const i64[::1] until
 
 
-cpdef int play_turn(Player p, i64 game) except -1 nogil
-@cython.locals(game=i64)
+cpdef int play_part(Player p, i64 game) except -1 nogil
+@cython.locals(game=i64, parts=i64)
 cpdef int play(Player p, i64 begin, i64 end) except -1 nogil
 cpdef int play_aside(Player p, i64 begin, i64 end) except -1

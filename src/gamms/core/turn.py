@@ -1,6 +1,7 @@
 """A turn of one game, and games to their ends, where all their parts are functions of the core.
 
-A turn of a game is these phases, one after the other, which `play_turn` calls. All agents decide before one moves.
+A turn of a game is these phases, one after the other, which `play_part` calls. All agents decide before one moves; with
+an order of play, agents do so in parts of the turn, one part after the other, and the rules follow the last.
 
 | phase    | what happens                                            | along one edge, several, by metres           |
 |----------|---------------------------------------------------------|----------------------------------------------|
@@ -34,7 +35,7 @@ class Player:
         walkers: their agents as they go along several edges, if they do so: `by_edges`.
         travelers: their agents as they go by metres, if they do so: `by_metres`.
         first: the first of their rules, if `has_rules`.
-        until: (games,) a game is played until so many turns of it are.
+        until: (games,) a game is played until so many parts of its turns are.
     """
 
     def __init__(
@@ -57,8 +58,8 @@ class Player:
         self.until = until
 
 
-def play_turn(p: Player, game: int) -> int:
-    """Play one turn of a game; return 1, and do nothing, where it has to wait for a way that is not known yet."""
+def play_part(p: Player, game: int) -> int:
+    """Play one part of a turn of a game; return 1, and do nothing, where it has to wait for a way."""
     if p.by_metres:
         by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
         by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type]
@@ -72,16 +73,17 @@ def play_turn(p: Player, game: int) -> int:
             return 1
         moves.give_way(p.games, p.movers, game)
         moves.move(p.games, p.movers, game)
-    if p.has_rules:
+    if p.has_rules and p.movers.part[game] == 0:
         rules.play(p.first, game)  # type: ignore[arg-type] # there is one
     return 0
 
 
 def play(p: Player, begin: int, end: int) -> int:
     """Play the games from `begin` to `end - 1`, each until it is over, its turns are played, or it has to wait."""
+    parts = p.movers.parts
     for game in range(begin, end):
-        while not p.games.over[game] and p.games.turn[game] < p.until[game]:
-            if play_turn(p, game):
+        while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
+            if play_part(p, game):
                 break
     return 0
 

@@ -297,10 +297,24 @@ class TurnMoves:
         now: list[Any] = [column.tolist() if are_listed else column.data for column in (starts, ends)]
         return TurnMoves(order, now[0], now[1], actions)
 
-    def between(self, number: int, parts: int) -> "TurnMoves":
-        """Return the same moves, made in that one of several equal parts of the turn."""
+    def in_parts(self) -> "TurnMoves":
+        """Return the same moves along one edge, each made in the part of the turn of its agent."""
+        turn, parts = self, self.order.parts
+        for number, part in enumerate(parts):
+            turn = turn.between(number, len(parts), part.members)
+        return turn
+
+    def between(self, number: int, parts: int, members: Sequence[int] | None = None) -> "TurnMoves":
+        """Return the same moves, of which those of some slots are made in that one of several equal parts of the turn.
+
+        Args:
+            number: of the part.
+            parts: how many there are.
+            members: the slots; None: all.
+        """
         actions = dict(self.actions)
-        for i, (start, end) in enumerate(zip(self.starts, self.ends, strict=True)):
+        for i in self.order.whole.members if members is None else members:
+            start, end = self.starts[i], self.ends[i]
             path, times, legs = self.track(i)
             if len(path) > 1 or start != end or legs:
                 action = actions.get(i, ResolvedAction(end, path))

@@ -1,6 +1,7 @@
 """Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,6 +101,13 @@ class GamesOnMap:
         plain = [] if self.cursor is None else self.cursor.functions
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
 
+    def checkpoints(self) -> Iterator[Callable[[], None]]:
+        """Yield a function that takes back what happens from now on, where functions may raise after rules or moves."""
+        if self.cursor is not None:
+            yield self.cursor.checkpoint()
+        elif self._groups and self.core.num_parts > 1:
+            yield self.state.checkpoint(self.core.moves)
+
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
@@ -116,8 +124,10 @@ class GamesOnMap:
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
-    def decide(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray | None:
-        """Write the actions of agents that do not decide in the core into the block; return who these are, (agents,).
+    def take(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray | None:
+        """Write the actions that are given into the block; return which agents take them, (agents,).
+
+        Return None where no agent does, and none is asked by a function.
 
         Args:
             games: that are played.
@@ -138,8 +148,13 @@ class GamesOnMap:
         for team, wanted in given.items():
             is_given[state.roster.members(team)] = True
             wanted.act(self._asked(games, state.roster.members(team)))
+        return is_given
+
+    def decide(self, games: IntArray, part: int, is_given: BoolArray) -> None:
+        """Write the actions of agents of a part of the turn for which functions decide into the block, too."""
+        actions = self._block.given
         for group in self._groups:
-            agents = group.agents[~is_given[group.agents]]
+            agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             if len(agents):
                 view = self._asked(games, agents)
                 try:
@@ -148,7 +163,6 @@ class GamesOnMap:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
                 is_given[agents] = True
-        return is_given
 
     def _take(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Write moves that were given into the block."""
@@ -237,6 +251,7 @@ class ArrayEngine:
             for game, state, of_map in zip(games, states, self._on, strict=True)
         ]
         self._block.begin(np.arange(len(seeds)))
+        self._num_parts = self._maps[0].core.num_parts
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
@@ -296,7 +311,7 @@ class ArrayEngine:
         before = self._state.turn.copy()
         last = before + turns
         until = last if self._last is None else np.minimum(last, self._last)
-        self._play(self._playing(), until, [None] * len(self._maps), threads)
+        self._play(self._playing(), until * self._num_parts, [None] * len(self._maps), threads)
         return int((self._state.turn - before).max())
 
     def step(self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1) -> None:
@@ -311,8 +326,7 @@ class ArrayEngine:
             NotTakenUp: a function asks for what the core does not have.
         """
         playing = self._playing()
-        cursors = [one.cursor for one in self._maps if one.cursor is not None]
-        undoing = [cursor.checkpoint() for cursor in cursors] if sum(map(len, playing)) > 1 else []
+        undoing = [*chain(*(one.checkpoints() for one in self._maps))] if sum(map(len, playing)) > 1 else []
         try:
             self._play_turn(playing, given, numbers, threads)
         except NotTakenUp:
@@ -326,6 +340,7 @@ class ArrayEngine:
         self, playing: list[IntArray], given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
     ) -> None:
         """Play one turn; the games of all maps come to the end of a phase before the next begins."""
+        self._block.part[:] = 0  # an error may have ended the last turn in another
         if any(one.before for one in self._maps):
             for one, games in zip(self._maps, playing, strict=True):
                 one.check(games, given)
@@ -334,8 +349,13 @@ class ArrayEngine:
             playing = self._playing()
         if numbers is not None:
             self._block.given[:] = numbers.actions
-        are_given = [one.decide(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
-        self._play(playing, self._state.turn + 1, are_given, threads)
+        are_given = [one.take(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
+        begun = self._state.turn * self._num_parts
+        for part in range(self._num_parts):
+            for one, games, is_given in zip(self._maps, playing, are_given, strict=True):
+                if is_given is not None:
+                    one.decide(games, part, is_given)
+            self._play(playing, begun + part + 1, are_given, threads)
         for one, games in zip(self._maps, playing, strict=True):
             for named in one.core.play_rules(games):
                 one.call(named, games)
@@ -347,7 +367,7 @@ class ArrayEngine:
 
         Args:
             playing: these games.
-            until: (games,) until so many turns of each game are played.
+            until: (games,) until so many parts of the turns of each game are played.
             are_given: (agents,) of each map which agents take the actions in the block; None: none do.
             threads: how many play.
         """

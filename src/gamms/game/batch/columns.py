@@ -259,6 +259,11 @@ class Roster(NamedTuple):
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
         return is_in[self.team_of]
 
+    def part_of(self, order: Sequence[Sequence[Hashable]] | None) -> IntArray:
+        """Return the part of a turn in which each agent decides and moves, in an order of play, (agents,)."""
+        parts = [next((i for i, part in enumerate(order or ()) if team in part), 0) for team in self.teams]
+        return np.array(parts, np.int64)[self.team_of]
+
     def are_teams(self) -> BoolArray:
         """Which teams have mates, (teams,): all but those of no team (None)."""
         return np.array([team is not None for team in self.teams], np.bool_)

@@ -511,7 +511,8 @@ class Cursor:
             return None
         order = self._order_of(np.ascontiguousarray(took_part[self._numbers]).tobytes())
         ids = self._state.streets.ids
-        return TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), {})
+        moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), {})
+        return moves.in_parts() if order.has_parts else moves
 
     # -- rules --------------------------------------------------------------------------------------------------
 
@@ -688,8 +689,8 @@ class Cursor:
             if action.path[1:] == action.path[:1]:
                 self._leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
-        living = self._turns.order().index_of
-        undone = {name: why for name, why in row.undone.items() if name not in living}
+        decide = set(named.values())
+        undone = {name: why for name, why in row.undone.items() if name not in decide}
         for i, why in decisions.undone():
             undone[named[i]] = f"{undone[named[i]]}; {why}" if named[i] in undone else why
         row.undone = undone

@@ -19,7 +19,7 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import ALWAYS_ACT, StrategySteps
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints
+from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints, in_parts
 from gamms.game.conflicts import Table, flat
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.travel import no_way
@@ -147,6 +147,7 @@ class Block:
     Attributes:
         given: (games, agents) the numbers of the legal nodes that agents go to that are given them.
         start, ends, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
+        part: (games,) how many parts of the turn that is under way were played.
         over: (games,) which games have ended.
         score: (games, teams)
         rules: of the numbers that events have, what they are of.
@@ -160,6 +161,7 @@ class Block:
         shape = state.node.shape
         self.given, self.start, self.ends = np.zeros((3, *shape), np.int64)
         self.takes_part = np.zeros(shape, np.uint8)
+        self.part = np.zeros(shape[0], np.int64)
         self.over = np.zeros(shape[0], np.uint8)
         self.score = np.zeros((shape[0], len(state.roster.teams)))
         self.rules: list[PlayedRule] = []
@@ -173,6 +175,7 @@ class Block:
         self.start[games] = self._state.node[games]
         self.ends[games] = self._state.node[games]
         self.takes_part[games] = 0
+        self.part[games] = 0
 
     def events_of(self, thread: int) -> rules.Events:
         """Return where a thread notes events."""
@@ -324,6 +327,8 @@ class CoreGames:
 
     Attributes:
         has_functions: whether functions are called between its phases.
+        part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
+        num_parts: how many parts a turn has.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, block: Block, *, is_apart: bool) -> None:
@@ -347,6 +352,8 @@ class CoreGames:
         streets = state.streets
         self._streets = streets.core
         self._until = np.zeros(len(state), np.int64)
+        self.part_of = state.roster.part_of(settings["order"])
+        self.num_parts = len(settings["order"] or [()])
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
@@ -359,16 +366,16 @@ class CoreGames:
         return block.start[games], block.ends[games], block.takes_part[games] > 0
 
     @property
-    def moves(self) -> tuple[IntArray, IntArray, np.ndarray[Any, Any]]:
-        """The columns of the last moves: where agents were, where they went, and which took part, (games, agents)."""
-        return self._block.start, self._block.ends, self._block.takes_part
+    def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
+        """The columns of the last moves, as `last_moves` has them, and how many parts of a turn were played."""
+        return self._block.start, self._block.ends, self._block.takes_part, self._block.part
 
-    def prepare(self, games: IntArray, turns: IntArray, is_given: BoolArray | None, threads: int) -> None:
+    def prepare(self, games: IntArray, until: IntArray, is_given: BoolArray | None, threads: int) -> None:
         """Prepare to play games.
 
         Args:
             games: those of this map that are played.
-            turns: (games,) until so many turns of each are played.
+            until: (games,) until so many parts of the turns of each are played.
             is_given: (agents,) which agents take the actions in the block; the others decide themselves; None: all do.
             threads: how many play.
         """
@@ -380,7 +387,7 @@ class CoreGames:
         self._made[0][1].refuse_unknown_agents()
         self._refuse_unknown_nodes()
         self._until.fill(0)
-        self._until[games] = turns
+        self._until[games] = until
         if self._by_steps is not None:
             self._by_steps.take_memories()
 
@@ -449,6 +456,9 @@ class CoreGames:
             "moves": memory_of(state.counts["moves"]),
             "blocks": memory_of(state.counts["blocked"]),
             "blocked": memory_of(state.blocked),
+            "part_of": flat(self.part_of, np.int64),
+            "part": block.part.data,
+            "parts": self.num_parts,
         }
         walks = draws.Choices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
         some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
@@ -462,7 +472,9 @@ class CoreGames:
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
         events = block.events_of(len(self._made))
-        travel = None if columns is None else columns.thread(len(self._made), movers, events)
+        travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
+        if columns is not None:
+            travel = columns.thread(len(self._made), movers, events)
         making = Making(state, games, events, travel, block.rules, len(self._made))
         parts = self._made_rules(making)
         first = None
@@ -503,6 +515,6 @@ class CoreGames:
         if table.has_missing_ranks:
             raise BadValue("An agent has no rank in conflicts.")
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
-        ends = (columns and columns.ends) or (self._block.start, self._block.ends)
+        ends = (columns and columns.ends) or (state.node, self._block.ends)
         where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)
         return table.contests, table.requests(*where, ranks)

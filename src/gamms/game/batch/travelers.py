@@ -92,6 +92,15 @@ class ThreadTravel(NamedTuple):
     most_legs: int
 
 
+def in_parts(movers: moves.Movers, agents: int) -> ThreadTravel:
+    """Return what one thread plays games with whose agents go along one edge, each in its part of the turn."""
+    nodes: Any = np.zeros(agents * 3, np.int64).data
+    times: Any = np.zeros(agents * 3).data
+    lengths: Any = np.zeros(agents, np.int64).data
+    course = moves.StepsInParts(movers, nodes, times, lengths)
+    return ThreadTravel(None, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
+
+
 class Roamers:
     """What agents remember and draw from that go to random waypoints.
 

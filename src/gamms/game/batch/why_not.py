@@ -26,7 +26,8 @@ def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     is_plain = _are_plain(game, roster)
     ruled = _why_not_ruled(game, is_plain=is_plain)
     called = _why_not_called(game, roster)
-    return next(chain(_why_not_played(game), _why_not_agents(roster), ruled, decided, called), None)
+    ordered = _why_not_in_order(game, roster, is_plain=is_plain)
+    return next(chain(_why_not_played(game), ordered, _why_not_agents(roster), ruled, decided, called), None)
 
 
 def first_called(game: PlayedGame, roster: Roster) -> str | None:
@@ -76,7 +77,7 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
     settings, graph = game.settings(), game.ctx.graph
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    named = {"order": "an order of play", "deeds": "deeds", "channels": "channels"}
+    named = {"deeds": "deeds", "channels": "channels"}
     for name, what in named.items():
         if settings[name]:
             yield what
@@ -91,6 +92,23 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     if game.internals.after_observing:
         yield "what is recorded of states"
     yield from why_not_begun(game)
+
+
+def _why_not_in_order(game: PlayedGame, roster: Roster, *, is_plain: bool) -> Iterator[str]:
+    """Yield what the core does not have of an order of play."""
+    order = game.settings()["order"]
+    if order is None:
+        return
+    for team in roster.teams:
+        if not any(team in part for part in order):
+            yield f"an order of play that leaves out team {shown(team)}"
+    if not is_plain:
+        yield "an order of play, of agents that do not go along one edge in a turn"
+    if game.internals.state.parts_played:
+        yield "a turn of which a part was played"
+    for one in as_called(game.rules):
+        if one.spec.is_array_function:
+            yield f"the rule {one.name!r} in arrays, with an order of play"
 
 
 def _why_not_agents(roster: Roster) -> Iterator[str]:
