@@ -393,6 +393,34 @@ def test_loaded_games_go_on_from_there(scenario):
 
 @pytest.mark.parametrize("turns", [0, 3])
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
+def test_games_go_along_no_road_that_is_closed_at_their_start(scenario, turns):
+    rules = [*EVERY_RULE[:3], {"rule": "time_limit", "with": {"turns": 9}}]
+    with scenario.replace(rules=rules).build(seed=4) as ctx:
+        ctx.graph.close_roads(range(2, 40, 3))
+        for _ in range(turns):
+            ctx.game.step()
+        with ctx.game.batch(4, seed=2) as games, ctx.game.fork(0).ctx as alone:
+            assert is_in_core(games)
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_agents_on_an_edge_that_was_closed_are_played_one_by_one():
+    with BY_METRES.build(seed=4) as ctx:
+        ctx.game.step()
+        on = next(agent for agent in ctx.game.agents if agent.edge is not None)
+        ctx.graph.close_roads([on.edge[2]])
+        with ctx.game.batch(2, seed=2) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow == f"agent {on.name!r}, which is on an edge that was closed or removed"
+            games.run()
+            alone.game.reset(seed=3)
+            assert plain(games.result(1)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize("turns", [0, 3])
+@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_rollouts_go_on_from_a_running_game(scenario, turns):
     with scenario.replace(rules=EVERY_RULE).build(seed=4) as ctx:
         for _ in range(turns):

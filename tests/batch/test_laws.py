@@ -149,7 +149,6 @@ def games_with_plain_parts(draw):
         drawn,
         deeds=None,
         channels={},
-        closed=set(),
         reserved={},
         conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
         eyes=draw(st.lists(kinds, min_size=1, max_size=3)),

@@ -175,7 +175,8 @@ def _texts_in(value: object) -> Iterator[str]:
 def _why_not_placed(game: PlayedGame) -> Iterator[str]:
     settings, block = game.settings(), game.ctx.agent.block
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    has_node, (edges, closed) = game.ctx.graph.graph.has_node, game.ctx.graph.storage.roads()
+    has_node = game.ctx.graph.graph.has_node
+    edges, _ = game.ctx.graph.storage.roads()  # those that are open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row, started = block.row_of(agent.name), game.internals.start_of(agent)
         place = block.progress[row]
@@ -183,8 +184,8 @@ def _why_not_placed(game: PlayedGame) -> Iterator[str]:
             yield f"agent {agent.name!r}, which has been where no node is any more"
         if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
             yield f"agent {agent.name!r}, which is on an edge as no agent of such a game"
-        elif by_metres and place is not None and place.edge not in closed and place.edge not in edges:
-            yield f"agent {agent.name!r}, which is on an edge that was removed"
+        elif by_metres and place is not None and place.edge not in edges:
+            yield f"agent {agent.name!r}, which is on an edge that was closed or removed"
 
 
 def may_forget(game: PlayedGame, agent: IAgent) -> bool:

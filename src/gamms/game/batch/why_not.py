@@ -85,8 +85,6 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
         yield "moves to any node"
     if by_metres and settings["decide"] == "arrival":
         yield "agents that decide at arrivals"
-    if graph.closed_roads:
-        yield "closed roads"
     if by_metres and not len(graph.columns().edge_ids):
         yield "a map without edges, by metres"
     if game.internals.after_observing:
