@@ -53,6 +53,8 @@ def random_scenario(number, units=("edges", "edges", "metres", "metres_per_secon
     if unit == "edges" and not any("speed" in team for team in teams.values()) and rng.random() < 0.5:
         order = rng.sample(names, len(names))
         settings["order"] = [order[:1], order[1:]] if rng.random() < 0.5 else [[team] for team in order]
+    if has_speeds and rng.random() < 0.15 and all(team["strategy"] in (WALK, STAY) for team in teams.values()):
+        settings["legal"] = "any"
     if unit != "edges":
         settings |= {"speed_unit": unit} | ({"turn_seconds": 2.5} if unit != "metres" else {})
     return base.replace(**changes, settings=settings) if settings else base.replace(**changes)
@@ -293,7 +295,6 @@ EVERY_RULE = [
 ]
 OTHERWISE = {
     "arrivals": {"settings": {"speed_unit": "metres", "decide": "arrival"}},
-    "anywhere": {"settings": {"legal": "any"}},
     "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
     "a part of the teams": {"settings": {"order": [["red"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},

@@ -14,6 +14,8 @@ cdef u8 STAYS, WALKS, IS_GIVEN, STEPS
 @cython.final
 cdef class Streets:
     cdef const i32[::1] offsets, targets
+    cdef i64 nodes
+    cdef bint are_all_legal
 
 
 @cython.final
@@ -33,6 +35,8 @@ cdef class Movers:
     cdef i64 parts
 
 
+cdef i64 count_legal(Streets s, i64 node) except? -2 nogil
+cdef i64 legal_node(Streets s, i64 node, i64 number) except? -2 nogil
 @cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, part=i64)
 cpdef int decide(Games games, Movers m, i64 game) except -1 nogil
 @cython.locals(at=i64, i=i64, row=i64)

@@ -18,16 +18,20 @@ BY_STEPS = STEPS
 
 
 class Streets:
-    """Where agents may go along one edge.
+    """Where agents may go in a turn: along one edge, or anywhere.
 
     Attributes:
+        nodes: how many there are.
+        are_all_legal: whether agents may go to any node: of these a node has its own first, then the others.
         offsets: (nodes + 1,) the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: of each node its own row first, then those of its neighbors in the order of `state["legal"]`.
     """
 
-    def __init__(self, offsets: memoryview[int], targets: memoryview[int]) -> None:
+    def __init__(self, offsets: memoryview[int], targets: memoryview[int], *, are_all_legal: bool = False) -> None:
         self.offsets = offsets
         self.targets = targets
+        self.nodes = len(offsets) - 1
+        self.are_all_legal = are_all_legal
 
 
 class Movers:
@@ -94,6 +98,20 @@ class Movers:
         self.parts = parts
 
 
+def count_legal(s: Streets, node: int) -> int:
+    """Return how many nodes are legal from a node."""
+    return s.nodes if s.are_all_legal else s.offsets[node + 1] - s.offsets[node]
+
+
+def legal_node(s: Streets, node: int, number: int) -> int:
+    """Return the legal node of a number."""
+    if not s.are_all_legal:
+        return s.targets[s.offsets[node] + number]
+    if number == 0:
+        return node
+    return number - 1 if number <= node else number
+
+
 def decide(games: Games, m: Movers, game: int) -> int:
     """Let the living agents of this part of a turn choose the legal nodes that they go to; the others stay.
 
@@ -106,7 +124,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
         if part == 0:
             games.start[row] = node
             m.takes_part[row] = games.alive[row]
-        m.counts[row] = m.streets.offsets[node + 1] - m.streets.offsets[node]
+        m.counts[row] = count_legal(m.streets, node)
     if m.some_walk:  # `ends` are numbers of legal nodes for a while
         draws.choose(m.walks, at, games.agents, games.turn[game])
     for i in range(games.agents):
@@ -120,7 +138,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
                 action = m.given[row]
             elif m.decides_by[i] == STEPS:
                 action = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type] # there are some
-        m.ends[row] = m.streets.targets[m.streets.offsets[games.node[row]] + action]
+        m.ends[row] = legal_node(m.streets, games.node[row], action)
     return strategies.remember(m.by_steps, game) if m.some_steps else 0  # type: ignore[arg-type]
 
 

@@ -297,11 +297,12 @@ class TurnMoves:
         now: list[Any] = [column.tolist() if are_listed else column.data for column in (starts, ends)]
         return TurnMoves(order, now[0], now[1], actions)
 
-    def in_parts(self) -> "TurnMoves":
-        """Return the same moves along one edge, each made in the part of the turn of its agent."""
-        turn, parts = self, self.order.parts
+    def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
+        """Return the same moves, each made in the part of the turn that has the team of its agent."""
+        turn, teams = self, self.order.all_teams()
         for number, part in enumerate(parts):
-            turn = turn.between(number, len(parts), part.members)
+            members = [i for i, team in enumerate(teams) if team in part]
+            turn = turn.between(number, len(parts), members)
         return turn
 
     def between(self, number: int, parts: int, members: Sequence[int] | None = None) -> "TurnMoves":

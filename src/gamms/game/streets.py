@@ -112,8 +112,18 @@ class Streets:
     @cached_property
     def core(self) -> moves.Streets:
         """The same as the core takes them."""
-        columns: list[Any] = [np.ascontiguousarray(one, np.int32).data for one in (self.offsets, self.targets)]
-        return moves.Streets(*columns)
+        return moves.Streets(*self._memory())
+
+    @cached_property
+    def core_with_all_legal(self) -> moves.Streets:
+        """The same as the core takes them where agents may go to any node."""
+        return moves.Streets(*self._memory(), are_all_legal=True)
+
+    def _memory(self) -> tuple[Any, Any]:
+        """Return the memory of `offsets` and `targets`."""
+        offsets: Any = np.ascontiguousarray(self.offsets, np.int32).data
+        targets: Any = np.ascontiguousarray(self.targets, np.int32).data
+        return offsets, targets
 
     @property
     def axes(self) -> FloatArray:

@@ -28,6 +28,17 @@ Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 _MOST_EXACT = 1 << 53  # scores in arrays are floats
 
 
+def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
+    """Return the class that says how the agents of a game go."""
+    settings = game.settings()
+    if settings["legal"] == "any":
+        return Anywhere
+    if settings["speed_unit"] != "edges":
+        return ByMetres
+    on_ground = [agent for agent in roster.agents if agent.type is not AgentType.AERIAL]
+    return Movement if all(agent.speed is None for agent in on_ground) else ByEdges
+
+
 def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
     """Return how the agents of a game go, where roads may be opened, too, that are closed now, or where not.
 
@@ -38,15 +49,15 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, i
     streets, closed = Streets(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
     whole = Streets(*graph.storage.reopened()) if closed else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
-    if settings["legal"] == "any":
-        anywhere = Anywhere(streets, whole, closed)
-        anywhere.turn_seconds = seconds_of_turn(settings)
-        return anywhere
-    if settings["speed_unit"] != "edges":
-        return ByMetres(streets, speeds, TravelTerms.of(game, streets), whole, closed)
-    if speeds.count(None) == len(speeds):
-        return Movement(streets, whole, closed)
-    return ByEdges(streets, speeds, whole, closed)
+    made = movement_type(game, roster)
+    if issubclass(made, ByMetres):
+        return made(streets, speeds, TravelTerms.of(game, streets), whole, closed)
+    if issubclass(made, ByEdges):
+        return made(streets, speeds, whole, closed)
+    movement = made(streets, whole, closed)
+    if made is Anywhere:
+        movement.turn_seconds = seconds_of_turn(settings)
+    return movement
 
 
 class Beginning:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.core.copies import copied
 from gamms.deciding import phase_of
-from gamms.game.batch.begun import fits_float
+from gamms.game.batch.begun import fits_float, movement_type
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, core_form_of
@@ -512,7 +512,8 @@ class Cursor:
         order = self._order_of(np.ascontiguousarray(took_part[self._numbers]).tobytes())
         ids = self._state.streets.ids
         moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), {})
-        return moves.in_parts() if order.has_parts else moves
+        parts = self._parts.settings.order
+        return moves if parts is None else moves.in_parts(parts)
 
     # -- rules --------------------------------------------------------------------------------------------------
 
@@ -686,6 +687,8 @@ class Cursor:
         for action in decisions.actions.values():
             if action.heading != ():
                 self._leave("sets the orientation of agents")
+            if len(action.path) > 2:
+                self._leave("chooses a route over other nodes")
             if action.path[1:] == action.path[:1]:
                 self._leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
@@ -760,12 +763,12 @@ def _keys_in_core(game: PlayedGame) -> Iterator[str]:
 
 def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
     """Return the numbers of the agents whose strategies, or the plans of whose teams, are plain functions."""
-    plans = game.settings()["plans"]
+    plans, by = game.settings()["plans"], movement_type(game, roster)
     found = []
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         is_array_function = strategy_spec_of(decider).array_form is not None
-        if core_form_of(decider, is_plain=True) is None and not is_array_function:
+        if core_form_of(decider, by) is None and not is_array_function:
             found.append(number)
     return found
 

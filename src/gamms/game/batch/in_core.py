@@ -15,7 +15,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.forms import strategy_spec_of
-from gamms.game.batch.movement import Movement
+from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import ALWAYS_ACT, StrategySteps
 from gamms.game.batch.travel import ByMetres
@@ -294,20 +294,21 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_form_of(decider: object, *, is_plain: bool) -> int | Waypoints | None:
+def core_form_of(decider: object, by: type[Movement]) -> int | Waypoints | None:
     """Return what the core plays a strategy by, None: by nothing; agents without a strategy stay.
 
     Args:
         decider: the strategy, or the plan of a team.
-        is_plain: whether agents go along one edge in a turn.
+        by: how agents go in a turn.
     """
     if decider is None:
         return moves.STAY
     spec = strategy_spec_of(decider)
-    if not is_plain or isinstance(spec.core_form, int):
-        form: int | Waypoints | None = spec.core_form
+    form: int | Waypoints | None = spec.core_form
+    if isinstance(form, int) or issubclass(by, ByEdges | ByMetres):
         return form
-    return moves.BY_STEPS if any(step.kind in ALWAYS_ACT for step in spec.core_steps or ()) else None
+    goes_by_steps = by is Movement and any(step.kind in ALWAYS_ACT for step in spec.core_steps or ())
+    return moves.BY_STEPS if goes_by_steps else None
 
 
 def is_function(rule: NamedRule) -> bool:
@@ -339,7 +340,7 @@ class CoreGames:
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        found = [core_form_of(one, is_plain=type(state.movement) is Movement) for one in deciders]
+        found = [core_form_of(one, type(state.movement)) for one in deciders]
         self._forms = [moves.STAY if one is None else one for one in found]
         numbers = [by_metres.RANDOM_WAYPOINTS if isinstance(one, Waypoints) else one for one in self._forms]
         self._decides_by = np.array(numbers, np.uint8)
@@ -350,7 +351,7 @@ class CoreGames:
         self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
         streets = state.streets
-        self._streets = streets.core
+        self._streets = streets.core_with_all_legal if isinstance(state.movement, Anywhere) else streets.core
         self._until = np.zeros(len(state), np.int64)
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])

@@ -48,8 +48,6 @@ def most_legs(by: ByMetres) -> int:
 
 def why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
     """Yield, in words, the reasons why the core cannot play the moves of games."""
-    if type(by) not in (Movement, ByEdges, ByMetres):
-        yield "ways along no roads"
     if isinstance(by, ByMetres):
         yield from _why_not_by_metres(by, roster)
     elif not np.isfinite(by.streets.weights("length")).all():

@@ -4,14 +4,16 @@ from collections.abc import Hashable, Iterator
 from itertools import chain
 from typing import Any
 
-from gamms.game.batch.begun import may_forget, why_not_begun
+from gamms.game.batch.begun import may_forget, movement_type, why_not_begun
+from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
 from gamms.game.batch.cursor import asked_of, is_plain_rule, keep_in_columns
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
-from gamms.game.batch.movement import Movement
+from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.sensing import why_not_asked_in_core
 from gamms.game.batch.strategy_steps import why_not_by_steps
+from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import Waypoints, why_not_by
 from gamms.game.conflicts import ranked
 from gamms.game.settings import NamedRule, as_called
@@ -69,8 +71,8 @@ def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None
 
 
 def _are_plain(game: PlayedGame, roster: Roster) -> bool:
-    """Whether all agents go along one edge in a turn."""
-    return game.settings()["speed_unit"] == "edges" and all(agent.speed is None for agent in roster.agents)
+    """Whether all agents go along one edge in a turn, or anywhere."""
+    return movement_type(game, roster) in (Movement, Anywhere)
 
 
 def _why_not_played(game: PlayedGame) -> Iterator[str]:
@@ -81,8 +83,6 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     for name, what in named.items():
         if settings[name]:
             yield what
-    if settings["legal"] == "any":
-        yield "moves to any node"
     if by_metres and settings["decide"] == "arrival":
         yield "agents that decide at arrivals"
     if by_metres and not len(graph.columns().edge_ids):
@@ -145,23 +145,23 @@ def _is_played(rule: NamedRule) -> bool:
 def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
     """Return, by team and in words, the strategies and sensors that the core does not have."""
     found: dict[Hashable, str] = {}
-    plans, is_plain = game.settings()["plans"], _are_plain(game, roster)
+    plans, by = game.settings()["plans"], movement_type(game, roster)
     for agent in roster.agents:
         for one in preparing(agent, plans):
             found.setdefault(agent.team, f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
-        why = None if decider is None else next(_why_not_asked(game, agent, decider, is_plain=is_plain), None)
+        why = None if decider is None else next(_why_not_asked(game, agent, decider, by), None)
         if why is not None:
             found.setdefault(agent.team, why)
     return found
 
 
-def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: bool) -> Iterator[str]:
+def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, by: type[Movement]) -> Iterator[str]:
     """Yield, in words, why the core does not have the decider of an agent."""
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
-    form = core_form_of(decider, is_plain=is_plain)
-    if form is None and spec.array_form is None and not is_plain:
+    form = core_form_of(decider, by)
+    if form is None and spec.array_form is None and issubclass(by, ByEdges | ByMetres):
         yield f"the {kind} {as_code(decider)}"
     if settings["time_budget"] is not None and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
