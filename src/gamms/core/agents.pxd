@@ -20,6 +20,15 @@ cdef class AgentColumns:
 
 
 @cython.final
+cdef class PointedColumns:
+    cdef AgentColumns columns
+    cdef const i64[::1] node, previous
+
+    @cython.locals(columns=AgentColumns, i=Py_ssize_t, size=Py_ssize_t, first=Py_ssize_t)
+    cpdef int point(self, Py_ssize_t game) except -1
+
+
+@cython.final
 cdef class Moves:
     cdef i64[::1] starts, ends
 

@@ -88,6 +88,32 @@ class AgentColumns:
         return self._nodes[row]
 
 
+class PointedColumns:
+    """Points the columns of the agents of one game at each of several games.
+
+    Attributes:
+        columns: of the agents.
+        node, previous: (games * agents,) the ids of nodes in these games.
+    """
+
+    def __init__(self, columns: AgentColumns, node: memoryview[int], previous: memoryview[int]) -> None:
+        self.columns = columns
+        self.node = node
+        self.previous = previous
+
+    def point(self, game: int) -> int:
+        """Put the agents where they are in a game, by its number among these (IndexError)."""
+        columns = self.columns
+        size = len(columns._nodes)
+        first = game * size
+        if game < 0 or first + size > len(self.node):
+            raise IndexError(f"There is no game {game}.")
+        for i in range(size):
+            columns._nodes[i] = self.node[first + i]
+            columns._origins[i] = self.previous[first + i]
+        return 0
+
+
 class Moves:
     """Where agents of one game begin and end a turn.
 

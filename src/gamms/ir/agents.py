@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.core.agents import AgentColumns, Moves
+from gamms.core.agents import AgentColumns, Moves, PointedColumns
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
@@ -351,6 +351,18 @@ class AgentBlock(AgentColumns):
             if self.is_noting:
                 self.journal.turned(row, quat)
 
+    def show_game(self, games: PointedColumns, number: int) -> None:
+        """Put agents on the ground where they are in a game of a batch, and note nothing in the journal."""
+        games.point(number)
+        self._have_all_changed = True
+
+    def show_lives(self, alive: bytes) -> None:
+        """Let agents live that live in a game of a batch, (agents,) booleans, and note nothing in the journal."""
+        before = bytes(self.alive)
+        self.alive[:] = memoryview(alive).cast("?")
+        self.inactive = {row for row, lives in enumerate(alive) if not lives}
+        self.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])
+
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing in the journal (used by replay and by batches)."""
         for name, value in values.items():
@@ -539,22 +551,3 @@ class UnderWay:
         self.places.pop(row, None)
         self._departed.discard(row)
         self._block.write(row, {"node": node})
-
-
-def show_game(block: AgentBlock, node: memoryview[int], previous: memoryview[int], alive: bytes | None) -> None:
-    """Put agents on the ground where they are in another game of a batch, and note nothing in the journal.
-
-    Args:
-        block: of the agents.
-        node: (agents,) ids of nodes.
-        previous: (agents,) ids of nodes.
-        alive: (agents,) whether they live; None: that stays as it is.
-    """
-    block.node[:] = node
-    block.previous[:] = previous
-    block._have_all_changed = True
-    if alive is not None:
-        before = bytes(block.alive)
-        block.alive[:] = memoryview(alive).cast("?")
-        block.inactive = {row for row, lives in enumerate(alive) if not lives}
-        block.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])

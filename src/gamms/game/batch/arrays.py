@@ -1,6 +1,7 @@
 """Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -13,7 +14,8 @@ from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import Block, CoreGames
 from gamms.game.batch.movement import Movement
-from gamms.game.batch.sensing import ContextOfRows, note_sensors
+from gamms.game.batch.pointed import PointedContext
+from gamms.game.batch.sensing import look, note_sensors
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.threads import in_threads
 from gamms.game.batch.turn import ArrayTurn
@@ -80,7 +82,8 @@ class GamesOnMap:
         calls_each = len(asked) > 0 or any(map(is_plain_rule, rules))
         self._beginning = Beginning(game, state, games)
         note_sensors(state, range(len(roster.names)), with_nodes=False)
-        state.look = ContextOfRows(game, state).look
+        pointed = PointedContext(game, state)
+        state.look = partial(look, game, state, pointed)
         state.facts.update(game.facts)
         for one in rules:
             if one.spec.prepare_arrays is not None:
@@ -89,7 +92,7 @@ class GamesOnMap:
         self.cursor: Cursor | None = None
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
-            self.cursor = Cursor(game, state, self.core, asked, has_array_functions=has_arrays)
+            self.cursor = Cursor(game, pointed, state, self.core, asked, has_array_functions=has_arrays)
         if self.cursor is not None and asked:
             named = as_code(decider_of(roster.agents[asked[0]], settings["plans"]))
             self._groups.append(Group(named, np.array(asked), self.cursor.decide))

@@ -1,6 +1,8 @@
-"""Points one context at each game of a batch in turn, for rules and strategies that are plain functions."""
+"""Calls plain rules and strategies in a context that is pointed at each game of a batch in turn."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache, partial
 from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn
 
@@ -12,6 +14,7 @@ from gamms.game.batch.begun import fits_float, movement_type
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, core_form_of
+from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView, movement_in
 from gamms.game.decisions import Decisions
@@ -20,7 +23,6 @@ from gamms.game.order import Part, TurnOrder
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
-from gamms.ir.agents import show_game
 from gamms.ir.game_state import GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
@@ -28,17 +30,8 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS
 from gamms.plain import is_plain, is_same
 
-_MOST_ORDERS = 1 << 10  # sets of living agents of which it is kept what a turn needs of them
-_READ = (
-    "began",
-    "counts",
-    "errors",
-    "events",
-    "memories",
-    "moves",
-    "scores",
-)  # fields that are made when they are read
-_OWN = (*_READ, "data", "over", "start", "team_memories")
+_READ = ("began", "counts", "data", "errors", "events", "memories", "moves", "scores")  # made when they are read
+_OWN = ("over", "start", "team_memories")
 _CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive"))
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
@@ -48,12 +41,12 @@ _OF_ALL = (
 
 
 class Unknown(dict[Any, Any]):
-    """A dict of a game of which some values are in columns of the core; a function that reads these ends that.
+    """A dict of a game with keys whose values only the core has; a function that reads one ends play in the core.
 
     Args:
-        values: the others.
-        keys: of those in columns; None: all.
-        leave: lets the games leave the core.
+        values: of the other keys.
+        keys: whose values the core has; None: all.
+        leave: ends play in the core.
         what: the dict, in words.
     """
 
@@ -83,24 +76,30 @@ for _name in (*_OF_ONE, *_OF_ALL):
 
 
 class _Start:
-    """The start of the game that a context is pointed at; such a game cannot be reset.
+    """The start of the game that a context is pointed at; the game cannot be reset to it.
 
     Args:
-        make: returns the value of a field of the game that is read.
+        read: returns the value of a field of the game.
+        replace_data: sets `ctx.game.data`.
         began: returns where agents began.
-        leave: lets the games leave the core.
+        leave: ends play in the core.
     """
 
     def __init__(
-        self, make: Callable[[str], Any], began: Callable[[], dict[str, Any]], leave: Callable[[str], NoReturn]
+        self,
+        read: Callable[[str], Any],
+        replace_data: Callable[[dict[Any, Any]], None],
+        began: Callable[[], dict[str, Any]],
+        leave: Callable[[str], NoReturn],
     ) -> None:
-        self.make = make
+        self.read = read
+        self.replace_data = replace_data
         self._began = began
         self._leave = leave
 
     @property
     def snapshot(self) -> "_Start":
-        """What says where agents began."""
+        """The object that says where agents began."""
         return self
 
     def places_of(self, _: object) -> dict[str, Any]:
@@ -108,7 +107,7 @@ class _Start:
         return self._began()
 
     def __getattr__(self, name: str) -> NoReturn:
-        """Refuse all else."""
+        """Refuse everything else."""
         if name.startswith("__"):
             raise AttributeError(name)
         self._leave("resets the game")
@@ -119,60 +118,28 @@ class _PointedState(GameState):
 
     __slots__ = ()
 
-    def __getattr__(self, name: str) -> Any:
-        """Make a field."""
-        if name not in _READ:
-            raise AttributeError(f"A game has no {name!r}.")
-        value = self.start.make(name)
-        setattr(self, name, value)
-        return value
-
     def memory_of(self, name: str) -> dict[Any, Any]:  # noqa: ARG002 - as that of a game
-        """Return a memory in the place of that of the agent, which the cursor puts there before it is asked."""
+        """Return an empty memory; the cursor replaces it by the memory of the agent in each game."""
         return {}
 
 
-class _Own:
-    """What one game has beside the columns of the batch, as Python objects.
+def _read_field(name: str, state: GameState) -> Any:
+    return state.start.read(name)
 
-    Attributes:
-        data, team_memories: as `GameState` has them.
-        memories: agent -> what it remembers.
-        facts: what was published; None: what was published before the batch.
-        undone: agent -> why it did not do in its last turn what it wanted, but for conflicts.
-    """
 
-    __slots__ = ("data", "facts", "memories", "team_memories", "undone")
-
-    def __init__(self, data: dict[Any, Any]) -> None:
-        self.data = data
-        self.memories: dict[str, dict[Any, Any]] = {}
-        self.team_memories: dict[Any, dict[Any, Any]] = {}
-        self.facts: dict[str, Any] | None = None
-        self.undone: dict[str, str] = {}
-
-    def copy(self) -> "_Own":
-        """Return a copy that later turns do not change."""
-        data = self.data
-        values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
-        if isinstance(data, Unknown):
-            values = Unknown(values, data.of_core, data.leave, data.what)
-        twin = _Own(values)
-        twin.memories = copied(self.memories)
-        twin.team_memories = copied(self.team_memories)
-        twin.facts = self.facts
-        twin.undone = dict(self.undone)
-        return twin
+for _name in _READ:
+    _set_field: Any = (lambda state, data: state.start.replace_data(data)) if _name == "data" else None
+    setattr(_PointedState, _name, property(partial(_read_field, _name), _set_field))
 
 
 class _Asked(NamedTuple):
-    """Agents that are asked, of which some may be dead.
+    """Agents that are asked, some of which may be dead.
 
     Attributes:
-        part: those of the turn that live.
+        part: the living ones, as a part of a turn.
         places: the slot of each agent; -1: it is dead.
-        members: the slots and names of those that live.
-        templates: the names of those that live, and their states.
+        members: the slots and names of the living ones.
+        templates: the names of the living ones, and their states.
     """
 
     part: Part
@@ -186,7 +153,7 @@ class _Living(NamedTuple):
 
     Attributes:
         order: the order.
-        table: by which they draw.
+        table: the keys of their draws.
         asked: by numbers of agents in the roster.
     """
 
@@ -195,26 +162,16 @@ class _Living(NamedTuple):
     asked: dict[bytes, _Asked]
 
 
-class _Place(NamedTuple):
-    """Where the agents of a game are, by the rows of the block."""
-
-    number: int  # of the game
-    turn: int
-    node: "memoryview[int]"
-    previous: "memoryview[int]"
-    alive: bytes
-    is_placed: bool  # whether an agent was put where it is
-
-
 class Cursor:
-    """Points the context of a game at each game of a batch in turn.
+    """Calls plain functions in a context that is pointed at each game of a batch in turn.
 
-    The context has one set of agents, which are those of the game that it is pointed at. A plain function that reads
-    what the core has otherwise than a context, or changes what the core cannot change, raises `NotTakenUp`: the games
-    leave the core then.
+    The context has one set of agents. They show the game that the context is pointed at. A plain function that reads
+    what a context cannot show of the core, or changes what the core cannot change, raises `NotTakenUp`: the games leave
+    the core.
 
     Args:
         game: at its start, whose context is pointed at games.
+        pointed: points the context.
         state: of all games.
         core: plays them.
         asked: the numbers in the roster of agents whose strategies and plans are called.
@@ -225,10 +182,18 @@ class Cursor:
     """
 
     def __init__(
-        self, game: PlayedGame, state: GameArrays, core: CoreGames, asked: Sequence[int], *, has_array_functions: bool
+        self,
+        game: PlayedGame,
+        pointed: PointedContext,
+        state: GameArrays,
+        core: CoreGames,
+        asked: Sequence[int],
+        *,
+        has_array_functions: bool,
     ) -> None:
         parts = game.internals.parts
         self._game = game
+        self._pointed = pointed
         self._state = state
         self._core = core
         self._has_array_functions = has_array_functions
@@ -239,7 +204,6 @@ class Cursor:
         self._phase = phase_of(game.ctx)
         self._own_of_ctx = vars(game.ctx)
         self._has_begun = False
-        self._games: list[_Own | None] = [None] * len(state)
         self._why = ""  # why games leave the core
         self._wanted = np.full(state.node.shape, -1)  # ids of the nodes to which agents wanted to go
         self._unknown = frozenset(_keys_in_core(game))
@@ -247,18 +211,29 @@ class Cursor:
         plans = game.settings()["plans"]
         deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
         self.functions = [*(one.rule for one in as_called(game.rules) if is_plain_rule(one)), *deciders]
+        # of each game, as Python objects
+        games = range(len(state))
+        self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
+        self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
+        self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
+        self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
+        self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
+        self._first_memories = parts.state.memories, parts.state.team_memories
+        self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
+        self.forget(np.arange(len(state)))
 
     # -- the context --------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """Let the context be pointed at games."""
-        values, block = self._values, self._ctx.agent.block
+        """Let the context be pointed at games, unless it is already."""
+        if self._has_begun:
+            return
+        values = self._values
+        self._pointed.hold()
         self._has_begun = True
-        self._block = block
-        self._before = self._game.snapshot()
+        self._block = block = self._ctx.agent.block
         self._kept = {name: getattr(values, name) for name in _OWN}
-        self._number_of = number = {name: i for i, name in enumerate(self._state.roster.names)}
-        self._numbers = np.array([number[name] for name in block.names], np.int64)  # of the rows, in the roster
+        self._number_of = {name: i for i, name in enumerate(self._state.roster.names)}
         self._agents = [self._ctx.agent.agents[name] for name in block.names]
         self._journal = Journal(block.names)
         self._first_data = {key: one for key, one in values.data.items() if key not in self._unknown}
@@ -268,11 +243,9 @@ class Cursor:
             for name, fact in self._facts.items()
         }
         self._first_attributes = [copied(vars(one)) for one in self._agents]
-        self._orders: dict[bytes, _Living] = {}
-        for name in _READ:
-            delattr(values, name)
+        self._living_of = lru_cache(1024)(self._new_living)
         values.__class__ = _PointedState
-        values.start = _Start(self._make, self._began, self._leave)
+        values.start = _Start(self._read_field, self._replace_data, self._began, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         if self._keeps_in_columns:
@@ -280,22 +253,21 @@ class Cursor:
         values.deeds = []
         values.messages = []
         self._block.journal = self._journal
-        self._facts_own: dict[str, Any] | None = None  # of the game, if it has other facts than the first
+        self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
         self._show_facts(None)
         access = self._ctx.agent.storage.turn_access
         each = [access(one) for one in self._agents]
         self._lasts = [one.last for one in each] + [last for one in each for _, last, *_ in one.carried]
         self._looks = self._no("what agents have sensed")
         self._living: _Living
-        self._alive: bytes | None = None  # who lives now; None: that is not known
-        self._read = list[str]()
-        self._row = _Own({})
+        self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
+        self._forget_looks()
+        self._read = dict[str, Any]()
         self._number = -1
         self._fixed = self._what_is_fixed()
-        self._forget_looks()
 
     def release(self) -> None:
-        """Have the context as it was before it was pointed at games."""
+        """Restore the context as it was before it was pointed at games."""
         if not self._has_begun:
             return
         self._has_begun = False
@@ -308,14 +280,13 @@ class Cursor:
         values.last_turn = None
         values.stream_version += 1  # slots have memories and draws of games of the batch
         self._block.journal = PLAIN
-        self._block.placed.clear()
         turns.is_playing = turns.is_moving = False
         self._own_of_ctx["_rng"] = None
         for agent, own in zip(self._agents, self._first_attributes, strict=True):
             agent.__dict__ = copied(own)
         for last in self._lasts:
             last[0] = {}
-        self._game.restore(self._before)
+        self._pointed.release()
 
     def _no(self, what: str) -> Unknown:
         return Unknown({}, None, self._leave, what)
@@ -326,7 +297,7 @@ class Cursor:
         raise NotTakenUp(self._why)
 
     def _what_is_fixed(self) -> tuple[Any, ...]:
-        """Return what only the turn engine can change, as numbers and objects."""
+        """Return the numbers and objects that only the turn engine may change."""
         phase, graph = self._phase, self._ctx.graph
         return (
             *(phase.setting_changes, phase.sensor_changes, phase.owner_changes, phase.strategy_changes),
@@ -361,155 +332,127 @@ class Cursor:
 
     # -- pointing -----------------------------------------------------------------------------------------------
 
-    def _places(self, games: IntArray) -> list[_Place]:
-        """Return where agents are in some games."""
-        if not self._has_begun:
-            self._begin()
-        state, numbers = self._state, self._numbers
-        ids, before = (
-            np.ascontiguousarray(state.streets.ids_of(rows[games][:, numbers]), np.int64).reshape(-1).data
-            for rows in (state.node, state.previous)
-        )
-        lives = np.ascontiguousarray(state.alive[games][:, numbers]).tobytes()
-        size = len(numbers)
-        parts = [slice(first, first + size) for first in range(0, size * len(games), size)]
-        are_placed = np.any(state.placed[games], axis=1).tolist()
-        return [
-            _Place(number, turn, ids[part], before[part], lives[part], is_placed)
-            for number, turn, part, is_placed in zip(
-                games.tolist(), state.turn[games].tolist(), parts, are_placed, strict=True
-            )
-        ]
-
-    def _point(self, place: _Place) -> _Own:
-        """Point the context at a game."""
-        number, turn, node, previous, alive, is_placed = place
-        values, state = self._values, self._state
-        row = self._games[number]
-        if row is None:
-            row = self._games[number] = self._begun()
-        self._row = row
-        self._number = number
-        if self._read:
-            self._forget_read()
-        values.turn = turn
-        values.data = row.data
-        if not self._keeps_in_columns:
-            values.team_memories = row.team_memories
-        values.over = self._over = state.over[number]
-        self._turns.seed_changes += 1
-        self._own_of_ctx["_seed"] = state.seeds[number]
-        block = self._block
-        if alive == self._alive:
-            show_game(block, node, previous, None)
-        else:
-            show_game(block, node, previous, alive)
-            self._take_living(alive)
-        if is_placed:
-            block.placed = set(np.flatnonzero(state.placed[number][self._numbers]).tolist())
-        elif block.placed:
-            block.placed = set()
-        if row.facts is not self._facts_own:
-            self._show_facts(row.facts)
-        return row
+    def _each(self, games: IntArray) -> Iterator[int]:
+        """Point the context at each of some games in turn, and yield the number of the game."""
+        values, state, pointed = self._values, self._state, self._pointed
+        for number in pointed.each(games):
+            self._number = number
+            self._read.clear()
+            if not self._keeps_in_columns:
+                values.team_memories = self._team_memories[number]
+            values.over = self._over = state.over[number]
+            if pointed.alive != self._alive:
+                self._take_living(pointed.alive)
+            facts = self._facts_of[number]
+            if facts is not self._facts_own:
+                self._show_facts(facts)
+            yield number
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
-        """Let what was published be that of a game; None: it is what was published before the batch."""
+        """Let the facts be those of a game; None: those that were published before the batch."""
         self._facts_own = own
         self._facts_shown = self._first_facts if own is None else own
         self._facts.clear()
         self._facts.update(self._facts_shown)
 
-    def _forget_read(self) -> None:
-        for name in self._read:
-            delattr(self._values, name)
-        self._read.clear()
-
-    def _begun(self) -> _Own:
-        """Return what a game has of its own when it begins."""
-        values = self._kept
-        data: dict[Any, Any] = copied(self._first_data)
-        if self._unknown:
-            keys = ", ".join(sorted(self._unknown))
-            data = Unknown(data, self._unknown, self._leave, f"ctx.game.data, with that of {keys}")
-        row = _Own(data)
-        row.team_memories = copied(values["team_memories"])
-        row.memories = copied({name: memory for name, memory in values["memories"].items() if memory})
-        return row
-
     def forget(self, games: IntArray) -> None:
         """Let some games begin again."""
+        memories, of_teams = self._first_memories
+        known = {name: memory for name, memory in memories.items() if memory}
         for number in games.tolist():
-            self._games[number] = None
+            self._data[number] = self._facts_of[number] = None
+            self._memories[number] = defaultdict(dict, copied(known))
+            self._team_memories[number] = copied(of_teams)
+            self._undone.pop(number, None)
         self._wanted[games] = -1
 
     def _take_living(self, alive: bytes) -> None:
         """Let the agents that live now take turns."""
         self._alive = alive
-        known = self._orders.get(alive)
-        if known is None:
-            if len(self._orders) >= _MOST_ORDERS:
-                self._orders.clear()
-            known = self._orders[alive] = _Living(self._turns.order(), self._turns.draw_table, {})
-        else:
-            self._turns.take_order(known.order)
-        self._living = known
+        self._living = self._living_of(alive)
+        self._turns.take_order(self._living.order)
+
+    def _new_living(self, _: bytes) -> _Living:
+        """Return the order of the agents that live now."""
+        return _Living(self._turns.order(), self._turns.draw_table, {})
 
     def _order_of(self, alive: bytes) -> TurnOrder:
         """Return the order of the agents that lived."""
-        block = self._block
-        known = self._orders.get(alive)
-        if known is None:
-            lives = bytes(block.alive)
-            with self._phase.suspended():  # a strategy may ask how agents have moved
-                show_game(block, block.node, block.previous, alive)
-                self._take_living(alive)
-                known = self._living
-                show_game(block, block.node, block.previous, lives)
-                self._take_living(lives)
-        return known.order
+        lives = bytes(self._block.alive)
+        with self._phase.suspended():  # a strategy may ask how agents have moved
+            self._pointed.show_lives(alive)
+            self._take_living(alive)
+            order = self._living.order
+            self._pointed.show_lives(lives)
+            self._take_living(lives)
+        return order
 
-    # -- what is read -------------------------------------------------------------------------------------------
+    # -- fields that are made when they are read ------------------------------------------------------------------
 
-    def _make(self, name: str) -> Any:
-        """Return a field of the game that the context is pointed at, when it is read."""
-        value = getattr(self, f"_{name}")()
-        self._read.append(name)
-        return value
+    def _read_field(self, name: str) -> Any:
+        """Return a field of the game that the context is pointed at."""
+        read = self._read
+        if name not in read:
+            read[name] = getattr(self, f"_make_{name}")()
+        return read[name]
+
+    def _make_data(self) -> dict[Any, Any]:
+        number = self._number
+        data = self._data[number]
+        if number not in self._data_before:
+            self._data_before[number] = None if data is None else self._copy_of_data(data)
+        if data is None:
+            data = self._data[number] = self._copy_of_data(self._first_data)
+        return data
+
+    def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
+        values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
+        if not self._unknown:
+            return values
+        keys = ", ".join(sorted(self._unknown))
+        return Unknown(values, self._unknown, self._leave, f"ctx.game.data, with that of {keys}")
+
+    def _replace_data(self, data: dict[Any, Any]) -> None:
+        if self._unknown:
+            self._leave("replaces ctx.game.data")
+        self._make_data()
+        self._data[self._number] = self._read["data"] = data
 
     def _began(self) -> dict[str, Any]:
         state = self._state
         return dict(zip(state.roster.names, state.streets.ids(state.start[self._number]).tolist(), strict=True))
 
-    def _scores(self) -> Scores:
+    _make_began = _began
+
+    def _make_scores(self) -> Scores:
         self._scores_before = self._state.scores.of(np.array([self._number]))[0]
         scores = Scores()
         dict.update(scores, self._scores_before)
         return scores
 
-    def _events(self) -> list[dict[str, Any]]:
+    def _make_events(self) -> list[dict[str, Any]]:
         found = self._state.events.of(self._number)
         self._num_events = len(found)
         return found
 
-    def _errors(self) -> list[dict[str, Any]]:
+    def _make_errors(self) -> list[dict[str, Any]]:
         return self._state.errors[self._number]
 
-    def _counts(self) -> dict[str, dict[str, int]]:
+    def _make_counts(self) -> dict[str, dict[str, int]]:
         state = self._state
         columns = {kind: state.counts[kind][self._number].tolist() for kind in COUNTED}
         names = enumerate(state.roster.names)
         return {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
 
-    def _memories(self) -> NoReturn:
+    def _make_memories(self) -> NoReturn:
         self._leave("reads ctx.game.memories")
 
-    def _moves(self) -> TurnMoves | None:
+    def _make_moves(self) -> TurnMoves | None:
         """Return how agents have moved in the last turn of the game; None: there was none."""
         starts, ends, took_part = (column[0] for column in self._core.last_moves(np.array([self._number])))
         if not took_part.any():
             return None
-        order = self._order_of(np.ascontiguousarray(took_part[self._numbers]).tobytes())
+        order = self._order_of(np.ascontiguousarray(took_part[self._pointed.numbers]).tobytes())
         ids = self._state.streets.ids
         moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), {})
         parts = self._parts.settings.order
@@ -519,19 +462,19 @@ class Cursor:
 
     def call(self, named: NamedRule, games: IntArray) -> None:
         """Call a rule in each of these games."""
-        turns, ctx = self._turns, self._ctx
-        places = self._places(games)
-        self._forget_read()
+        turns, ctx, rule = self._turns, self._ctx, named.rule
+        self._begin()
         turns.is_playing = True
         turns.is_moving = False
-        drawn = self._drawn()
         try:
-            for place in places:
-                self._point(place)
+            for _ in self._each(games):
+                begun = self._living.table.begun
                 try:
-                    named.rule(ctx)
+                    rule(ctx)
                 finally:
                     self._take()
+                if self._living.table.begun != begun:
+                    self._leave("draws by the streams of agents")
         except Exception as error:
             if not isinstance(error, NotTakenUp):
                 self._refuse_changes()
@@ -543,37 +486,28 @@ class Cursor:
         self._refuse_changes()
         if any(last[0] is not self._looks for last in self._lasts):
             self._leave("asks sensors")
-        if self._drawn() != drawn:
-            self._leave("draws by the streams of agents")
         self._state.now.clear()
 
     def _named(self) -> str:
         return f"In game {self._number} of a batch, with the seed {self._state.seeds[self._number]}."
 
-    def _drawn(self) -> int:
-        """Return a number that changes when an agent draws."""
-        return sum({id(one.table): one.table.begun for one in self._orders.values()}.values())
-
     def _take(self) -> None:
         """Write the changes of a game into the columns."""
-        values, row, number = self._values, self._row, self._number
-        if values.data is not row.data:
-            if self._unknown:
-                self._leave("replaces ctx.game.data")
-            row.data = values.data
-        if "scores" in self._read:
-            self._take_scores(values.scores)
-        if "events" in self._read and len(values.events) != self._num_events:
-            if len(values.events) < self._num_events:
+        read, number = self._read, self._number
+        if "scores" in read:
+            self._take_scores(read["scores"])
+        if "events" in read and len(read["events"]) != self._num_events:
+            if len(read["events"]) < self._num_events:
                 self._leave("deletes events")
-            self._note_events(values.events[self._num_events :])
-        if values.over is not self._over:
-            self._state.over[number] = values.over
-            self._state.is_going[number] = values.over is None
+            self._note_events(read["events"][self._num_events :])
+        over = self._values.over
+        if over is not self._over:
+            self._state.over[number] = over
+            self._state.is_going[number] = over is None
         if self._journal.log or self._journal.progressed:
             self._take_agents()
         if self._facts != self._facts_shown:
-            self._take_facts(row)
+            self._take_facts()
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Let the core find events that are in the log of a game already."""
@@ -601,21 +535,20 @@ class Cursor:
         journal.progressed.clear()
         if not kinds <= _CHANGING or has_progressed:
             self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
-        numbers = self._numbers
+        numbers = self._pointed.numbers
         state.node[number, numbers] = state.streets.rows(np.array(block.node))
         state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
         alive = bytes(block.alive)
-        if alive != self._alive:
-            state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
-            self._alive = None
+        state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
+        self._pointed.alive = alive
         state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
 
-    def _take_facts(self, row: _Own) -> None:
+    def _take_facts(self) -> None:
         """Keep what a rule has published in a game."""
         first = self._first_facts
         known, now = self._facts_shown, self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
-        row.facts = self._facts_own = self._facts_shown = dict(now)
+        self._facts_of[self._number] = self._facts_own = self._facts_shown = dict(now)
         if changed & self._unknown or any(name in first and not is_plain(first[name]) for name in changed):
             self._leave("publishes facts of rules in the core")
         if self._has_array_functions:
@@ -627,21 +560,20 @@ class Cursor:
         """Return the actions of agents that are asked game by game."""
         state, turns = self._state, self._turns
         games, agents = view.games, view.agents
-        places = self._places(games)
-        flagged = np.any(state.blocked[games][:, agents], axis=1).tolist()
+        are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
         ends = list[int]()
         which = agents.tobytes()
+        self._begin()
         turns.is_playing = turns.is_moving = True
         try:
-            for place, is_blocked in zip(places, flagged, strict=True):
-                row = self._point(place)
-                self._living.table.rekey(state.seeds[place.number])
+            for number, is_blocked in zip(self._each(games), are_blocked, strict=True):
+                self._living.table.rekey(state.seeds[number])
                 asked = self._asked(which, agents)
                 if not asked.members:
-                    ends += place.node[:1].tolist() * len(agents)
+                    ends += [self._block.node[0]] * len(agents)
                     continue
-                told = self._tell_blocked(row, asked) if is_blocked or row.undone else ()
-                ends += self._ask(row, asked)
+                told = self._tell_blocked(asked) if is_blocked or number in self._undone else ()
+                ends += self._ask(asked)
                 for slot in told:
                     slot.set_blocked(None)
         except Exception as error:
@@ -668,21 +600,20 @@ class Cursor:
         self._want(view.games, view.agents, self._state.streets.ids_of(rows), view.mask)
         names = self._state.roster.names
         for at, i in np.argwhere(view.mask).tolist():
-            own = self._games[view.games[at]]
-            if own is not None:
-                own.undone.pop(names[view.agents[i]], None)
+            self._undone.get(view.games[at], {}).pop(names[view.agents[i]], None)
 
-    def _ask(self, row: _Own, asked: _Asked) -> list[int]:
+    def _ask(self, asked: _Asked) -> list[int]:
         """Return the nodes to which agents of the game that the context is pointed at go."""
+        memories = self._memories[self._number]
         for name, template in asked.templates:
-            template["memory"] = row.memories.setdefault(name, {})
-        decisions = self._turns.decide(self._turns.order(), asked.part)
+            template["memory"] = memories[name]
+        decisions = self._turns.decide(self._living.order, asked.part)
+        if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
+            self._take_decisions(decisions, asked)
         found = decisions.ends
-        if decisions.actions or decisions.failures or decisions.written or row.undone:
-            self._take_decisions(row, decisions, asked)
         return [found[i] for i in asked.places]
 
-    def _take_decisions(self, row: _Own, decisions: Decisions, asked: _Asked) -> None:
+    def _take_decisions(self, decisions: Decisions, asked: _Asked) -> None:
         """Take the decisions that are not nodes to go to."""
         for action in decisions.actions.values():
             if action.heading != ():
@@ -693,10 +624,12 @@ class Cursor:
                 self._leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
         decide = set(named.values())
-        undone = {name: why for name, why in row.undone.items() if name not in decide}
+        known = self._undone.pop(self._number, {})
+        undone = {name: why for name, why in known.items() if name not in decide}
         for i, why in decisions.undone():
             undone[named[i]] = f"{undone[named[i]]}; {why}" if named[i] in undone else why
-        row.undone = undone
+        if undone:
+            self._undone[self._number] = undone
         if decisions.written:
             decisions.merge_team_memories()
         for i, kind, message in sorted(decisions.failures, key=itemgetter(0)):
@@ -718,12 +651,13 @@ class Cursor:
             asked = known.asked[which] = _Asked(part, places, members, templates)
         return asked
 
-    def _tell_blocked(self, row: _Own, asked: _Asked) -> list[Any]:
+    def _tell_blocked(self, asked: _Asked) -> list[Any]:
         """Let agents know why they did not do what they wanted in their last turns; return their slots."""
         state, told = self._state, []
-        slots, numbers = self._turns.order().slots, self._number_of
+        slots, numbers = self._living.order.slots, self._number_of
+        undone = self._undone.get(self._number, {})
         for i, name in asked.members:
-            why = [row.undone[name]] if name in row.undone else []
+            why = [undone[name]] if name in undone else []
             if state.blocked[self._number, numbers[name]]:
                 why.append(in_conflict(int(self._wanted[self._number, numbers[name]])))
             if why:
@@ -736,12 +670,20 @@ class Cursor:
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes back all that happens from now on."""
         undo = self._state.checkpoint([self._wanted, *self._core.moves])
-        own = [None if one is None else one.copy() for one in self._games]
+        facts = [*self._facts_of]
+        memories = [copied({name: one for name, one in each.items() if one}) for each in self._memories]
+        team_memories = [copied(each) for each in self._team_memories]
+        undone = copied(self._undone)
+        data = self._data_before = {}
 
         def take_back() -> None:
             undo()
-            self._games[:] = own
-            self._alive = None
+            self._facts_of[:] = facts
+            self._memories[:] = [defaultdict(dict, each) for each in memories]
+            self._team_memories[:] = team_memories
+            self._undone = undone
+            for number, before in data.items():
+                self._data[number] = before
 
         return take_back
 

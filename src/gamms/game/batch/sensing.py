@@ -13,12 +13,12 @@ from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, strategies
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch.columns import PlayedGame, places_of, some_rows
+from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
 from gamms.game.conflicts import flat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.progress import Progress
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
@@ -412,58 +412,21 @@ def _nodes_in(data: list[int] | Mapping[str, Any]) -> list[int]:
     return [*(data if isinstance(data, list) else data["nodes"])]
 
 
-class ContextOfRows:
-    """A context that is pointed at games whose agents are rows of arrays, so that sensors look there.
+def look(game: PlayedGame, state: GameArrays, pointed: PointedContext, games: IntArray) -> None:
+    """Note what sensors show in the games that were not looked at since something changed.
 
     Args:
-        game: in a context that is not played in; it is as it was after each look.
+        game: whose context is pointed at games.
         state: of all games of the batch.
+        pointed: points the context.
+        games: their numbers.
     """
-
-    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
-        self._game = game
-        self._state = state
-
-    def look(self, games: IntArray) -> None:
-        """Note what sensors show in some games, of which it is not known yet."""
-        known: set[int] = self._state.now.setdefault("looked", set())
-        new = [number for number in games.tolist() if number not in known]
-        if not new:
-            return
-        ctx, values = self._game.ctx, self._game.internals.state
-        block = ctx.agent.block
-        before = block.values(), block.structure_values()
-        turn, seed, is_seeded, rng = values.turn, ctx.seed, ctx.is_seeded, ctx.rng_state()
-        try:
-            for number in new:
-                self._point(number, before)
-                note_sights(self._state, ctx, self._game.internals.parts.turns.looks, number)
-        finally:
-            block.restore(*before)
-            ctx.reseed(seed, rng)
-            ctx.is_seeded = is_seeded
-            values.turn = turn
-        known.update(new)
-
-    def _point(self, number: int, before: tuple[dict[str, Any], dict[str, list[Any]]]) -> None:
-        state, ctx = self._state, self._game.ctx
-        block = ctx.agent.block
-        ctx.reseed(state.seeds[number])
-        self._game.internals.state.turn = int(state.turn[number])
-        values = {**before[0], "games": before[0]["games"].copied(), "progress": before[0]["progress"].copy()}
-        node, alive = values["games"].row("node"), values["games"].row("alive")
-        ids = state.streets.ids(state.node[number]).tolist()
-        edge = state.movement.edge[number].tolist() if len(state.movement.edge) else [-1] * len(ids)
-        for i, name in enumerate(state.roster.names):
-            row = block.row_of(name)
-            node[row] = ids[i]
-            alive[row] = bool(state.alive[number, i])
-            values["progress"][row] = None if edge[i] < 0 else self._progress(number, i, ids[i], edge[i])
-        block.restore(values, before[1])
-
-    def _progress(self, number: int, agent: int, node: int, edge: int) -> Progress:
-        movement = self._state.movement
-        columns = movement.columns
-        target = int(columns.node_ids[columns.targets[edge]])
-        share, motion = float(movement.share[number, agent]), int(movement.motion[number, agent])
-        return Progress(node, target, share, int(columns.edge_ids[edge]), motion)
+    known: set[int] = state.now.setdefault("looked", set())
+    new = [number for number in games.tolist() if number not in known]
+    if not new:
+        return
+    looks = game.internals.parts.turns.looks
+    with pointed.held():
+        for number in pointed.each(np.array(new)):
+            note_sights(state, game.ctx, looks, number)
+    known.update(new)

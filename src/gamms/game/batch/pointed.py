@@ -1,0 +1,115 @@
+"""Points the context of one game at each game of a batch in turn."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from gamms.core.agents import PointedColumns
+from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.state import GameArrays
+from gamms.game.snapshots import Snapshot
+from gamms.ir.graph import IntArray
+from gamms.ir.progress import Progress
+
+
+class PointedContext:
+    """A context whose agents, turn and seed are those of one game of a batch after the other.
+
+    Args:
+        game: at its start, in a context in which nothing else is played.
+        state: of all games.
+
+    Attributes:
+        numbers: the number in the roster of each agent of the context, by row.
+        alive: which agents of the context live, by row, as bytes; None: unknown.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+        self._game = game
+        self._state = state
+        self._before: Snapshot | None = None
+        self._own = vars(game.ctx)
+        self.numbers: IntArray = np.zeros(0, np.int64)
+        self.alive: bytes | None = None
+
+    def hold(self) -> None:
+        """Remember the context as it is, for `release`."""
+        block = self._game.ctx.agent.block
+        number = {name: i for i, name in enumerate(self._state.roster.names)}
+        self._before = self._game.snapshot()
+        self._block = block
+        self.numbers = np.array([number[name] for name in block.names], np.int64)
+        self.alive = None
+
+    def release(self) -> None:
+        """Restore the context as it was before it was pointed at games."""
+        assert self._before is not None  # noqa: S101 - it is held
+        self._block.placed.clear()
+        self._game.restore(self._before)
+        self._before = None
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Point the context at games in the block, and restore it afterwards unless it was held before."""
+        if self._before is not None:
+            yield
+            return
+        self.hold()
+        try:
+            yield
+        finally:
+            self.release()
+
+    def each(self, games: IntArray) -> Iterator[int]:
+        """Point the context at each of some games in turn, and yield the number of the game."""
+        state = self._state
+        block = self._block
+        values = self._game.internals.state
+        turns = self._game.internals.parts.turns
+        node, previous = (
+            np.ascontiguousarray(state.streets.ids_of(column[games][:, self.numbers]), np.int64).reshape(-1).data
+            for column in (state.node, state.previous)
+        )
+        columns = PointedColumns(block, node, previous)
+        size = len(self.numbers)
+        lives = np.ascontiguousarray(state.alive[games][:, self.numbers]).tobytes()
+        are_placed = np.any(state.placed[games], axis=1).tolist()
+        are_on_edges = len(state.movement.edge) > 0
+        played = state.turn[games].tolist()
+        for at, number in enumerate(games.tolist()):
+            values.turn = played[at]
+            self._own["_seed"] = state.seeds[number]
+            turns.seed_changes += 1
+            block.show_game(columns, at)
+            alive = lives[at * size : (at + 1) * size]
+            if alive != self.alive:
+                self.show_lives(alive)
+            if are_placed[at]:
+                block.placed = set(np.flatnonzero(state.placed[number][self.numbers]).tolist())
+            elif block.placed:
+                block.placed = set()
+            if are_on_edges:
+                self._put_on_edges(number)
+            yield number
+
+    def show_lives(self, alive: bytes) -> None:
+        """Let the agents of the context live that lived in some game, by row."""
+        self._block.show_lives(alive)
+        self.alive = alive
+
+    def _put_on_edges(self, game: int) -> None:
+        for row, number in enumerate(self.numbers.tolist()):
+            self._block.set_progress(row, self._progress(game, number, self._block.node[row]))
+
+    def _progress(self, game: int, number: int, node: int) -> Progress | None:
+        """Return where on an edge an agent of a game is; None: on its node."""
+        movement = self._state.movement
+        columns = movement.columns
+        edge = int(movement.edge[game, number])
+        if edge < 0:
+            return None
+        target = int(columns.node_ids[columns.targets[edge]])
+        share = float(movement.share[game, number])
+        motion = int(movement.motion[game, number])
+        return Progress(node, target, share, int(columns.edge_ids[edge]), motion)
