@@ -671,8 +671,8 @@ class Cursor:
         """Return a function that takes back all that happens from now on."""
         undo = self._state.checkpoint([self._wanted, *self._core.moves])
         facts = [*self._facts_of]
-        memories = [copied({name: one for name, one in each.items() if one}) for each in self._memories]
-        team_memories = [copied(each) for each in self._team_memories]
+        memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
+        team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
         data = self._data_before = {}
 
