@@ -27,6 +27,7 @@ def check(ctx, seeds=(1, 2, 3), *, stays=True):
             alone.game.reset(seed=seed)
             assert plain(games.result(number)) == plain(alone.game.run())
         assert (games.detached == {}) == stays, games.detached
+        assert games.is_in_arrays == stays
 
 
 def change(ctx):
@@ -266,6 +267,7 @@ def test_no_game_has_played_a_turn_in_which_one_raises(phase, strategy):
                 switch["is_on"] = False
             assert any(note.startswith("In game ") for note in caught.value.__notes__)
             assert games.turn.tolist() == [4, 4, 4]
+            assert games.is_in_arrays
             games.run()
             assert games.detached == {}
             for number, seed in enumerate(games.seeds):

@@ -7,6 +7,7 @@ here. What is rare (agents on edges, actions that are no nodes, errors) is left 
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import Any
 
 from gamms.core import block as blocks
@@ -195,7 +196,7 @@ class AgentView:
         return self._block.teams[self._row]
 
     @team.setter
-    def team(self, team: Any) -> None:
+    def team(self, team: Hashable) -> None:
         self._put_in_team(team)
 
     @property
@@ -251,7 +252,7 @@ class AgentView:
         else:
             self._act(action)
 
-    def _put_in_team(self, team: Any) -> None:
+    def _put_in_team(self, team: Hashable) -> None:
         """Set the team."""
         raise NotImplementedError
 

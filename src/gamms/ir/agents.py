@@ -351,18 +351,6 @@ class AgentBlock(AgentColumns):
             if self.is_noting:
                 self.journal.turned(row, quat)
 
-    def show_game(self, games: PointedColumns, number: int) -> None:
-        """Put agents on the ground where they are in a game of a batch, and note nothing in the journal."""
-        games.point(number)
-        self._have_all_changed = True
-
-    def show_lives(self, alive: bytes) -> None:
-        """Let agents live that live in a game of a batch, (agents,) booleans, and note nothing in the journal."""
-        before = bytes(self.alive)
-        self.alive[:] = memoryview(alive).cast("?")
-        self.inactive = {row for row, lives in enumerate(alive) if not lives}
-        self.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])
-
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing in the journal (used by replay and by batches)."""
         for name, value in values.items():
@@ -551,3 +539,17 @@ class UnderWay:
         self.places.pop(row, None)
         self._departed.discard(row)
         self._block.write(row, {"node": node})
+
+
+def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
+    """Put agents on the ground where they are in a game of a batch, and note nothing in the journal."""
+    games.point(number)
+    block._have_all_changed = True
+
+
+def show_lives(block: AgentBlock, alive: bytes) -> None:
+    """Let agents live that live in a game of a batch, (agents,) booleans, and note nothing in the journal."""
+    before = bytes(block.alive)
+    block.alive[:] = memoryview(alive).cast("?")
+    block.inactive = {row for row, lives in enumerate(alive) if not lives}
+    block.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])

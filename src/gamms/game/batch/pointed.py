@@ -9,6 +9,7 @@ from gamms.core.agents import PointedColumns
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.state import GameArrays
 from gamms.game.snapshots import Snapshot
+from gamms.ir.agents import show_game, show_lives
 from gamms.ir.graph import IntArray
 from gamms.ir.progress import Progress
 
@@ -81,7 +82,7 @@ class PointedContext:
             values.turn = played[at]
             self._own["_seed"] = state.seeds[number]
             turns.seed_changes += 1
-            block.show_game(columns, at)
+            show_game(block, columns, at)
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
@@ -95,7 +96,7 @@ class PointedContext:
 
     def show_lives(self, alive: bytes) -> None:
         """Let the agents of the context live that lived in some game, by row."""
-        self._block.show_lives(alive)
+        show_lives(self._block, alive)
         self.alive = alive
 
     def _put_on_edges(self, game: int) -> None:
