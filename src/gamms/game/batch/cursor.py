@@ -63,7 +63,7 @@ def _refusing(name: str, *, is_of_one: bool) -> Callable[..., Any]:
     """Return a method of `Unknown` that reads the value of one key, or all values."""
     method = getattr(dict, name, None)
 
-    def read(self: Unknown, *args: Any, **named: object) -> Any:
+    def read(self: Unknown, *args: object, **named: object) -> Any:
         if method is None or self.of_core is None or not is_of_one or args[0] in self.of_core:
             self.leave(f"reads {self.what}")
         return method(self, *args, **named)

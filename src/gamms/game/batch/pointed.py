@@ -23,7 +23,7 @@ class PointedContext:
 
     Attributes:
         numbers: the number in the roster of each agent of the context, by row.
-        alive: which agents of the context live, by row, as bytes; None: unknown.
+        alive: which agents of the context live, by row, as bytes; empty: unknown.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
@@ -32,7 +32,7 @@ class PointedContext:
         self._before: Snapshot | None = None
         self._own = vars(game.ctx)
         self.numbers: IntArray = np.zeros(0, np.int64)
-        self.alive: bytes | None = None
+        self.alive = b""
 
     def hold(self) -> None:
         """Remember the context as it is, for `release`."""
@@ -41,7 +41,7 @@ class PointedContext:
         self._before = self._game.snapshot()
         self._block = block
         self.numbers = np.array([number[name] for name in block.names], np.int64)
-        self.alive = None
+        self.alive = b""
 
     def release(self) -> None:
         """Restore the context as it was before it was pointed at games."""
