@@ -583,11 +583,44 @@ def test_values_are_collected_in_the_turns_in_which_they_are_due():
             games.reset([1], seeds=[5])
             games.run()
             assert "collector 'alive'" in games.slow
+            assert games.is_in_arrays
+            assert games.detached == {}
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 found = alone.game.run().collected
                 assert games.result(number).collected == found
                 assert found["alive"]["turn"] == [3, 6]
+
+
+@pytest.mark.parametrize("played", [0, 2])
+def test_values_are_those_of_the_game_alone_after_each_turn(played):
+    def count(ctx):
+        ctx.game.data["seen"] = ctx.game.data.get("seen", 0) + len(ctx.game.events)
+
+    def fall(ctx):
+        if ctx.game.turn == 4 and ctx.seed == 2 and not fallen:
+            raise ZeroDivisionError("fell")
+        return ctx.game.data["seen"]
+
+    fallen = ()
+    with scene([TAG], max_turns=6).build(seed=1) as ctx:
+        ctx.game.add(count)
+        ctx.game.collect("seen", fall)
+        for _ in range(played):
+            ctx.game.step()
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            for turn in range(played + 1, 4):
+                games.step()
+                for number, seed in enumerate(games.seeds):
+                    alone.game.reset(seed=seed)
+                    while alone.game.turn < turn:
+                        alone.game.step()
+                    assert games.result(number).collected == alone.game.result().collected
+            with pytest.raises(ZeroDivisionError) as caught:
+                games.step()
+            assert "In game 1 of a batch, with the seed 2." in caught.value.__notes__
+            assert games.turn.tolist() == [3, 3]
+            assert [len(games.result(number).collected["seen"]["turn"]) for number in range(2)] == [3, 3]
 
 
 def test_a_collector_that_moves_an_agent_moves_it_in_batches_too():

@@ -79,7 +79,8 @@ class GamesOnMap:
         self.before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])
         rules, asked = as_called(game.rules), asked_of(game, roster)
-        calls_each = len(asked) > 0 or any(map(is_plain_rule, rules))
+        collects = len(game.internals.parts.collectors.by_name) > 0
+        calls_each = collects or len(asked) > 0 or any(map(is_plain_rule, rules))
         self._beginning = Beginning(game, state, games)
         note_sensors(state, range(len(roster.names)), with_nodes=False)
         pointed = PointedContext(game, state)
@@ -362,6 +363,8 @@ class ArrayEngine:
         for one, games in zip(self._maps, playing, strict=True):
             for named in one.core.play_rules(games):
                 one.call(named, games)
+            if one.cursor is not None:
+                one.cursor.collect(games)
 
     def _play(
         self, playing: list[IntArray], until: IntArray, are_given: Sequence[BoolArray | None], threads: int
@@ -438,7 +441,7 @@ class ArrayEngine:
             agents=dict(sorted((departed | agents).items())),
             errors=[dict(error) for error in state.errors[game]],
             deeds=template.deeds,
-            collected=template.collected,
+            collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
             messages=template.messages,
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],

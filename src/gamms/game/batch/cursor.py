@@ -21,6 +21,7 @@ from gamms.game.decisions import Decisions
 from gamms.game.moves import TurnMoves
 from gamms.game.order import Part, TurnOrder
 from gamms.game.random_streams import DrawTable
+from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
 from gamms.ir.game_state import GameState, Scores, in_conflict
@@ -132,6 +133,11 @@ for _name in _READ:
     setattr(_PointedState, _name, property(partial(_read_field, _name), _set_field))
 
 
+def _itself(function: Any) -> Any:
+    """Return the function of a collector for another game of the batch."""
+    return function
+
+
 class _Asked(NamedTuple):
     """Agents that are asked, some of which may be dead.
 
@@ -210,13 +216,17 @@ class Cursor:
         self._keeps_in_columns = keep_in_columns(game, state.roster)
         plans = game.settings()["plans"]
         deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
-        self.functions = [*(one.rule for one in as_called(game.rules) if is_plain_rule(one)), *deciders]
+        collectors = parts.collectors.by_name.values()
+        self._periods = {one.every for one in collectors}
+        rules = (one.rule for one in as_called(game.rules) if is_plain_rule(one))
+        self.functions = [*rules, *deciders, *(one.fn for one in collectors)]
         # of each game, as Python objects
         games = range(len(state))
         self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
         self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
         self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
         self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
+        self._collectors: list[Collectors] = [parts.collectors for _ in games]
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first_memories = parts.state.memories, parts.state.team_memories
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
@@ -363,8 +373,15 @@ class Cursor:
             self._data[number] = self._facts_of[number] = None
             self._memories[number] = defaultdict(dict, copied(known))
             self._team_memories[number] = copied(of_teams)
+            self._collectors[number] = self._new_collectors()
             self._undone.pop(number, None)
         self._wanted[games] = -1
+
+    def _new_collectors(self) -> Collectors:
+        """Return the collectors of a game that begins."""
+        collectors = Collectors()
+        collectors.copy_from(self._parts.collectors, _itself)
+        return collectors
 
     def _take_living(self, alive: bytes) -> None:
         """Let the agents that live now take turns."""
@@ -462,7 +479,33 @@ class Cursor:
 
     def call(self, named: NamedRule, games: IntArray) -> None:
         """Call a rule in each of these games."""
-        turns, ctx, rule = self._turns, self._ctx, named.rule
+        self._call_each(lambda: named.rule(self._ctx), games, f"the rule {named.name!r} (phase {named.phase!r})")
+
+    def collect(self, games: IntArray) -> None:
+        """Call the collectors in those of these games in which they are due."""
+        turns = self._state.turn[games]
+        is_due = np.zeros(len(games), np.bool_)
+        for every in self._periods:
+            is_due |= turns % every == 0
+        if is_due.any():
+            self._call_each(self._collect, games[is_due], "a collector")
+
+    def _collect(self) -> None:
+        self._collectors[self._number].collect(self._values.turn, self._ctx, lambda: self._game.agents)
+
+    def collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
+        """Return what was collected in a game, by the names of collectors."""
+        return self._collectors[game].tables()
+
+    def _call_each(self, function: Callable[[], object], games: IntArray, what: str) -> None:
+        """Call a function while the context is pointed at each of these games in turn.
+
+        Args:
+            function: that is called.
+            games: their numbers.
+            what: the function, in words.
+        """
+        turns = self._turns
         self._begin()
         turns.is_playing = True
         turns.is_moving = False
@@ -470,7 +513,7 @@ class Cursor:
             for _ in self._each(games):
                 begun = self._living.table.begun
                 try:
-                    rule(ctx)
+                    function()
                 finally:
                     self._take()
                 if self._living.table.begun != begun:
@@ -478,7 +521,7 @@ class Cursor:
         except Exception as error:
             if not isinstance(error, NotTakenUp):
                 self._refuse_changes()
-                error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}), in turn {self._values.turn}.")
+                error.add_note(f"In {what}, in turn {self._values.turn}.")
                 error.add_note(self._named())
             raise
         finally:
@@ -674,10 +717,13 @@ class Cursor:
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
+        collected = [one.snapshot() for one in self._collectors] if self._periods else []
         data = self._data_before = {}
 
         def take_back() -> None:
             undo()
+            for one, values in zip(self._collectors, collected, strict=False):  # none if there are no collectors
+                one.restore(values)
             self._facts_of[:] = facts
             self._memories[:] = [defaultdict(dict, each) for each in memories]
             self._team_memories[:] = team_memories

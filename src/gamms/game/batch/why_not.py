@@ -37,7 +37,8 @@ def first_called(game: PlayedGame, roster: Roster) -> str | None:
     rules = [f"the rule {one.name!r}" for one in as_called(game.rules) if is_plain_rule(one)]
     plans = game.settings()["plans"]
     deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
-    return next(chain(rules, deciders), None)
+    collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
+    return next(chain(rules, deciders, collectors), None)
 
 
 def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
@@ -121,7 +122,7 @@ def _why_not_agents(roster: Roster) -> Iterator[str]:
 
 
 def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
-    """Yield the rules, checks, collectors and conflicts that the core does not have."""
+    """Yield the rules, checks and conflicts that the core does not have."""
     conflicts = game.settings()["conflicts"]
     for one in as_called(game.rules):
         if one.spec.check is not None:
@@ -132,8 +133,6 @@ def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
             yield f"the rule {one.name!r} in arrays, of agents that do not go along one edge in a turn"
         if one.phase == "before" and game.turn:
             yield f"the rule {one.name!r}, before a turn of a game that has begun"
-    for name in game.internals.parts.collectors.by_name:
-        yield f"the collector {name!r}"
     if conflicts is not None and ranked(conflicts) is None:
         yield f"the conflicts {as_code(conflicts)}"
 
