@@ -15,6 +15,25 @@ def scene(rules=(), red=3, blue=3, side=5, max_turns=12, **more):
     return Scenario(max_turns=max_turns, **given)
 
 
+def as_it_is(scenario):
+    """Return a scenario whose games are played in the core."""
+    return scenario
+
+
+def timed(scenario):
+    """Return a scenario with the same games, which are played one after the other because decisions are timed."""
+    return scenario.replace(**{"settings.time_budget": 3600.0})
+
+
+WAYS = [as_it_is, timed]
+
+
+def assert_as_shown(games):
+    """Check that each game is that of the context that shows it, where it is played alone with the same actions."""
+    for number in range(len(games)):
+        assert plain(games.result(number)) == plain(games.context(number).game.result())
+
+
 def plain(result):
     """All of a result but what says how it was played."""
     values = result.to_dict()

@@ -20,7 +20,7 @@ def agents_arrive_few_times_in_a_turn():
 
 @pytest.fixture
 def same_as_one_by_one():
-    """Check that all games of a batch, played in arrays, equal those that `play` plays."""
+    """Check that all games of a batch equal those that `play` plays."""
     from batch_scenes import plain
 
     def check(scenario, seeds, strategies=None):

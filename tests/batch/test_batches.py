@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import WAYS, as_it_is, plain, scene, timed
 
 import gamms
 from gamms import recorder
@@ -292,9 +292,9 @@ def test_games_that_are_reset_begin_again_with_their_seeds():
         assert games.turn.tolist() == [0, 12, 12, 12]
 
 
-@pytest.mark.parametrize("one_by_one", [False, True])
-def test_games_can_begin_again_with_other_seeds(one_by_one):
-    with scene([TAG]).batch(3, seed=5, one_by_one=one_by_one) as games:
+@pytest.mark.parametrize("way", WAYS)
+def test_games_can_begin_again_with_other_seeds(way):
+    with way(scene([TAG])).batch(3, seed=5) as games:
         games.step()
         games.reset([2, 0], seeds=[11, 12])
         assert games.turn.tolist() == [0, 1, 0]
@@ -313,18 +313,25 @@ def test_games_can_begin_again_with_other_seeds(one_by_one):
         assert games.is_over.all()
 
 
-def test_the_context_of_a_game_shows_it_as_it_is():
-    with scene([TAG]).batch(2, seed=5, one_by_one=True) as games:
+@pytest.mark.parametrize("way", WAYS)
+def test_the_context_of_a_game_shows_it_as_it_is(way):
+    with way(scene([TAG])).batch(2, seed=5) as games:
         games.step()
         games.step()
         for number in (0, 1):
             ctx, nodes = games.context(number), games.observe("red")["curr_pos"][number]
             assert (ctx.seed, ctx.game.turn) == (5 + number, 2)
             assert [ctx.agent.get_agent(f"red_{i}").current_node_id for i in range(3)] == nodes.tolist()
-    with scene().batch(1) as games, pytest.raises(BadValue, match=r"scenario.batch\(…, one_by_one=True\)"):
-        games.context(0)
-    with scene().build() as ctx, pytest.raises(BadValue, match=r"no context: ctx.game.fork\(seed\) has one"):
-        ctx.game.batch(1).context(0)
+
+
+def test_one_by_one_has_no_effect_and_warns():
+    with (
+        pytest.warns(DeprecationWarning, match=r"one_by_one= has no effect .* batch\.context"),
+        scene([TAG]).batch(2, one_by_one=True) as games,
+    ):
+        assert games.is_in_arrays
+    with pytest.warns(DeprecationWarning, match="one_by_one="), scene().batch(1, one_by_one=False):
+        pass
 
 
 def test_the_table_has_a_row_for_each_game():
@@ -393,16 +400,16 @@ def test_a_billion_games_are_refused_before_their_seeds_are_made():
         scene().batch(10**9)
 
 
-@pytest.mark.parametrize("one_by_one", [False, True])
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("play", ["run", "step"])
-def test_a_strategy_that_remembers_outside_of_its_game_is_refused(play, one_by_one):
+def test_a_strategy_that_remembers_outside_of_its_game_is_refused(play, way):
     calls = []
 
     def count(state):
         calls.append(1)
         state["action"] = state["legal"][len(calls) % len(state["legal"])]
 
-    games = scene().batch(2, strategies={"red": count}, one_by_one=one_by_one)
+    games = way(scene()).batch(2, strategies={"red": count})
     with games, pytest.raises(BadValue, match=r"closure variable 'calls' of count\(\) changed .* state\['memory'\]"):
         getattr(games, play)()
 
@@ -472,8 +479,8 @@ def test_agents_on_edges_are_observed_where_they_are(order):
 
 
 def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_path):
-    for one_by_one in (False, True):
-        with scene([TAG]).batch(3, seed=4, record=True, one_by_one=one_by_one) as games:
+    for way in WAYS:
+        with way(scene([TAG])).batch(3, seed=4, record=True) as games:
             games.step()
             games.step({"red": games.observe("red").counts - 1})
             games.reset([1])
@@ -601,7 +608,7 @@ def test_seeds_of_a_reset_are_as_many_as_its_games():
 
 
 def test_games_that_are_played_one_by_one_have_no_columns():
-    with scene().batch(2, one_by_one=True) as games, pytest.raises(BadValue, match="one_by_one"):
+    with timed(scene()).batch(2) as games, pytest.raises(BadValue, match="a time budget"):
         games.columns()
 
 
@@ -635,10 +642,10 @@ def walk_and_press(state):
 
 
 PLAYED = {
-    "arrays": (70, {}),
-    "few": (4, {}),
-    "one by one": (4, {"one_by_one": True}),
-    "alone": (1, {"one_by_one": True}),
+    "in the core": (70, as_it_is),
+    "few": (4, as_it_is),
+    "one by one": (4, timed),
+    "alone": (1, timed),
 }
 
 
@@ -646,12 +653,12 @@ PLAYED = {
 @pytest.mark.parametrize("by_turns", [False, True])
 @pytest.mark.parametrize("walk", [walk_and_ring, walk_and_press])
 def test_games_in_which_a_strategy_raises_go_on_as_if_it_had_not(how, by_turns, walk, tmp_path):
-    number, more = PLAYED[how]
-    game, team = scene(max_turns=9), {"red": walk}
+    number, way = PLAYED[how]
+    game, team = way(scene(max_turns=9)), {"red": walk}
     ALARM.send(frozenset())
     results = [plain(game.play(seed=1 + i, strategies=team)) for i in range(number)]
     ALARM.send(frozenset({11, 20, 11 + 3 * number}))
-    with game.batch(number, seed=1, record=True, strategies=team, **more) as games:
+    with game.batch(number, seed=1, record=True, strategies=team) as games:
         for _ in range(20):
             with suppress(ZeroDivisionError, KeyboardInterrupt):
                 if by_turns:
@@ -694,16 +701,16 @@ def test_attributes_of_batches_and_scenarios_cannot_be_set(name):
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])
-@pytest.mark.parametrize("one_by_one", [False, True])
-def test_a_batch_says_that_its_scenario_is_to_be_pickled(copied, one_by_one):
-    with scene().batch(2, one_by_one=one_by_one) as games, pytest.raises(BadType, match="Pickle its scenario"):
+@pytest.mark.parametrize("way", WAYS)
+def test_a_batch_says_that_its_scenario_is_to_be_pickled(copied, way):
+    with way(scene()).batch(2) as games, pytest.raises(BadType, match="Pickle its scenario"):
         copied(games)
 
 
-@pytest.mark.parametrize("one_by_one", [False, True])
-def test_scores_are_the_same_however_games_are_played(one_by_one):
+@pytest.mark.parametrize("way", WAYS)
+def test_scores_are_the_same_however_games_are_played(way):
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
-    with scene([tag], side=3).batch(3, seed=1, one_by_one=one_by_one) as games:
+    with way(scene([tag], side=3)).batch(3, seed=1) as games:
         assert games.scores["red"].tolist() == [0.0, 0.0, 0.0], "before one has scored"
         games.run()
         scores, column = games.scores, games.table()["score.red"]
@@ -712,9 +719,9 @@ def test_scores_are_the_same_however_games_are_played(one_by_one):
     assert "nothing" not in scores
 
 
-@pytest.mark.parametrize("one_by_one", [False, True])
-def test_a_closed_batch_plays_no_turn_and_keeps_its_results(one_by_one):
-    with scene([TAG], max_turns=2).batch(2, one_by_one=one_by_one) as games:
+@pytest.mark.parametrize("way", WAYS)
+def test_a_closed_batch_plays_no_turn_and_keeps_its_results(way):
+    with way(scene([TAG], max_turns=2)).batch(2) as games:
         games.run()
         known = games.result(1)
     for verb in (games.step, games.run, games.reset):

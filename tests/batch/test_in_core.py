@@ -7,7 +7,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, plain, scene, timed
 
 import gamms
 from gamms import strategies
@@ -143,7 +143,7 @@ def text_of(games):
     """Return all that is told of the games of a batch, as text: the order of its entries counts, too."""
     results = [games.result(number).to_dict() for number in range(len(games))]
     for one in results:
-        del one["timings"]
+        del one["timings"], one["provenance"]["scenario"]
     table = {name: column.tolist() for name, column in games.table().items() if name[:6] != "score."}
     scores = {str(key): [numbers.tolist(), str(numbers.dtype)] for key, numbers in games.scores.items() if any(numbers)}
     told = [results, table, dict(sorted(scores.items())), games.turn.tolist(), games.is_over.tolist()]
@@ -206,7 +206,7 @@ def check(number, *, by_steps=False):
     scenario, made = scenario_of_steps(number) if by_steps else (random_scenario(number), None)
     seeds, how = range(number, number + GAMES), {"strategies": made}
     teams = list(scenario.to_dict()["teams"])
-    with scenario.batch(seeds=seeds, **how) as games, scenario.batch(seeds=seeds, one_by_one=True, **how) as others:
+    with scenario.batch(seeds=seeds, **how) as games, timed(scenario).batch(seeds=seeds, **how) as others:
         assert is_in_core(games)
         assert not is_in_core(others)
         play_by_steps(games, others, Random(number), teams)
@@ -351,7 +351,7 @@ def test_threads_are_a_number_from_1(threads):
 
 
 def test_games_that_are_elsewhere_are_played_with_threads_too():
-    with GRID.batch(2, one_by_one=True) as games, GRID.batch(2) as others:
+    with timed(GRID).batch(2) as games, GRID.batch(2) as others:
         games.run(threads=2)
         others.run()
         assert plain(games.result(1)) == plain(others.result(1))

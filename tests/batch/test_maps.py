@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, WAYS, assert_as_shown, plain, scene, timed
 
 import gamms
 import gamms.recorder
@@ -158,14 +158,14 @@ def test_the_map_of_a_game_follows_from_its_seed_alone():
     with scenario.batch(40, maps=MAPS) as many, scenario.batch(seeds=[17, 3, 39], maps=MAPS) as few:
         assert few.maps.tolist() == many.maps[[17, 3, 39]].tolist()
         assert (np.bincount(many.maps, minlength=4) > 3).all()
-    with scenario.batch(40, maps=MAPS, one_by_one=True) as slow:
+    with timed(scenario).batch(40, maps=MAPS) as slow:
         assert slow.maps.tolist() == many.maps.tolist()
 
 
-@pytest.mark.parametrize("one_by_one", [False, True])
-def test_games_that_begin_again_draw_their_maps_anew(one_by_one):
-    scenario = scene([TAG])
-    with scenario.batch(10, maps=MAPS, one_by_one=one_by_one) as games:
+@pytest.mark.parametrize("way", WAYS)
+def test_games_that_begin_again_draw_their_maps_anew(way):
+    scenario = way(scene([TAG]))
+    with scenario.batch(10, maps=MAPS) as games:
         before = games.maps.tolist()
         for _ in range(4):
             games.step()
@@ -184,10 +184,7 @@ def test_games_that_begin_again_draw_their_maps_anew(one_by_one):
 
 def test_actions_are_numbers_of_legal_nodes_on_the_map_of_each_game():
     scenario = scene([TAG])
-    with (
-        scenario.batch(10, maps=MAPS, record=True) as games,
-        scenario.batch(10, maps=MAPS, one_by_one=True) as slow,
-    ):
+    with scenario.batch(10, maps=MAPS, record=True) as games:
         for turn in range(6):
             actions = np.zeros((10, 3), np.int64)
             for number in range(4):
@@ -195,9 +192,7 @@ def test_actions_are_numbers_of_legal_nodes_on_the_map_of_each_game():
                 assert view.games.tolist() == np.flatnonzero(games.maps == number).tolist()
                 actions[view.games] = (view.agents + turn) % view.counts
             games.step({"red": actions})
-            slow.step({"red": actions})
-        for number in range(10):
-            assert plain(games.result(number)) == plain(slow.result(number))
+        assert_as_shown(games)
         with pytest.raises(BadValue, match="action 9"):
             games.step({"red": np.full((10, 3), 9)})
         assert games.turn.tolist() == [6] * 10
@@ -243,8 +238,9 @@ def test_games_that_leave_the_core_go_on_on_their_maps():
         assert_as_alone(scenario, games, {"red": to_the_last_node})
 
 
-def test_a_context_is_pointed_at_games_on_their_maps():
-    with scene([TAG]).batch(6, maps=MAPS, one_by_one=True) as games:
+@pytest.mark.parametrize("way", WAYS)
+def test_a_context_is_pointed_at_games_on_their_maps(way):
+    with way(scene([TAG])).batch(6, maps=MAPS) as games:
         games.step()
         for number in range(6):
             ctx = games.context(number)

@@ -4,7 +4,7 @@ from math import hypot
 
 import numpy as np
 import pytest
-from batch_scenes import scene
+from batch_scenes import WAYS, scene
 
 import gamms
 from gamms.errors import BadValue, TooLarge
@@ -91,12 +91,12 @@ def expected_of(ctx, name, others, radii):
 
 
 @pytest.mark.parametrize("radii", [(25.0,), (0.0, 15.0), (float("inf"),), (10.0, 30.0, 20.0)])
-@pytest.mark.parametrize("one_by_one", [False, True])
-def test_a_vector_has_the_numbers_that_follow_from_where_agents_are(radii, one_by_one):
+@pytest.mark.parametrize("way", WAYS)
+def test_a_vector_has_the_numbers_that_follow_from_where_agents_are(radii, way):
     sensors = {f"s{number}": {"type": "AGENT_RANGE", "sensor_range": one} for number, one in enumerate(radii)}
     carrying = {**WALKS, "sensors": [*sensors]}
-    scenario = scene([TAG], teams={"red": carrying, "blue": carrying}, sensors=sensors)
-    with scenario.build(seed=2) as ctx, scenario.batch(seeds=[5, 2], one_by_one=one_by_one) as games:
+    scenario = way(scene([TAG], teams={"red": carrying, "blue": carrying}, sensors=sensors))
+    with scenario.build(seed=2) as ctx, scenario.batch(seeds=[5, 2]) as games:
         for _ in range(10):
             for team in ("red", "blue"):
                 found = games.observe(team).vector(others=3)

@@ -67,7 +67,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         from gamms.rl.team_env import TeamEnv
     window = engine_of(render_mode)
     games: dict[str, Any] = {"observation": observation, "reward": reward, "seed": seed, "most_agents": most_agents}
-    learners = Learners(scenario, teams=team, one_by_one=True, vis_engine=window, **games)
+    learners = Learners(scenario, teams=team, record=True, vis_engine=window, **games)
     with _closing_after_error(learners):
         env = TeamEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
     form: dict[str, Any] = {"mask": mask, "actions": actions, "render_mode": render_mode}
@@ -116,7 +116,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
         "reward": reward,
         "seed": seed,
     }
-    learners = Learners(scenario, one_by_one=True, vis_engine=window, **games)
+    learners = Learners(scenario, vis_engine=window, **games)
     with _closing_after_error(learners):
         env = AgentEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
     options: dict[str, Any] = {**games, "mask": mask, "actions": actions}

@@ -77,7 +77,7 @@ class Learners:
         observation: gives what the agents observe; None: `default_observation`.
         reward: gives rewards; None: the change of the score of the agent's team.
         seed: of the first game; those of the others follow.
-        one_by_one: play the games in a context, not in the core; see `Batch.context`.
+        one_by_one: deprecated, and without an effect.
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.
@@ -119,7 +119,7 @@ class Learners:
         observation: Observation | None = None,
         reward: Reward | None = None,
         seed: int = 0,
-        one_by_one: bool = False,
+        one_by_one: bool | None = None,
         vis_engine: Engine | None = None,
         record: bool = False,
         most_agents: MostAgents | None = None,

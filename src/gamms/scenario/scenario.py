@@ -1,17 +1,18 @@
 """A game as data: read from a file or made in Python, changed, built and played."""
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path, as_text
+from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_text
 from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import as_seeds
-from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents
+from gamms.game.batch.games import Batch, BatchSource, MostAgents
 from gamms.game.result import Result
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import GraphColumns, IntArray
@@ -300,7 +301,7 @@ class Scenario(Fixed):
         seeds: Iterable[int] | None = None,
         strategies: Strategies | None = None,
         record: bool = False,
-        one_by_one: bool = False,
+        one_by_one: bool | None = None,
         vis_engine: Engine | None = None,
         most_agents: MostAgents | None = None,
         maps: Iterable[object] | None = None,
@@ -316,7 +317,7 @@ class Scenario(Fixed):
             seeds: of each game, instead of both.
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
-            one_by_one: play them one after the other also where the core could, as `batch.context` needs.
+            one_by_one: deprecated, and without an effect: `batch.context` needs it no more.
             vis_engine: shows the games in turn, one by one; see `build`.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
@@ -331,7 +332,13 @@ class Scenario(Fixed):
             TooLarge: the games would not fit into memory; the message says what they need.
         """
         chosen = as_seeds(num_games, seed, seeds)
-        reason = ONE_BY_ONE if as_bool(one_by_one, "one_by_one") or vis_engine is not None else None
+        if one_by_one is not None:
+            warnings.warn(
+                "one_by_one= has no effect any more: leave it out. batch.context(i) shows any game.",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+        reason = None if vis_engine is None else "a window that shows its games"
         scenarios = [self] if maps is None else self._on_maps(maps)
         if vis_engine is not None and len(scenarios) > 1:
             raise BadValue("A window shows games on one map: give vis_engine= or several maps, not both.")

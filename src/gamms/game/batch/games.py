@@ -19,7 +19,7 @@ from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
 from gamms.game.batch.why_not import first_called, why_not_decided, why_not_in_core, why_not_on_map
-from gamms.game.global_random import global_state
+from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -32,7 +32,6 @@ from gamms.text import shown
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
-ONE_BY_ONE = "one_by_one=True"
 _FEWEST_WARNED = 16  # games
 _AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays before Ctrl-C is heard
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
@@ -54,6 +53,13 @@ class BatchSource(NamedTuple):
     starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
     follows_seed: str | None
     build: Callable[[int], Any] | None
+
+
+class _Alone(NamedTuple):
+    """A game that is played once more in a context of its own."""
+
+    number: int
+    game: PlayedGame
 
 
 class Batch(Fixed):
@@ -109,6 +115,9 @@ class Batch(Fixed):
         self._steps = 0
         self._ran_from: int | None = None  # how many entries the log had when the run that plays now began
         self._is_said = False  # whether it was logged what slows it down
+        self._first_turn = sources[0].game.turn  # how many turns were played before the batch
+        self._shown: _Alone | None = None
+        self._alone: _Alone | None = None  # which is played right now
         self._was_given = False  # whether actions came from outside and were not kept
         self._lock = RLock()  # of the thread that plays
 
@@ -146,7 +155,7 @@ class Batch(Fixed):
         return len(self.seeds)
 
     def __repr__(self) -> str:
-        how = "in arrays" if self.is_in_arrays else f"one by one, because of {self.slow}"
+        how = "in the core" if self.is_in_arrays else f"one by one, because of {self.slow}"
         return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, played {how})"
 
     def __reduce__(self) -> NoReturn:
@@ -165,6 +174,7 @@ class Batch(Fixed):
     def close(self) -> None:
         """End the contexts of the batch."""
         self._put_public(is_closed=True)
+        self._hide()
         for source in self._sources:
             source.game.ctx.terminate()
 
@@ -210,6 +220,7 @@ class Batch(Fixed):
         if not self.is_in_arrays:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         self._step(given, None, min(as_count(threads, "threads"), len(self)))
+        self._follow()
         return ~self._engine.is_over
 
     def _step(self, given: dict[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
@@ -237,6 +248,7 @@ class Batch(Fixed):
                 if numbers.is_given[members].all():
                     given[team] = Given(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
         self._step(given, numbers, threads)
+        self._follow()
         return True
 
     def _play_turn(self, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
@@ -256,6 +268,7 @@ class Batch(Fixed):
 
         In `run` it plays them up to the first turn of that, as it seeds the global generators for all of a run.
         """
+        self._hide()
         left.release()
         engine = self._made_one_by_one()
         log = self._log or []
@@ -338,6 +351,7 @@ class Batch(Fixed):
                     self._ran_from = None
             if isinstance(self._engine, OneByOneOnMaps):  # or they have left the core
                 self._run_one_by_one(self._engine, show)
+        self._follow()
 
     def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
@@ -363,7 +377,7 @@ class Batch(Fixed):
         show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
     def _say_what_is_slow(self) -> None:
-        if self._is_said or self.slow in (None, ONE_BY_ONE):
+        if self._is_said or self.slow is None:
             return
         self._is_said = True
         logger = self.game.ctx.logger
@@ -404,6 +418,8 @@ class Batch(Fixed):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
         if not numbers:
             return
+        if self._shown is not None and self._shown.number in numbers:
+            self._hide()
         changed = dict(zip(numbers, given, strict=True))
         if seeds is not None:
             maps = self.maps.copy()
@@ -453,12 +469,13 @@ class Batch(Fixed):
             if numbers.shape not in {(), (len(self),)} or np.isnan(numbers).any():
                 raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
         self._arrays("load").load(columns, as_count(turn, "turn", least=0), scores or {})
+        self._hide()
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> GameArrays:
         if isinstance(self._engine, OneByOneOnMaps) or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
-            raise BadValue(f"{what} is for games that are played in arrays; these are not, because of {why}.")
+            raise BadValue(f"{what} is for games of which the core plays all parts; these are not, because of {why}.")
         if len(self._sources) > 1:
             raise BadValue(
                 f"{what} is for games on one map, whose nodes its columns number; these are on {len(self._sources)}: "
@@ -511,6 +528,8 @@ class Batch(Fixed):
 
         Of several maps, it is the one on the map of the game that was played by itself last, or on the first map.
         """
+        if self._alone is not None:
+            return self._alone.game
         number = self._engine.current if isinstance(self._engine, OneByOneOnMaps) else 0
         return self._sources[number].game
 
@@ -561,7 +580,7 @@ class Batch(Fixed):
 
     @property
     def detached(self) -> dict[int, str]:
-        """Game -> why it has left the arrays while it was played: all games, or none."""
+        """Game -> why it has left the core while it was played: all games, or none."""
         return {} if self._left is None else dict.fromkeys(range(len(self)), self._left)
 
     def table(self) -> dict[str, Any]:
@@ -591,20 +610,37 @@ class Batch(Fixed):
         build = self._sources[self.maps[number]].build
         if build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
-        if self._was_given:
-            raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
-        turns, first = int(self._engine.turns()[number]), self._entry_of(number)
-        ran_from = self._engine.ran_from(number) if isinstance(self._engine, OneByOneOnMaps) else None
-        num_given = turns if ran_from is None else ran_from
+        self._refuse_unknown_past(number)
         with build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
-            acting = Acting(ctx.game, self._roster)
-            for turn in range(turns):
-                given = {} if self._log is None or turn >= num_given else self._log[first + turn]
-                acting.take(given, number)
-                ctx.game.step()
-            if self._engine.is_over[number] and not ctx.game.is_over and turns != ctx.game.max_turns:
-                ctx.game.step()  # which a rule of the phase "before" ends
+            self._play_alone(ctx.game, number)
+
+    def _refuse_unknown_past(self, game: int) -> None:
+        """Refuse to play a game once more if it is not known what was done in it."""
+        if self._was_given:
+            raise BadValue(
+                "The actions that were given to step were not kept: make the batch with scenario.batch(…, "
+                "record=True), or ask for context(…) before actions are given."
+            )
+        self._entry_of(game)
+
+    def _play_alone(self, game: PlayedGame, number: int) -> None:
+        """Play a game in another context, on to where it is in the batch."""
+        first, log = self._entry_of(number) - self._first_turn, self._log or []
+        turns = int(self._engine.turns()[number])
+        ran_from = self._engine.ran_from(number) if isinstance(self._engine, OneByOneOnMaps) else None
+        num_given = turns if ran_from is None else ran_from
+        acting = Acting(game, self._roster)
+        self._alone = _Alone(number, game)
+        try:
+            with seeded_for_run(game.ctx, game.turn):
+                for turn in range(game.turn, turns):
+                    acting.take(log[first + turn] if log and turn < num_given else {}, number)
+                    _step_again(game)
+                if self._engine.is_over[number] and game.over is None and turns != game.settings()["max_turns"]:
+                    game.step()  # which a rule of the phase "before" ends
+        finally:
+            self._alone = None
             acting.end()
 
     def _entry_of(self, game: int) -> int:
@@ -615,29 +651,75 @@ class Batch(Fixed):
         return first
 
     def context(self, game: int) -> Any:
-        """Point the context of the batch at a game, to look at it; after each turn it is pointed there again.
+        """Return a context that is pointed at a game, to look at it; after each turn it has the game as it is then.
 
-        Of several maps, each has its context.
+        A game in the core, or one that is over, is played once more in a context of its own. This takes as long as the
+        game takes alone, and so does each turn from then on. That context ends when another game is asked for and when
+        the game begins again. Other games are shown in the context of the batch, which has another one for each map.
 
         Raises:
-            BadValue: the games are played in the core: `scenario.batch(…, one_by_one=True)` plays them in a context.
+            BadValue: actions were given to `step` before, and the batch was not made with `record=True`; or the game
+                was loaded and not begun again since.
         """
         number = self._as_game(game)
-        if isinstance(self._engine, ArrayEngine) and self._engine.calls_each:
-            self._leave_arrays(self._engine, "its context shows a game")
-        if isinstance(self._engine, ArrayEngine):
-            way = "scenario.batch(…, one_by_one=True)" if self._sources[0].build else "ctx.game.fork(seed) has one"
-            raise BadValue(f"Games in arrays have no context: {way}.")
-        return self._engine.show(number).ctx
+        with self._playing():
+            if isinstance(self._engine, OneByOneOnMaps) and self._engine.can_show(number):
+                return self._engine.show(number).ctx
+            return self._context_of(number)
+
+    def _context_of(self, number: int) -> Any:
+        """Return a context of its own that shows a game."""
+        if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
+            self._refuse_unknown_past(number)
+            self._hide()
+            if self._log is None:
+                self._begin_log()
+            self._shown = _Alone(number, self._begun_alone(number))
+        self._follow()
+        return self._shown.game.ctx
+
+    def _begun_alone(self, number: int) -> PlayedGame:
+        """Return a game at its start, in a context of its own."""
+        source, seed = self._sources[self.maps[number]], self.seeds[number]
+        game: PlayedGame
+        if source.build is not None:
+            game = source.build(seed).game
+            return game
+        self._engine.release()
+        game = source.game.fork(0)
+        if isinstance(self._engine, OneByOneOnMaps):
+            self._engine.return_to_shown()
+        game.reset(seed=seed)
+        return game
+
+    def _begin_log(self) -> None:
+        """Note actions from now on; none were given before."""
+        turns = self._engine.turns() - self._first_turn
+        most = int(turns.max())
+        self._log = [{} for _ in range(most)]
+        self._begun[self._begun >= 0] = (most - turns)[self._begun >= 0]
+
+    def _follow(self) -> None:
+        """Let the context that shows a game have it as it is now."""
+        if self._shown is not None and not self._shown.game.ctx.is_terminated():
+            self._play_alone(self._shown.game, self._shown.number)
+
+    def _hide(self) -> None:
+        """End the context that shows a game."""
+        if self._shown is not None:
+            self._shown.game.ctx.terminate()
+            self._shown = None
 
     @property
     def is_in_arrays(self) -> bool:
-        """Whether the games are played all at once, and not one after the other."""
+        """Whether the games are played in the core, and not one after the other."""
         return isinstance(self._engine, ArrayEngine)
 
     @property
     def loaded(self) -> int | None:
         """The number of the game that is played by itself right now; None: games are in the core."""
+        if self._alone is not None:
+            return self._alone.number
         return self._engine.loaded if isinstance(self._engine, OneByOneOnMaps) else None
 
     # -- inside -------------------------------------------------------------------------------------------------
@@ -712,6 +794,16 @@ def _refuse_other_agents(roster: Roster, first: Roster, number: int) -> None:
             f"On maps[{number}] agents of the game have other teams or kinds than on maps[0]: let the code of the "
             "scenario make the same on all maps."
         )
+
+
+def _step_again(game: PlayedGame) -> None:
+    """Play a turn of a game; an error was raised in the batch, too, if it comes when all agents have moved."""
+    turn = game.turn
+    try:
+        game.step()
+    except Exception:
+        if game.turn == turn:
+            raise
 
 
 def step_numbers(games: Batch, numbers: Numbers, threads: int) -> bool:

@@ -50,6 +50,11 @@ class OneByOneOnMaps:
         for number, engine in enumerate(engines):
             engine.leave(np.flatnonzero(map_of != number))
 
+    def release(self) -> None:
+        """Have contexts as they were before games were played in them."""
+        for engine in self._engines:
+            engine.release()
+
     @property
     def loaded(self) -> int | None:
         """The number of the game that a context has; None: of none."""
@@ -94,6 +99,10 @@ class OneByOneOnMaps:
     def run(self, game: int) -> None:
         """Play a game that is played by itself to its end."""
         self._stepping(game).run(game)
+
+    def can_show(self, game: int) -> bool:
+        """Whether `show` can point a context at a game, because it goes on or is still there."""
+        return self._engines[self._map_of[game]].can_show(game)
 
     def show(self, game: int) -> PlayedGame:
         """Point the context of the map of a game at it, and point it there again after each turn."""

@@ -310,6 +310,16 @@ class OneByOneEngine:
             known = self._results[number] = self._result()
         return known
 
+    def release(self) -> None:
+        """Have the context as it was before games were played in it."""
+        self._put_aside()
+        self._game.reset(seed=self.seeds[0])
+        self._acting.end()
+
+    def can_show(self, number: int) -> bool:
+        """Whether the context can be pointed at a game, because it goes on or is still there."""
+        return self._over[number] is None or number == self.loaded or self._snapshots[number] is not None
+
     def show(self, number: int) -> PlayedGame:
         """Point the context at a game, and point it there again after each turn."""
         self._shown = number

@@ -1,0 +1,235 @@
+"""The context of one game of a batch: what is read from it is what the game alone has at that turn."""
+
+import threading
+from queue import SimpleQueue
+
+import numpy as np
+import pytest
+from batch_scenes import WALK, plain, scene, timed
+
+from gamms import rl
+from gamms.errors import BadValue
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+EYES = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+CHASE = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+FAST = {"count": 2, "strategy": WALK, "speed": 7.0}
+SCENES = {
+    "a walk": scene([TAG]),
+    "sensors": scene([TAG, "respawn"], teams={"red": CHASE, "blue": CHASE}, sensors=EYES),
+    "conflicts": scene([TAG], conflicts={"capacity": 1, "resolve": "at_random"}),
+    "by metres": scene([TAG], teams={"red": FAST, "blue": FAST}, settings={"speed_unit": "metres"}),
+}
+
+
+def bonus(ctx):
+    """Pay agents on nodes of even numbers, and remember how many there were."""
+    there = [agent.team for agent in ctx.game.agents if agent.current_node_id % 2 == 0]
+    ctx.game.data["seen"] = ctx.game.data.get("seen", 0) + len(there)
+    for team in there:
+        ctx.game.scores[team] += 1
+
+
+def seen_in(ctx):
+    """Return what a program may read of a game, agents by their names."""
+    agents = {
+        agent.name: (agent.current_node_id, agent.prev_node_id, agent.alive, agent.xy, agent.get_state()["sensor"])
+        for agent in sorted(ctx.agent.create_iter(), key=lambda one: one.name)
+    }
+    return ctx.seed, ctx.game.turn, agents, plain(ctx.game.result()), ctx.game.data.get("seen"), ctx.game.moves
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_context_shows_what_the_game_alone_has_after_each_turn(name):
+    scenario = SCENES[name]
+    with scenario.batch(3, seed=4) as games, scenario.build(seed=5) as alone:
+        assert games.is_in_arrays
+        for turn in range(6):
+            if turn == 2:
+                shown = games.context(1)
+            if turn >= 2:
+                assert seen_in(shown) == seen_in(alone)
+            games.step()
+            alone.game.step()
+        assert games.is_in_arrays
+        games.run()
+        assert shown is games.context(1)
+        assert plain(shown.game.result()) == plain(games.result(1)) == plain(scenario.play(seed=5))
+
+
+@pytest.mark.parametrize("played", [0, 3])
+def test_a_context_changes_nothing_of_what_the_batch_plays_on(played):
+    with scene([TAG]).build(seed=1) as ctx:
+        for _ in range(played):
+            ctx.game.step()
+        ctx.game.add(bonus)
+        ctx.game.collect("seen", lambda ctx: ctx.game.data["seen"])
+        with ctx.game.batch(3, seed=4) as games, ctx.game.batch(3, seed=4) as others, ctx.game.fork(0).ctx as alone:
+            for turn in range(5):
+                games.step()
+                others.step()
+                number = turn % 3
+                shown = games.context(number)
+                alone.game.reset(seed=4 + number)
+                while alone.game.turn < played + turn + 1:
+                    alone.game.step()
+                assert seen_in(shown) == seen_in(alone)
+            games.run()
+            others.run()
+            for number in range(3):
+                assert plain(games.result(number)) == plain(others.result(number))
+            assert games.is_in_arrays == others.is_in_arrays
+
+
+def test_a_context_shows_what_was_done_by_actions_from_outside():
+    with scene([TAG]).batch(3, seed=4) as games:
+        games.step()
+        shown = games.context(2)
+        for turn in range(4):
+            view = games.observe("red")
+            games.step({"red": (view.counts - 1) * (turn % 2)})
+            nodes = [shown.agent.get_agent(name).current_node_id for name in view["name"]]
+            assert nodes == games.observe("red")["curr_pos"][2].tolist()
+        assert shown.game.plans == {}
+        other = games.context(0)
+        assert plain(other.game.result()) == plain(games.result(0))
+
+
+def test_actions_that_were_not_kept_are_not_shown():
+    with scene().batch(2) as games:
+        games.step({"red": np.zeros((2, 3), np.int64)})
+        with pytest.raises(BadValue, match=r"not kept: make the batch with .*record=True.*, or ask for context"):
+            games.context(0)
+        games.reset()
+        assert games.context(0).game.turn == 0
+    with scene().batch(2, record=True) as games:
+        games.step({"red": np.zeros((2, 3), np.int64)})
+        assert games.context(0).game.turn == 1
+
+
+def test_a_loaded_game_has_no_context_until_it_begins_again():
+    with scene().batch(2) as games:
+        shown = games.context(0)
+        games.load(games.columns(), turn=3)
+        assert shown.is_terminated()
+        with pytest.raises(BadValue, match="begin it with reset first"):
+            games.context(0)
+        games.reset([0])
+        assert games.context(0).game.turn == 0
+
+
+def test_an_agent_answers_for_its_own_game_when_another_is_shown():
+    with scene([TAG]).batch(2, seed=5) as games:
+        games.step()
+        first = games.context(0)
+        agents = [first.agent.get_agent(f"red_{i}") for i in range(3)]
+        nodes = games.observe("red")["curr_pos"].tolist()
+        other = games.context(1)
+        assert first.is_terminated()
+        assert [agent.current_node_id for agent in agents] == nodes[0]
+        assert [other.agent.get_agent(agent.name).current_node_id for agent in agents] == nodes[1]
+        games.reset([1])
+        assert other.is_terminated()
+        last = games.context(1)
+    assert last.is_terminated()
+
+
+def test_a_rule_that_keeps_an_agent_for_other_games_is_refused():
+    kept = {}
+
+    def follow(ctx):
+        for agent in ctx.game.agents:
+            kept.setdefault(agent.name, agent)
+
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(follow)
+        with (
+            ctx.game.batch(3) as games,
+            pytest.raises(BadValue, match="variable 'kept' of follow"),
+        ):
+            games.run()
+
+
+def test_the_turn_in_which_a_rule_raised_is_shown():
+    def fall(ctx):
+        if ctx.game.turn == 3:
+            raise ZeroDivisionError("fell")
+
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(fall)
+        with ctx.game.batch(1) as games:
+            with pytest.raises(ZeroDivisionError):
+                games.run()
+            assert games.turn.tolist() == [3]
+            shown = games.context(0)
+            assert shown.game.turn == 3
+            assert plain(shown.game.result()) == plain(games.result(0))
+
+
+def test_two_batches_of_one_context_play_in_two_threads_as_alone():
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.add(bonus)
+        with ctx.game.batch(4, seed=1) as first, ctx.game.batch(4, seed=9) as second, ctx.game.fork(0).ctx as alone:
+            threads = [threading.Thread(target=games.run) for games in (first, second)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            for games in (first, second):
+                for number, seed in enumerate(games.seeds):
+                    alone.game.reset(seed=seed)
+                    assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_a_context_is_not_made_while_another_thread_plays():
+    batches, answers = SimpleQueue(), SimpleQueue()
+
+    def ask(games):
+        try:
+            games.context(0)
+        except BadValue as error:
+            answers.put(str(error))
+
+    def ask_elsewhere(ctx):
+        if not batches.empty():
+            thread = threading.Thread(target=ask, args=(batches.get(),))
+            thread.start()
+            thread.join()
+
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(ask_elsewhere)
+        with ctx.game.batch(2) as games:
+            batches.put(games)
+            games.step()
+            assert "Another thread plays this batch" in answers.get()
+
+
+@pytest.mark.parametrize("make", [rl.parallel_env, rl.single_agent_env])
+def test_an_environment_has_a_context_of_its_game(make):
+    given = {"team": "red"} if make is rl.parallel_env else {"agent": "red_0"}
+    env = make(scene([TAG]), **given)
+    learners = env.unwrapped.learners
+    env.reset(seed=3)
+    shown = learners.games.context(0)
+    for _ in range(4):
+        action = dict.fromkeys(learners.names, 1) if make is rl.parallel_env else 1
+        env.step(action)
+        nodes = learners.games.observe("red")["curr_pos"][0].tolist()
+        assert [shown.agent.get_agent(f"red_{i}").current_node_id for i in range(3)] == nodes
+    env.close()
+
+
+@pytest.mark.parametrize("of_scenario", [True, False])
+def test_a_game_that_is_over_is_shown_where_games_are_played_one_after_the_other(of_scenario):
+    scenario = timed(scene([TAG], max_turns=5))
+    with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as fork:
+        make, alone = (scenario.batch, ctx) if of_scenario else (ctx.game.batch, fork)
+        with make(3, seed=4) as games:
+            games.step()
+            first = games.context(0)
+            games.run()
+            for number in (1, 0, 2):
+                alone.game.reset(seed=4 + number)
+                alone.game.run()
+                assert seen_in(games.context(number)) == seen_in(alone)
+            assert (first.seed, first.game.turn) == (4, 5)
