@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import WAYS, as_it_is, plain, scene, timed
+from batch_scenes import WAYS, as_it_is, assert_as_shown, plain, scene, timed
 
 import gamms
 from gamms import recorder
@@ -670,6 +670,17 @@ def test_games_in_which_a_strategy_raises_go_on_as_if_it_had_not(how, by_turns, 
         games.record(0, tmp_path / "game.ggr")
         with recorder.open(tmp_path / "game.ggr") as recording:
             assert len(recording) == 9
+
+
+def test_actions_that_are_given_after_an_interrupt_are_kept_for_the_turns_of_their_games():
+    ALARM.send(frozenset({30}))
+    with timed(scene(max_turns=9)).batch(3, seed=1, record=True, strategies={"red": walk_and_press}) as games:
+        with pytest.raises(KeyboardInterrupt):
+            games.run()
+        assert games.turn.tolist() == [9, 0, 0]
+        while not games.is_over.all():
+            games.step({"blue": games.observe("blue").counts - 1})
+        assert_as_shown(games)
 
 
 def test_ctrl_c_comes_between_two_turns_of_a_batch():

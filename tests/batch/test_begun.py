@@ -121,17 +121,17 @@ def delete_team(ctx):
 @pytest.mark.parametrize(
     ("delete", "delay_turns", "why"),
     [
-        (delete_carrier, 0, "agents that were deleted, of which sensors, messages or rules still know"),
+        (delete_carrier, 0, "agents that were deleted, of which rules still know"),
         (
             lambda ctx: ctx.agent.delete_agent("red_1"),
             2,
-            "agents that were deleted, of which sensors, messages or rules still know",
+            "the sensor 'near' of agent 'blue_0', which reports late",
         ),
         (delete_team, 0, "a team whose agents were deleted"),
         (lambda ctx: ctx.agent.delete_agent("red_1"), 0, None),
     ],
 )
-def test_games_are_played_one_by_one_where_something_still_knows_of_agents_that_were_deleted(delete, delay_turns, why):
+def test_games_are_played_one_by_one_where_rules_still_know_of_agents_that_were_deleted(delete, delay_turns, why):
     sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "delay_turns": delay_turns}}
     team = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
     flags = {"rule": "capture_flag", "with": {"flags": {"red": 5, "blue": 6}}}

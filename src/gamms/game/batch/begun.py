@@ -168,11 +168,8 @@ def _why_not_departed(game: PlayedGame) -> Iterator[str]:
     gone = {name: team for name, (team, _) in values.departed.items() if name not in known}
     if not {*gone.values()} <= {agent.team for agent in known.values()}:
         yield "a team whose agents were deleted"
-    reports = (seen for looks in values.delayed_looks.values() for seen in looks.values())
-    arrivals = ((one["sender"], [*one["heard"].values(), *one["overheard"].values()]) for one in values.messages)
-    senders = (sender for sender, turns in arrivals if max(turns, default=0) > game.turn)
-    if gone and not gone.keys().isdisjoint(chain(_texts_in(values.data), senders, *reports)):
-        yield "agents that were deleted, of which sensors, messages or rules still know"
+    if gone and not gone.keys().isdisjoint(_texts_in(values.data)):
+        yield "agents that were deleted, of which rules still know"
 
 
 def _texts_in(value: object) -> Iterator[str]:

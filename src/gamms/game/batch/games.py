@@ -389,7 +389,6 @@ class Batch(Fixed):
         say(f"A batch is played one game after the other, because of {self.slow}.")
 
     def _run_one_by_one(self, engine: OneByOneOnMaps, show: Callable[[str], object] | None) -> None:
-        before = engine.turns()
         try:
             for game in np.flatnonzero(~engine.is_over).tolist():
                 engine.run(game)
@@ -397,8 +396,6 @@ class Batch(Fixed):
                     show(f"game {game + 1} of {len(self)}")
         finally:
             engine.return_to_shown()
-            if self._log is not None:
-                self._log += [{}] * int((engine.turns() - before).max())
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
         """Begin games again; games with other seeds draw their maps again, if there are several.

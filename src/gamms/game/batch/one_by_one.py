@@ -162,6 +162,7 @@ class OneByOneEngine:
             raise
         except BaseException:
             self.loaded, self._snapshots[number] = None, before
+            self.ran_from.pop(number)
             raise
         self._store(number)
         self._refuse_hidden()
