@@ -20,12 +20,12 @@ def as_it_is(scenario):
     return scenario
 
 
-def timed(scenario):
-    """Return a scenario with the same games, which are played one after the other because decisions are timed."""
-    return scenario.replace(**{"settings.time_budget": 3600.0})
+def beyond_core(scenario):
+    """Return a scenario with the same games, which are played one after the other because it has a channel."""
+    return scenario.replace(**{"channels.unused": {"range_m": 1.0}})
 
 
-WAYS = [as_it_is, timed]
+WAYS = [as_it_is, beyond_core]
 
 
 def assert_as_shown(games):

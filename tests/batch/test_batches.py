@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import WAYS, as_it_is, assert_as_shown, plain, scene, timed
+from batch_scenes import WAYS, as_it_is, assert_as_shown, beyond_core, plain, scene
 
 import gamms
 from gamms import recorder
@@ -608,7 +608,7 @@ def test_seeds_of_a_reset_are_as_many_as_its_games():
 
 
 def test_games_that_are_played_one_by_one_have_no_columns():
-    with timed(scene()).batch(2) as games, pytest.raises(BadValue, match="a time budget"):
+    with beyond_core(scene()).batch(2) as games, pytest.raises(BadValue, match="because of channels"):
         games.columns()
 
 
@@ -644,8 +644,8 @@ def walk_and_press(state):
 PLAYED = {
     "in the core": (70, as_it_is),
     "few": (4, as_it_is),
-    "one by one": (4, timed),
-    "alone": (1, timed),
+    "one by one": (4, beyond_core),
+    "alone": (1, beyond_core),
 }
 
 
@@ -674,7 +674,7 @@ def test_games_in_which_a_strategy_raises_go_on_as_if_it_had_not(how, by_turns, 
 
 def test_actions_that_are_given_after_an_interrupt_are_kept_for_the_turns_of_their_games():
     ALARM.send(frozenset({30}))
-    with timed(scene(max_turns=9)).batch(3, seed=1, record=True, strategies={"red": walk_and_press}) as games:
+    with beyond_core(scene(max_turns=9)).batch(3, seed=1, record=True, strategies={"red": walk_and_press}) as games:
         with pytest.raises(KeyboardInterrupt):
             games.run()
         assert games.turn.tolist() == [9, 0, 0]

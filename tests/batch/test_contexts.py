@@ -5,7 +5,7 @@ from queue import SimpleQueue
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene, timed
+from batch_scenes import WALK, beyond_core, plain, scene
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -221,7 +221,7 @@ def test_an_environment_has_a_context_of_its_game(make):
 
 @pytest.mark.parametrize("of_scenario", [True, False])
 def test_a_game_that_is_over_is_shown_where_games_are_played_one_after_the_other(of_scenario):
-    scenario = timed(scene([TAG], max_turns=5))
+    scenario = beyond_core(scene([TAG], max_turns=5))
     with scenario.build(seed=1) as ctx, ctx.game.fork(0).ctx as fork:
         make, alone = (scenario.batch, ctx) if of_scenario else (ctx.game.batch, fork)
         with make(3, seed=4) as games:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene, shadow, timed
+from batch_scenes import WALK, beyond_core, plain, scene, shadow
 
 import gamms
 from gamms.errors import BadValue
@@ -119,7 +119,7 @@ def test_agents_see_others_from_the_air_as_in_games_alone(strategy, eyes):
     scenario = flying(FUEL, BACK, drone={"sensors": eyes}, sensors=EYES)
     with (
         scenario.batch(3, seed=2, strategies={"air": strategy}) as games,
-        timed(scenario).batch(3, seed=2, strategies={"air": strategy}) as others,
+        beyond_core(scenario).batch(3, seed=2, strategies={"air": strategy}) as others,
     ):
         for _ in range(4):
             games.step()
@@ -139,7 +139,7 @@ def test_given_flights_are_those_of_games_one_by_one(legal, tmp_path):
     scenario, rng = flying(FUEL, TAG).replace(**{"settings.legal": legal}), np.random.default_rng(2)
     with (
         scenario.batch(3, seed=4, record=True) as games,
-        timed(scenario).batch(3, seed=4, record=True) as others,
+        beyond_core(scenario).batch(3, seed=4, record=True) as others,
     ):
         while not games.is_over.all():
             given = {"air": {"flights": rng.normal(size=(3, 2, 3)) * 9.0}} if int(games.turn[0]) % 3 else {}
@@ -234,7 +234,7 @@ def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fl
     scenario = scene([], teams=teams, sensors={"tower": TOWER | more}, max_turns=6)
     with (
         scenario.batch(3, seed=1, strategies={"red": listen}) as games,
-        timed(scenario).batch(3, seed=1, strategies={"red": listen}) as alone,
+        beyond_core(scenario).batch(3, seed=1, strategies={"red": listen}) as alone,
     ):
         while not games.is_over.all():
             for names in ((), ("tower",)):

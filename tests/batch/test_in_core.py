@@ -7,7 +7,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene, timed
+from batch_scenes import WALK, beyond_core, plain, scene
 
 import gamms
 from gamms import strategies
@@ -206,7 +206,7 @@ def check(number, *, by_steps=False):
     scenario, made = scenario_of_steps(number) if by_steps else (random_scenario(number), None)
     seeds, how = range(number, number + GAMES), {"strategies": made}
     teams = list(scenario.to_dict()["teams"])
-    with scenario.batch(seeds=seeds, **how) as games, timed(scenario).batch(seeds=seeds, **how) as others:
+    with scenario.batch(seeds=seeds, **how) as games, beyond_core(scenario).batch(seeds=seeds, **how) as others:
         assert is_in_core(games)
         assert not is_in_core(others)
         play_by_steps(games, others, Random(number), teams)
@@ -351,7 +351,7 @@ def test_threads_are_a_number_from_1(threads):
 
 
 def test_games_that_are_elsewhere_are_played_with_threads_too():
-    with timed(GRID).batch(2) as games, GRID.batch(2) as others:
+    with beyond_core(GRID).batch(2) as games, GRID.batch(2) as others:
         games.run(threads=2)
         others.run()
         assert plain(games.result(1)) == plain(others.result(1))

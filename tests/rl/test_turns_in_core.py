@@ -143,7 +143,7 @@ def test_threads_that_are_no_number_from_one_on_are_refused(threads):
 def test_learners_in_the_core_are_those_of_contexts(options):
     with (
         Learners(scene("eliminate"), 4, seed=3, **options) as learners,
-        Learners(scene("eliminate").replace(**{"settings.time_budget": 3600.0}), 4, seed=3, **options) as alone,
+        Learners(scene("eliminate").replace(**{"channels.unused": {"range_m": 1.0}}), 4, seed=3, **options) as alone,
     ):
         assert learners.games.slow is None
         learners.begin_all()

@@ -41,7 +41,7 @@ _OF_ALL = (
 )
 
 
-class Unknown(dict[Any, Any]):
+class GuardedDict(dict[Any, Any]):
     """A dict of a game with keys whose values only the core has; a function that reads one ends play in the core.
 
     Args:
@@ -61,10 +61,10 @@ class Unknown(dict[Any, Any]):
 
 
 def _refusing(name: str, *, is_of_one: bool) -> Callable[..., Any]:
-    """Return a method of `Unknown` that reads the value of one key, or all values."""
+    """Return a method of `GuardedDict` that reads the value of one key, or all values."""
     method = getattr(dict, name, None)
 
-    def read(self: Unknown, *args: object, **named: object) -> Any:
+    def read(self: GuardedDict, *args: object, **named: object) -> Any:
         if method is None or self.of_core is None or not is_of_one or args[0] in self.of_core:
             self.leave(f"reads {self.what}")
         return method(self, *args, **named)
@@ -73,7 +73,7 @@ def _refusing(name: str, *, is_of_one: bool) -> Callable[..., Any]:
 
 
 for _name in (*_OF_ONE, *_OF_ALL):
-    setattr(Unknown, _name, _refusing(_name, is_of_one=_name in _OF_ONE))
+    setattr(GuardedDict, _name, _refusing(_name, is_of_one=_name in _OF_ONE))
 
 
 class _Start:
@@ -212,7 +212,7 @@ class Cursor:
         self._has_begun = False
         self._why = ""  # why games leave the core
         self._wanted = np.full(state.node.shape, -1)  # ids of the nodes to which agents wanted to go
-        self._unknown = frozenset(_keys_in_core(game))
+        self._core_keys = frozenset(_keys_in_core(game))
         self._keeps_in_columns = keep_in_columns(game, state.roster)
         plans = game.settings()["plans"]
         deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
@@ -246,10 +246,10 @@ class Cursor:
         self._number_of = {name: i for i, name in enumerate(self._state.roster.names)}
         self._agents = [self._ctx.agent.agents[name] for name in block.names]
         self._journal = Journal(block.names)
-        self._first_data = {key: one for key, one in values.data.items() if key not in self._unknown}
+        self._first_data = {key: one for key, one in values.data.items() if key not in self._core_keys}
         self._facts = values.facts
         self._first_facts = {
-            name: self._no(f"ctx.game.facts[{name!r}]") if name in self._unknown else fact
+            name: self._no(f"ctx.game.facts[{name!r}]") if name in self._core_keys else fact
             for name, fact in self._facts.items()
         }
         self._first_attributes = [copied(vars(one)) for one in self._agents]
@@ -298,8 +298,8 @@ class Cursor:
             last[0] = {}
         self._pointed.release()
 
-    def _no(self, what: str) -> Unknown:
-        return Unknown({}, None, self._leave, what)
+    def _no(self, what: str) -> GuardedDict:
+        return GuardedDict({}, None, self._leave, what)
 
     def _leave(self, what: str) -> NoReturn:
         """Let the games leave the core, because of what a function does, in words."""
@@ -424,13 +424,13 @@ class Cursor:
 
     def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
         values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
-        if not self._unknown:
+        if not self._core_keys:
             return values
-        keys = ", ".join(sorted(self._unknown))
-        return Unknown(values, self._unknown, self._leave, f"ctx.game.data, with that of {keys}")
+        keys = ", ".join(sorted(self._core_keys))
+        return GuardedDict(values, self._core_keys, self._leave, f"ctx.game.data, with that of {keys}")
 
     def _replace_data(self, data: dict[Any, Any]) -> None:
-        if self._unknown:
+        if self._core_keys:
             self._leave("replaces ctx.game.data")
         self._make_data()
         self._data[self._number] = self._read["data"] = data
@@ -592,7 +592,7 @@ class Cursor:
         known, now = self._facts_shown, self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         self._facts_of[self._number] = self._facts_own = self._facts_shown = dict(now)
-        if changed & self._unknown or any(name in first and not is_plain(first[name]) for name in changed):
+        if changed & self._core_keys or any(name in first and not is_plain(first[name]) for name in changed):
             self._leave("publishes facts of rules in the core")
         if self._has_array_functions:
             self._leave("publishes facts, which array functions may read")

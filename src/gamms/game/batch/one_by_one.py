@@ -45,7 +45,7 @@ class OneByOneEngine:
         self.loaded: int | None = None
         self._shown: int | None = None  # the game that the context was pointed at by `show`
         self.ran_from = dict[int, int]()
-        self._unknown = dict[int, UnknownName]()  # games with agents at nodes that arrays do not have, or next to them
+        self._beyond_arrays = dict[int, UnknownName]()  # games with agents at or next to nodes that rules have added
         self._acting = Acting(game, roster)
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
@@ -86,7 +86,7 @@ class OneByOneEngine:
             self.loaded = None
         self._snapshots[game] = self._results[game] = self._over[game] = None
         self.ran_from.pop(game, None)
-        self._unknown.pop(game, None)
+        self._beyond_arrays.pop(game, None)
         self._is_observed[game] = False
 
     @contextmanager
@@ -198,15 +198,16 @@ class OneByOneEngine:
         for number in games[~self._is_observed[games]].tolist():
             self.load(number)
             self._observe(number)
-        self.refuse_unknown(games.tolist())
+        self.refuse_beyond_arrays(games.tolist())
 
-    def refuse_unknown(self, games: Iterable[int]) -> None:
+    def refuse_beyond_arrays(self, games: Iterable[int]) -> None:
         """Refuse to observe games in which agents are at nodes that rules have added, or next to these."""
         for number in games:
-            if number in self._unknown:
+            if number in self._beyond_arrays:
+                error = self._beyond_arrays[number]
                 raise BadValue(
-                    f"Game {number} cannot be observed, nor be given actions: {self._unknown[number]} A rule has added "
-                    "it to the map of this game, and arrays have the nodes that are there at the start. Have it there."
+                    f"Game {number} cannot be observed, nor be given actions: {error} A rule has added it to "
+                    "the map of this game, and arrays have the nodes that are there at the start. Have it there."
                 )
 
     def _nothing_observed(self) -> GameArrays:
@@ -232,11 +233,11 @@ class OneByOneEngine:
 
     def _observe(self, number: int) -> None:
         """Note where the agents of the game that the context has are, if that is where arrays can say."""
-        self._unknown.pop(number, None)
+        self._beyond_arrays.pop(number, None)
         try:
             self._note(number)
         except UnknownName as error:
-            self._unknown[number] = error
+            self._beyond_arrays[number] = error
 
     def _note(self, number: int) -> None:
         state, ctx, known = self._observed, self._game.ctx, self._game.ctx.agent.agents
