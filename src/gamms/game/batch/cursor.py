@@ -133,7 +133,7 @@ for _name in _READ:
     setattr(_PointedState, _name, property(partial(_read_field, _name), _set_field))
 
 
-def _itself(function: Any) -> Any:
+def _itself(function: object) -> object:
     """Return the function of a collector for another game of the batch."""
     return function
 
