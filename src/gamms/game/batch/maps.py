@@ -102,7 +102,7 @@ class OneByOneOnMaps:
 
     def can_show(self, game: int) -> bool:
         """Whether `show` can point a context at a game, because it goes on or is still there."""
-        return self._engines[self._map_of[game]].can_show(game)
+        return self._of(game).can_show(game)
 
     def show(self, game: int) -> PlayedGame:
         """Point the context of the map of a game at it, and point it there again after each turn."""
