@@ -346,11 +346,7 @@ class ArrayEngine:
         """Play one turn; the games of all maps come to the end of a phase before the next begins."""
         self._block.part[:] = 0  # an error may have ended the last turn in another
         if any(one.before for one in self._maps):
-            for one, games in zip(self._maps, playing, strict=True):
-                one.check(games, given)
-            for one, games in zip(self._maps, playing, strict=True):
-                one.call_before(games)
-            playing = self._playing()
+            playing = self._call_before(playing, given)
         if numbers is not None:
             self._block.given[:] = numbers.actions
         are_given = [one.take(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
@@ -365,6 +361,14 @@ class ArrayEngine:
                 one.call(named, games)
             if one.cursor is not None:
                 one.cursor.collect(games)
+
+    def _call_before(self, playing: list[IntArray], given: Mapping[Hashable, Given]) -> list[IntArray]:
+        """Call the rules before the turn; return the games of each map that go on."""
+        for one, games in zip(self._maps, playing, strict=True):
+            one.check(games, given)
+        for one, games in zip(self._maps, playing, strict=True):
+            one.call_before(games)
+        return self._playing()
 
     def _play(
         self, playing: list[IntArray], until: IntArray, are_given: Sequence[BoolArray | None], threads: int
