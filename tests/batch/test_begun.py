@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import beyond_core, plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_players import DEEDS, busy, look
@@ -260,3 +260,14 @@ def test_rules_before_turns_look_along_no_node_that_was_removed():
         ctx.graph.graph.remove_node(passed)
         with ctx.game.batch(1) as games:
             assert "gates" in games.slow
+
+
+def test_games_that_are_observed_before_their_next_turn_keep_what_has_happened():
+    with beyond_core(scene()).build(seed=1) as ctx:
+        ctx.game.add(lambda ctx: ctx.game.emit("bell"))
+        ctx.game.run(2)
+        with ctx.game.batch(3) as games:
+            games.observe("red")
+            games.step()
+            assert not games.is_in_arrays
+            assert [[event["turn"] for event in games.result(number).events] for number in range(3)] == [[1, 2, 3]] * 3

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.game import SnapshotError
-from gamms.ir.game_state import LogHistory
+from gamms.ir.game_state import log_at
 from gamms.rules import Conflicts, capture_flag
 from gamms.sensor import SensorType
 from gamms.typing import AgentType
@@ -293,14 +293,15 @@ def test_a_copy_of_a_game_with_a_team_restores_copies_of_snapshots_from_before_a
 
 
 @given(steps=st.lists(st.one_of(st.integers(1, 5), st.integers(-9, -1)), max_size=30))
-def test_a_log_returns_to_any_of_its_points(steps):
-    log, history, fresh = [], LogHistory(), iter(range(10**6))
-    points = [(history.mark(log), [])]
+def test_a_log_returns_to_any_of_its_marks(steps):
+    log, fresh, marked = [], iter(range(10**6)), 0
+    marks = [((log, 0), [])]
     for step in steps:
         if step > 0:
             log.extend(next(fresh) for _ in range(step))
-            points.append((history.mark(log), list(log)))
+            marked = len(log)
+            marks.append(((log, marked), list(log)))
         else:
-            point, then = points[step % len(points)]
-            history.go_to(log, point)
+            mark, then = marks[step % len(marks)]
+            log, marked = log_at(log, mark, marked), mark[1]
             assert log == then

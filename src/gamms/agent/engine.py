@@ -444,23 +444,18 @@ class AgentStorage(Guarded):
             members.strategy = own(members.strategy)
 
     @refused_while_deciding
-    def snapshot(self, *, is_left: bool = False) -> AgentsSnapshot:
-        """Return all agents as they are now, for `restore`.
-
-        Args:
-            is_left: whether their game is left, because another takes its place: then attributes are not copied.
-        """
+    def snapshot(self) -> AgentsSnapshot:
+        """Return all agents as they are now, for `restore`."""
         engine, block = self._engine, self._engine.block
         block.locate()
         roster = self._roster
         if roster is None or block.has_teams or not roster.is_of(block):
             roster = self._roster = Roster(block, engine._stored())
         attributes = [agent.__dict__ for agent in roster.agents]
-        copy = dict if is_left else copied_values
         return AgentsSnapshot(
             roster,
             block.values(),
-            [copy(one) if one else {} for one in attributes],
+            [copied_values(one) if one else {} for one in attributes],
             [agent._last[0] for agent in roster.agents],
             [dict(one.columns) for one in roster.teams],
             [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],

@@ -41,7 +41,7 @@ def copy_known(
     teams = frozenset(one.team for name, one in source.ctx.agent.agents.items() if name in names)
     state = target.state
     state.data.update(copied(start.data, memo))
-    state.share_logs(source.state)
+    state.copy_logs(source.state)
     state.put_known(source.state, names, teams)
     state.messages = _heard(source.state, names)
     for log in ("errors", "deeds"):

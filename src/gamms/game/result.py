@@ -15,7 +15,7 @@ import numpy as np
 from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import bytes_of, write_whole
-from gamms.ir.game_state import LogHistory, LogPoint
+from gamms.ir.game_state import log_at
 from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.limits import refuse_above
@@ -337,27 +337,23 @@ def _plain(value: object) -> Plain:
 
 
 class Collector(NamedTuple):
-    """What is collected under a name; see `Game.collect`."""
+    """What is collected under a name; see `Game.collect`.
+
+    Attributes:
+        fn, every, per: as given.
+        columns: the values so far.
+        marked: up to which entry snapshots need each column.
+    """
 
     fn: Callable[[Any], Any]
     every: int
     per: str
     columns: dict[str, list[Any]]
-    histories: dict[str, LogHistory]
+    marked: dict[str, int]
 
 
-class _SharedColumns(dict[str, list[Any]]):
-    """The columns of a collector of another game, up to some points; each is copied when it is first asked for."""
-
-    def __init__(self, points: dict[str, LogPoint], histories: dict[str, LogHistory]) -> None:
-        super().__init__()
-        self._points, self._histories = points, histories
-
-    def __missing__(self, name: str) -> list[Any]:
-        column: list[Any] = []
-        self._histories[name].go_to(column, self._points[name])
-        self[name] = column
-        return column
+CollectorMark = tuple[Collector, dict[str, tuple[list[Any], int]]]
+"""A collector, and its columns at a moment: their lists, and how many entries each had."""
 
 
 class Collectors:
@@ -378,7 +374,7 @@ class Collectors:
         as_function_of(fn, f"Collector {shown(name)}", "the context" if per == "game" else "an agent")
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}
-        self.by_name[name] = Collector(fn, every, per, columns, {column: LogHistory() for column in names})
+        self.by_name[name] = Collector(fn, every, per, columns, dict.fromkeys(names, 0))
 
     def collect(self, turn: int, ctx: HostContext, agents: Callable[[], Sequence[IAgent]]) -> None:
         """Take the values of a turn; `agents` gives the living agents."""
@@ -393,30 +389,31 @@ class Collectors:
 
     def tables(self) -> dict[str, dict[str, list[Any]]]:
         """Return what was collected so far, by name."""
-        return {name: {key: list(one.columns[key]) for key in one.histories} for name, one in self.by_name.items()}
+        return {name: {key: list(column) for key, column in one.columns.items()} for name, one in self.by_name.items()}
 
     def copy_from(self, other: "Collectors", own: Callable[[Any], Any]) -> None:
-        """Take over the collectors of another game and what they have collected, which is copied when it is needed.
+        """Take copies of the collectors of another game.
 
         Args:
             other: the collectors of that game.
             own: gives the function to call for one of theirs.
         """
-        for name, (one, points) in other.snapshot().items():
-            histories = {key: LogHistory() for key in points}
-            columns = _SharedColumns(points, histories)
-            self.by_name[name] = one._replace(fn=own(one.fn), columns=columns, histories=histories)
+        for name, one in other.by_name.items():
+            columns = {key: column.copy() for key, column in one.columns.items()}
+            self.by_name[name] = one._replace(fn=own(one.fn), columns=columns, marked=dict.fromkeys(columns, 0))
 
-    def snapshot(self) -> dict[str, tuple[Collector, dict[str, LogPoint]]]:
+    def snapshot(self) -> dict[str, CollectorMark]:
         """Return the collectors and what they have collected, for `restore`."""
-        return {
-            name: (one, {key: history.mark(one.columns[key]) for key, history in one.histories.items()})
-            for name, one in self.by_name.items()
-        }
+        marks = {}
+        for name, one in self.by_name.items():
+            one.marked.update((key, len(column)) for key, column in one.columns.items())
+            marks[name] = one, {key: (column, len(column)) for key, column in one.columns.items()}
+        return marks
 
-    def restore(self, before: dict[str, tuple[Collector, dict[str, LogPoint]]]) -> None:
+    def restore(self, before: dict[str, CollectorMark]) -> None:
         """Restore the collectors and what they had collected."""
         self.by_name = {name: one for name, (one, _) in before.items()}
-        for one, points in before.values():
-            for key, point in points.items():
-                one.histories[key].go_to(one.columns[key], point)
+        for one, marks in before.values():
+            for key, mark in marks.items():
+                one.columns[key] = log_at(one.columns[key], mark, one.marked[key])
+                one.marked[key] = mark[1]

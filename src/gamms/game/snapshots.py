@@ -16,7 +16,7 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import COPY_OF, FIELDS, SAVED, GameState, LogsTakenOut
+from gamms.ir.game_state import COPY_OF, FIELDS, SAVED, GameState
 from gamms.ir.schema import Memo
 from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
@@ -124,24 +124,24 @@ class SnapshotTaker(NamedTuple):
         if self.turns.is_playing:
             raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
-    def take(self, *, is_left: bool = False) -> Snapshot:
-        """Take a snapshot; of a game that is left, because another takes its place, nothing is copied."""
+    def take(self) -> Snapshot:
+        """Take a snapshot."""
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
-            "agents": ctx.agent.storage.snapshot(is_left=is_left),
+            "agents": ctx.agent.storage.snapshot(),
             "agent_engine": ctx.agent,
             "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.storage.snapshot(),
             "settings": self.settings.settings_now(),
             "rules": self.rules.now,
             "collectors": self.collectors.snapshot(),
-            "logs": state.logs_taken_out() if is_left else state.marks(),
+            "logs": state.marks(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
             "prepared": self.turns.prepared,
         }
-        return Snapshot(state.turn, ctx.seed, state, state.copies(is_left=is_left), parts)
+        return Snapshot(state.turn, ctx.seed, state, state.copies(), parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot is of this game."""
@@ -162,10 +162,7 @@ class SnapshotTaker(NamedTuple):
         self.collectors.restore(parts["collectors"])
         were_blocked = bool(state.blocked)
         state.restore(snapshot._values)
-        if isinstance(parts["logs"], LogsTakenOut):
-            state.put_logs(parts["logs"])
-        else:
-            state.go_to(parts["logs"])
+        state.go_to(parts["logs"])
         self.turns.restore(parts["turns"], shows_blocked=were_blocked or bool(state.blocked))
         self.turns.prepared = parts["prepared"]
 
@@ -195,7 +192,7 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     for name, copy_of in COPY_OF.items():
         if not FIELDS[name].is_own:
             target.state.put(name, copy_of(getattr(source.state, name), memo))
-    target.state.share_logs(source.state)
+    target.state.copy_logs(source.state)
     plans = source.settings.plans.items()
     copy_means(source, target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
     target.collectors.copy_from(source.collectors, lambda fn: own(fn, memo))
@@ -388,19 +385,6 @@ class GameInternals(Guarded):
     def restart_streams(self) -> None:
         """Start what agents draw again from the seed that the context has now."""
         self._parts.turns.restart_streams()
-
-    @refused_while_deciding
-    def put_aside(self) -> Snapshot:
-        """Return the game between two turns, so that another can take its place by `reset` or `restore`.
-
-        Nothing that it holds is copied before it is restored, so the game must not be played on here.
-
-        Raises:
-            SnapshotError: a turn is being played.
-            ContextTerminated: the context has ended.
-        """
-        self._parts.refuse_in_turn("taken")
-        return self._parts.take(is_left=True)
 
     @refused_while_deciding
     def fork(self, seed: int) -> tuple[Any, Memo]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from numbers import Real
 from operator import attrgetter
 from types import NoneType
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, Self, cast
 
 from gamms.core.copies import copied, copied_each, refill, refill_counts, refill_each
 from gamms.errors import BadType, BadValue
@@ -22,7 +22,7 @@ LOGS = ("events", "errors", "deeds", "messages")
 
 _HISTORY = (
     *("turn", "over", "last_turn", "moves", "counts", "team_memories", "departed", "blocked", "delayed_looks"),
-    *(*LOGS, "histories", "timings"),
+    *(*LOGS, "marked", "timings"),
 )
 
 
@@ -70,65 +70,22 @@ def _refuse_no_score(key: Hashable, score: object) -> None:
         raise BadType(f"The score of {shown(key)} must be a number, not {shown(score)} ({type(score).__name__}).")
 
 
-class LogPoint:
-    """A point in the history of an append-only log: the point before it, and the entries since then."""
-
-    __slots__ = ("before", "entries", "length")
-
-    def __init__(self, before: "LogPoint | None", entries: list[Any], length: int) -> None:
-        self.before, self.entries, self.length = before, entries, length
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "LogPoint":
-        """Copy a point; where all histories begin stays one point, so that those of copies meet there."""
-        if self.before is None:
-            return self
-        return LogPoint(deepcopy(self.before, memo), deepcopy(self.entries, memo), self.length)
+LogMarks = tuple[Sequence[list[Any]], Sequence[int]]
+"""Logs at a moment: their lists, which may have further entries by now, and how many entries each had."""
 
 
-_EMPTY = LogPoint(None, [], 0)  # where all histories begin
+def log_at(log: list[Any], mark: tuple[list[Any], int], marked: int) -> list[Any]:
+    """Return a log as it was at a moment, to append to.
 
-
-class LogHistory:
-    """The points of one append-only log, to which it can return, in any order.
-
-    A point costs what was appended since the one before, not what the log holds.
+    Args:
+        log: as it is now.
+        mark: its list at that moment, and how many entries this had.
+        marked: up to which entry of the log other marks may need it.
     """
-
-    __slots__ = ("_last",)
-
-    def __init__(self) -> None:
-        self._last = _EMPTY
-
-    def mark(self, log: list[Any]) -> LogPoint:
-        """Return the point at which a log is now."""
-        last, length = self._last, len(log)
-        if length < last.length:  # it was cleared: its history begins again
-            last = _EMPTY
-        if length != last.length:
-            last = LogPoint(last, log[last.length :], length)
-        self._last = last
-        return last
-
-    def clear(self, log: list[Any]) -> None:
-        """Empty a log; what is appended from now on is another history, also once it is as long."""
-        log.clear()
-        self._last = _EMPTY
-
-    def go_to(self, log: list[Any], point: LogPoint) -> None:
-        """Cut or extend a log so that it is as it was at a point of its own."""
-        if self._last is point and len(log) == point.length:
-            return
-        here, there, missing = self.mark(log), point, []
-        while here is not there:
-            if there.length > here.length:
-                missing.append(there.entries)
-                there = there.before or _EMPTY
-            else:
-                here = here.before or _EMPTY
-        del log[here.length :]
-        for entries in reversed(missing):
-            log += entries
-        self._last = point
+    entries, length = mark
+    if log is entries and marked <= length:
+        del entries[length:]
+    return entries if len(entries) == length else entries[:length]
 
 
 def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
@@ -143,20 +100,6 @@ def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, A
     reasons = {*known["reason"].split("; "), *new["reason"].split("; ")}
     winner = new["winner"] if new["winner"] == known["winner"] else None
     return {**new, "reason": "; ".join(sorted(reasons)), "winner": winner}
-
-
-class LogsTakenOut(NamedTuple):
-    """The logs of a game that another has taken the place of.
-
-    Attributes:
-        logs: by name.
-        histories: of each.
-        marks: the points at which they were.
-    """
-
-    logs: dict[str, list[Any]]
-    histories: dict[str, LogHistory]
-    marks: dict[str, LogPoint]
 
 
 class BlockedAgents(MutableMapping[str, str]):
@@ -338,8 +281,7 @@ class GameState:
             None: it is between two turns.
         has_begun: whether a turn was played since the game was created, reset or resumed.
         stream_version: changes whenever counts and memories are other objects, and all random streams begin again.
-        histories: of each log, for snapshots.
-        shared_logs: those logs that are the ones of another game and were not read yet.
+        marked: of each log, up to which entry snapshots need its list.
     """
 
     scores: Scores = kept(
@@ -401,8 +343,7 @@ class GameState:
     parts_played: int | None = kept(NoneType, _same)
     has_begun: bool = kept(bool, _same, is_own=True)
     stream_version: int = kept(int)
-    histories: dict[str, LogHistory] = kept(lambda: {name: LogHistory() for name in LOGS})
-    shared_logs: dict[str, LogPoint] = kept(dict)
+    marked: Sequence[int] = kept(lambda: (0,) * len(LOGS))
 
     def put(self, name: str, value: object) -> None:
         """Set a field to another value, in place where others hold a reference to it."""
@@ -418,13 +359,10 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
-    def copies(self, *, is_left: bool = False) -> list[Any]:
-        """Return the values that snapshots hold, those of the fields `SAVED` in their order; None for an empty dict.
-
-        Memories and data of a game that is left, because another takes its place, are not copied deeply.
-        """
+    def copies(self) -> list[Any]:
+        """Return the values that snapshots hold, those of the fields `SAVED` in their order; None for an empty dict."""
         values = [*_saved_of(self)]
-        for i, copy in _SHALLOW if is_left else _COPIED:
+        for i, copy in _COPIED:
             values[i] = copy(values[i], None) if values[i] else None
         return values
 
@@ -439,38 +377,22 @@ class GameState:
         for i, name, copy, fill in _REFILLED:
             fill(getattr(self, name), copy(values[i], None) if values[i] else {})
 
-    def logs_taken_out(self) -> "LogsTakenOut":
-        """Return the logs of a game that another takes the place of, which begins with empty ones."""
-        taken = LogsTakenOut({name: getattr(self, name) for name in LOGS}, self.histories, self.marks())
+    def marks(self) -> LogMarks:
+        """Return the logs as they are now, for `go_to`."""
+        logs = _logs_of(self)
+        self.marked = tuple(map(len, logs))
+        return logs, self.marked
+
+    def go_to(self, marks: LogMarks) -> None:
+        """Let the logs be as they were when `marks` was called."""
+        for name, mark, marked in zip(LOGS, zip(*marks, strict=True), self.marked, strict=True):
+            setattr(self, name, log_at(getattr(self, name), mark, marked))
+        self.marked = marks[1]
+
+    def copy_logs(self, source: "GameState") -> None:
+        """Take copies of the logs of another game, with the same entries."""
         for name in LOGS:
-            setattr(self, name, [])
-        self.histories = {name: LogHistory() for name in LOGS}
-        return taken
-
-    def put_logs(self, taken: "LogsTakenOut") -> None:
-        """Take back the logs of a game, as they were when they were taken out."""
-        for name, log in taken.logs.items():
-            setattr(self, name, log)
-        self.histories = taken.histories
-        self.go_to(taken.marks)
-
-    def marks(self) -> dict[str, LogPoint]:
-        """Return the point at which each log is now."""
-        return {name: history.mark(getattr(self, name)) for name, history in self.histories.items()}
-
-    def go_to(self, marks: dict[str, LogPoint]) -> None:
-        """Cut or extend the logs so that they are as they were at these points."""
-        for name, point in marks.items():
-            self.histories[name].go_to(getattr(self, name), point)
-
-    def share_logs(self, source: "GameState") -> None:
-        """Take over the logs of another game; they are copied when they are first read."""
-        self.shared_logs = source.marks()
-        self.histories = {name: LogHistory() for name in LOGS}
-        for name in LOGS:
-            delattr(self, name)
-        # NOTE: a class with `__getattr__` takes several times as long to read any attribute (benchmarks: turns).
-        self.__class__ = _WithSharedLogs
+            setattr(self, name, getattr(source, name).copy())
 
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the memory of an agent, to be written to."""
@@ -499,31 +421,13 @@ SAVED = [*COPY_OF]
 """The fields whose values snapshots hold, but for the logs."""
 
 _saved_of = attrgetter(*SAVED)
+_logs_of = attrgetter(*LOGS)
 _MAKERS: dict[str, Any] = {one.name: one.default_factory for one in fields(GameState)}
 _SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _same]
 _COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _same]
-_SHALLOW_OF: dict[Any, Any] = {copied: _dict_of, _memories_of: _dicts_of}
-_SHALLOW = [(i, _SHALLOW_OF.get(copy, copy)) for i, copy in _COPIED]
 _REPLACED = [(i, SAVED[i], copy, _MAKERS[SAVED[i]]) for i, copy in _COPIED if FIELDS[SAVED[i]].refill is None]
 _REFILLED = [  # filling a dict of dicts copies them
     (i, SAVED[i], _same if copy in (_dict_of, _dicts_of) else copy, fill)
     for i, copy in _COPIED
     if (fill := FIELDS[SAVED[i]].refill) is not None
 ]
-
-
-class _WithSharedLogs(GameState):
-    """A game some of whose logs are those of another one, until all of them were read."""
-
-    __slots__ = ()
-
-    def __getattr__(self, name: str) -> list[Any]:
-        """Copy a log that was taken over."""
-        if name not in LOGS:
-            raise AttributeError(f"A game has no {name!r}.")
-        log: list[Any] = []
-        self.histories[name].go_to(log, self.shared_logs.pop(name))
-        setattr(self, name, log)
-        if not self.shared_logs:
-            self.__class__ = GameState  # type: ignore[assignment] # which has the same slots
-        return log

@@ -153,7 +153,7 @@ class Builder:
         private = _changed(now["private"], first["private"], is_)
         for values in (state.facts, state.agent_facts, state.team_facts, game.data, game.scores):
             values.clear()
-        state.histories["events"].clear(game.events)
+        state.events = []
         self._add_values()
         if "strategies" in self._again:
             self._add_strategies()

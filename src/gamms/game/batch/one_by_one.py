@@ -355,7 +355,7 @@ class OneByOneEngine:
         """Keep the game that the context has as a snapshot."""
         self._acting.end()
         if self.loaded is not None and (self._over[self.loaded] is None or self.loaded == self._shown):
-            self._snapshots[self.loaded] = self._game.internals.put_aside()
+            self._snapshots[self.loaded] = self._game.snapshot()
         self.loaded = None
 
     def _store(self, number: int) -> None:
