@@ -13,6 +13,7 @@ import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import games as batch_games
+from gamms.game.batch import strategy_steps
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.rules import Conflicts, tag, time_limit
 from gamms.rules.in_core import FORMS
@@ -162,13 +163,14 @@ def play_by_steps(games, others, rng, teams):
         others.step(given)
 
 
-def random_strategy(rng, nodes, depth=2):
-    """Return what makes a random strategy that the core plays along edges by steps."""
-    kind = rng.choice(["goto", "follow_path", "patrol", "random_waypoints", "chase", "flee"])
+def random_strategy(rng, nodes, kinds, depth=2):
+    """Return what makes a random strategy, of some kinds, that the core plays by steps."""
+    kind = rng.choice(kinds)
     otherwise = rng.choice([strategies.stay, strategies.random_walk])
     goes_on = depth and rng.random() < 0.5
-    after = random_strategy(rng, nodes, depth - 1) if goes_on else lambda ctx: otherwise
+    after = random_strategy(rng, nodes, kinds, depth - 1) if goes_on else lambda ctx: otherwise
     is_first = rng.random() < 0.3
+    chance = rng.choice([None, None, 0.0, 0.4, 1.0])
     some, pause, repeat = rng.choices(nodes, k=rng.randint(1, 4)), rng.choice([0, 2]), rng.random() < 0.5
     waypoints = rng.choice([None, some])
 
@@ -182,6 +184,8 @@ def random_strategy(rng, nodes, depth=2):
             "chase": lambda rest: strategies.chase(ctx, rest),
             "flee": lambda rest: strategies.flee(ctx, rest),
         }[kind]
+        if chance is not None:
+            return strategies.first(strategies.mix(chance, made(None), then), then)
         return strategies.first(made(None), then) if is_first else made(then)
 
     return make
@@ -190,7 +194,8 @@ def random_strategy(rng, nodes, depth=2):
 def scenario_of_steps(number):
     """Return a random scenario whose agents decide by steps, and their strategies."""
     rng = Random(number)
-    scenario = random_scenario(number, ("edges",), has_speeds=False)
+    scenario = random_scenario(number)
+    by_metres = scenario.to_dict().get("settings", {}).get("speed_unit", "edges") != "edges"
     teams = scenario.to_dict()["teams"]
     nodes = scenario.columns().node_ids.tolist()
     sensors = {
@@ -198,7 +203,13 @@ def scenario_of_steps(number):
         "far": {"type": "AGENT", "exclude": [rng.choice([*teams])]},
     }
     carried = {f"teams.{team}.sensors": rng.choice([[], ["near"], ["near", "far"]]) for team in teams}
-    return scenario.replace(sensors=sensors, **carried), {team: random_strategy(rng, nodes) for team in teams}
+    made = {}
+    for team, known in teams.items():
+        kinds = ["goto", "random_waypoints"]
+        kinds += [] if "speed" in known else ["follow_path", "patrol"]
+        kinds += [] if by_metres else ["chase", "flee"]
+        made[team] = random_strategy(rng, nodes, kinds)
+    return scenario.replace(sensors=sensors, **carried), made
 
 
 def check(number, *, by_steps=False):
@@ -237,12 +248,13 @@ def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_one_by_one(part
         check(number, by_steps=True)
 
 
-def test_a_walk_needs_no_ways_and_so_is_in_the_core_on_maps_of_any_size():
-    with scene(side=60).batch(2, seed=1) as games:
+def test_where_ways_to_all_targets_are_too_many_the_core_finds_them_again(monkeypatch):
+    monkeypatch.setattr(strategy_steps, "_MOST_BYTES", 3 * 25 * 16)  # of three targets
+    hunt = scene().replace(teams={"blue": {"count": 5, "strategy": "gamms.strategies:random_waypoints"}})
+    with hunt.batch(3, seed=1) as games:
+        games.run()
         assert is_in_core(games)
-    hunt = {"blue": {"count": 3, "strategy": "gamms.strategies:chase"}}
-    with scene(side=60).replace(teams=hunt).batch(2, seed=1) as games:
-        assert not is_in_core(games)
+        assert plain(games.result(1)) == plain(hunt.play(seed=games.seeds[1]))
 
 
 def names_in_docs(row):
@@ -256,10 +268,11 @@ def names_in_docs(row):
 def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
     with scene().build() as ctx:
         made = {
-            **{name: getattr(strategies, name) for name in ("stay", "random_walk", "human", "mix", "unblock")},
+            **{name: getattr(strategies, name) for name in ("stay", "random_walk", "human", "unblock")},
             **{name: getattr(strategies, name)(ctx) for name in ("assign", "chase", "flee", "follow_belief")},
             **{name: getattr(strategies, name)(ctx) for name in ("intercept", "random_waypoints", "sweep")},
             **{name: getattr(strategies, name)(ctx, [3]) for name in ("follow_path", "patrol", "safest_exit")},
+            "mix": strategies.mix(0.5, strategies.chase(ctx), strategies.stay),
             "first": strategies.first(strategies.chase(ctx, None), strategies.stay),
             "goto": strategies.goto(ctx, 3),
             "guard": strategies.guard(ctx, 3, 10.0),

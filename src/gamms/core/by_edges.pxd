@@ -1,7 +1,6 @@
 cimport cython
 
-from gamms.core cimport by_metres, draws, moves, travel
-from gamms.core.by_metres cimport Roaming
+from gamms.core cimport draws, moves, strategies, travel
 from gamms.core.conflicts cimport resolve
 from gamms.core.moves cimport Movers, Streets
 from gamms.core.rules cimport Games, Steps
@@ -31,8 +30,6 @@ cdef class Walks(Steps):
 cdef class Walkers:
     cdef Movers movers
     cdef Walks walks
-    cdef Ways ways
-    cdef Roaming roaming
 
 
 cpdef int begin(Walks walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil

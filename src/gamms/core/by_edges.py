@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from math import floor
 
-from gamms.core import by_metres, draws, moves, travel
-from gamms.core.by_metres import Roaming
+from gamms.core import draws, moves, strategies, travel
 from gamms.core.conflicts import resolve
 from gamms.core.moves import Movers, Streets
 from gamms.core.rules import Games, Steps
@@ -74,15 +73,11 @@ class Walkers:
     Attributes:
         movers: the columns that all agents have, however they move.
         walks: how they go through the turn of one game.
-        ways: of agents that roam.
-        roaming: what those do that go to nodes drawn at random.
     """
 
-    def __init__(self, movers: Movers, walks: Walks, ways: Ways, roaming: Roaming) -> None:
+    def __init__(self, movers: Movers, walks: Walks) -> None:
         self.movers = movers
         self.walks = walks
-        self.ways = ways
-        self.roaming = roaming
 
 
 # -- one agent -------------------------------------------------------------------------------------------------------
@@ -232,7 +227,7 @@ def decide(games: Games, w: Walkers, game: int) -> int:
             if w.walks.reach.listed[target] == w.walks.reach.search:
                 go_towards(w.walks, i, w.walks.hops, row, target)
             else:
-                go_towards(w.walks, i, w.ways, row, target)
+                go_towards(w.walks, i, w.movers.by_steps.long_ways, row, target)  # type: ignore[union-attr,arg-type]
         else:
             begin(w.walks, i, node, -1, 0.0)
         games.edge[row] = w.walks.ahead[i]
@@ -245,13 +240,13 @@ def target_of(games: Games, w: Walkers, game: int, i: int) -> int:
     """Return the node that an agent wants to go to, as it decides or is given it; -1: none."""
     row = game * games.agents + i
     by = w.movers.decides_by[i]
-    if by == by_metres.ROAMS:
-        target = by_metres.waypoint(games, w.roaming, w.ways, w.movers.walks, game, i)
-        list_legal(w.walks, i)
-        return target
-    if by != moves.WALKS and by != moves.IS_GIVEN:  # noqa: PLR1714 - as C
+    if by == moves.STAYS:
         return -1
     count = list_legal(w.walks, i)
+    if by == moves.STEPS:
+        strategies.take_legal(w.movers.by_steps, w.walks.reach.nodes, count)  # type: ignore[arg-type] # there are some
+        w.movers.by_steps.goes_far = w.walks.speeds[i] == w.walks.speeds[i]  # type: ignore[union-attr] # not NaN
+        return strategies.act(w.movers.by_steps, game, i)  # type: ignore[arg-type]
     if by == moves.IS_GIVEN:
         return w.walks.reach.nodes[w.movers.given[row]]
     return w.walks.reach.nodes[draws.below_at(w.movers.walks.keys[row], games.turn[game], 0, count)]

@@ -10,13 +10,6 @@ ctypedef unsigned char u8
 ctypedef long long i64
 
 cdef i64 ENDLESS
-cdef u8 ROAMS
-
-
-@cython.final
-cdef class Roaming:
-    cdef i64[::1] targets, pauses
-    cdef const i64[::1] options, offsets, waits
 
 
 @cython.final
@@ -31,18 +24,16 @@ cdef class Travelers:
     cdef i64 slots, nodes
     cdef const double[::1] speeds
     cdef i64[::1] motion, starts, ends
-    cdef Roaming roaming
 
 
 @cython.locals(i=i64, row=i64, target=i64, can_go=bint, slot=i64)
 cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
 cdef int begin(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
-@cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, count=i64, number=i64)
+@cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, count=i64, number=i64, legal=i64)
 cdef Py_ssize_t target_of(Games games, Travelers t, i64 game, i64 i) except -2 nogil
-@cython.locals(row=i64, node=i64, target=i64, far=double, left=i64, begin=i64, number=i64)
-cdef Py_ssize_t waypoint(Games games, Roaming roaming, Ways ways, draws.Choices walks, i64 game, i64 i) except -2 nogil
-cdef double way_length(Ways ways, i64 row, i64 node, i64 target) except? -1.0 nogil
+@cython.locals(edge=i64)
+cdef Py_ssize_t by_steps(Travelers t, i64 game, i64 i) except -2 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)
 cpdef int give_way(Games games, Travelers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)

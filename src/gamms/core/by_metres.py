@@ -9,33 +9,6 @@ from gamms.core.rules import Events, Games, Steps
 from gamms.core.travel import KnownReach, Reach, Roads, Trips, Ways
 
 ENDLESS = 1 << 32  # edges: more than any way has
-ROAMS = 3  # how an agent decides, behind those of `moves`: it goes to nodes drawn at random, one after the other
-RANDOM_WAYPOINTS = ROAMS  # the same for callers in Python
-
-
-class Roaming:
-    """What agents do that go to nodes drawn at random, one after the other.
-
-    Attributes:
-        targets, pauses: (rows,) the node, -1 for none yet, and how many turns they stay there.
-        options: nodes that are drawn from; those of agent `i` are `options[offsets[i]:offsets[i + 1]]`.
-        offsets: (agents + 1,)
-        waits: (agents,) how many turns they stay at each node.
-    """
-
-    def __init__(
-        self,
-        targets: memoryview[int],
-        pauses: memoryview[int],
-        options: memoryview[int],
-        offsets: memoryview[int],
-        waits: memoryview[int],
-    ) -> None:
-        self.targets = targets
-        self.pauses = pauses
-        self.options = options
-        self.offsets = offsets
-        self.waits = waits
 
 
 class Travelers:
@@ -44,7 +17,7 @@ class Travelers:
     Attributes:
         movers: the columns that all agents have, however they move.
         roads, reach, known: where they may go.
-        ways: of agents that roam, by their rows.
+        ways: of agents that go by steps, by their rows.
         near: of the others, whose ways are short: by numbers that follow from where these begin and end.
         slots: how many such numbers there are, a power of 2.
         trips: (agents,) their ways through the turn of one game.
@@ -52,7 +25,6 @@ class Travelers:
         nodes: how many there are.
         speeds: (agents,) metres in the time of speeds; NaN: none.
         motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.
-        roaming: what those do that go to nodes drawn at random.
         starts, ends: (rows,) the places between which they move, as conflicts compare them: nodes, behind them edges.
     """
 
@@ -64,7 +36,6 @@ class Travelers:
         known: KnownReach,
         trips: Trips,
         events: Events,
-        roaming: Roaming,
         *,
         slots: int,
         nodes: int,
@@ -80,7 +51,6 @@ class Travelers:
         self.known = known
         self.trips = trips
         self.events = events
-        self.roaming = roaming
         self.near = near
         self.slots = slots
         self.nodes = nodes
@@ -102,7 +72,7 @@ def decide(games: Games, t: Travelers, game: int) -> int:
             t.movers.blocked[row] = 0
             target = target_of(games, t, game, i)
             can_go = True
-            if target >= 0 and t.movers.decides_by[i] == ROAMS:
+            if target >= 0 and t.movers.decides_by[i] == moves.STEPS:
                 can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
             elif target >= 0:
                 slot = (games.node[row] * 31 + target) & (t.slots - 1)
@@ -133,18 +103,25 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
     row = game * games.agents + i
     by = t.movers.decides_by[i]
     edge = t.trips.edge[i]
-    if by == ROAMS:
-        return waypoint(games, t.roaming, t.ways, t.movers.walks, game, i)
     if by == moves.WALKS and edge >= 0:
         return t.roads.targets[edge]
-    if by != moves.WALKS and by != moves.IS_GIVEN:  # noqa: PLR1714 - as C
+    if by == moves.STAYS:
         return -1
     node = t.trips.node[i]
     if edge >= 0:
         share = t.trips.share[i]
-        travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], 0.0, False)
+        count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], 0.0, False)
+        if by == moves.STEPS:
+            strategies.take_legal(t.movers.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
+            return by_steps(t, game, i)
         return t.reach.nodes[t.movers.given[row]]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
+    if by == moves.STEPS:
+        for number in range(count):
+            legal = travel.legal_node(t.roads, t.reach, t.known, i, node, number)
+            t.movers.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
+        t.movers.by_steps.count = count  # type: ignore[union-attr]
+        return by_steps(t, game, i)
     if by == moves.IS_GIVEN:
         number = t.movers.given[row]
     else:
@@ -152,29 +129,12 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
 
 
-def waypoint(games: Games, roaming: Roaming, ways: Ways, walks: draws.Choices, game: int, i: int) -> int:
-    """Return the node to which an agent goes that roams; -1: no way leads there, so it draws again next time."""
-    row = game * games.agents + i
-    node = games.node[row]
-    target = roaming.targets[row]
-    far = way_length(ways, row, node, target)
-    left = strategies.turns_left(target == node, roaming.pauses[row], far)
-    if left < 0:
-        begin = roaming.offsets[i]
-        number = draws.below_at(walks.keys[row], games.turn[game], 0, roaming.offsets[i + 1] - begin)
-        target = roaming.options[begin + number]
-        roaming.targets[row] = target
-        left = roaming.waits[i]
-        far = way_length(ways, row, node, target)
-    roaming.pauses[row] = left
-    return target if far < travel.INFINITE else -1
-
-
-def way_length(ways: Ways, row: int, node: int, target: int) -> float:
-    """Return how far it is to a node; infinite where no way leads there, or the node is -1."""
-    if target < 0:
-        return travel.INFINITE
-    return 0.0 if target == node else travel.distance(ways, row, node, target)
+def by_steps(t: Travelers, game: int, i: int) -> int:
+    """Return the node to which an agent whose legal nodes are known goes by the steps of its strategy; -1: none."""
+    edge = t.trips.edge[i]
+    t.movers.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
+    t.movers.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
+    return strategies.act(t.movers.by_steps, game, i)  # type: ignore[arg-type]
 
 
 def give_way(games: Games, t: Travelers, game: int) -> int:

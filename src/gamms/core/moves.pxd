@@ -27,7 +27,7 @@ cdef class Movers:
     cdef strategies.Strategies by_steps
     cdef Contests contests
     cdef Requests requests
-    cdef bint some_walk, some_steps, has_conflicts
+    cdef bint some_walk, has_conflicts
     cdef i64[::1] ends, counts, moves, blocks
     cdef u8[::1] takes_part, blocked
     cdef const i64[::1] part_of
@@ -39,6 +39,8 @@ cdef i64 count_legal(Streets s, i64 node) except? -2 nogil
 cdef i64 legal_node(Streets s, i64 node, i64 number) except? -2 nogil
 @cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, part=i64)
 cpdef int decide(Games games, Movers m, i64 game) except -1 nogil
+@cython.locals(row=i64, first=i64, number=i64, node=i64)
+cdef Py_ssize_t node_by_steps(Games games, Movers m, i64 game, i64 i) except -1 nogil
 @cython.locals(at=i64, i=i64, row=i64)
 cpdef int give_way(Games games, Movers m, i64 game) except -1 nogil
 @cython.locals(at=i64, row=i64)

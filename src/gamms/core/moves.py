@@ -43,7 +43,7 @@ class Movers:
         walks: draws the nodes of those that walk: into `ends`, numbers below `counts`.
         some_walk: whether there are such.
         given: (rows,) the actions of those that are given one; (0,) where none is.
-        by_steps: decides for those of `STEPS`, if there are such (`some_steps`).
+        by_steps: decides for those of `STEPS`, if there are such.
         contests, requests: find who gives way, if `has_conflicts`; the requests have `node` of the games, `ends` and
             `takes_part`.
         part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
@@ -83,7 +83,6 @@ class Movers:
         self.some_walk = some_walk
         self.given = given
         self.by_steps = by_steps
-        self.some_steps = by_steps is not None
         self.contests = contests
         self.requests = requests
         self.has_conflicts = contests is not None
@@ -113,10 +112,7 @@ def legal_node(s: Streets, node: int, number: int) -> int:
 
 
 def decide(games: Games, m: Movers, game: int) -> int:
-    """Let the living agents of this part of a turn choose the legal nodes that they go to; the others stay.
-
-    Return 1 where a way is not known yet that one of them asks for: nothing has happened then.
-    """
+    """Let the living agents of this part of a turn choose the legal nodes that they go to; the others stay."""
     at = game * games.agents
     part = m.part[game]
     for row in range(at, at + games.agents):
@@ -137,9 +133,20 @@ def decide(games: Games, m: Movers, game: int) -> int:
             elif m.decides_by[i] == IS_GIVEN:
                 action = m.given[row]
             elif m.decides_by[i] == STEPS:
-                action = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type] # there are some
+                m.ends[row] = node_by_steps(games, m, game, i)
+                continue
         m.ends[row] = legal_node(m.streets, games.node[row], action)
-    return strategies.remember(m.by_steps, game) if m.some_steps else 0  # type: ignore[arg-type]
+    return 0
+
+
+def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
+    """Return the legal node to which an agent goes by the steps of its strategy."""
+    row = game * games.agents + i
+    m.by_steps.count = m.counts[row]  # type: ignore[union-attr] # there are some
+    for number in range(m.counts[row]):
+        m.by_steps.legal[number] = legal_node(m.streets, games.node[row], number)  # type: ignore[union-attr]
+    node = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type]
+    return node if node >= 0 else games.node[row]
 
 
 def give_way(games: Games, m: Movers, game: int) -> int:

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws
+from gamms.core cimport draws, travel
 from gamms.core.rules cimport Games
 
 ctypedef unsigned char u8
@@ -8,9 +8,9 @@ ctypedef int i32
 ctypedef long long i64
 ctypedef unsigned long long u64
 
-cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES
-cdef i64 NOTHING, UNKNOWN
-cdef double INFINITE
+cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES, MIXES, SKIPS
+cdef i64 NOTHING
+cdef double INFINITE, NOT_KNOWN
 
 
 cpdef i64 next_stop(
@@ -23,15 +23,22 @@ cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) e
 
 @cython.final
 cdef class WayTables:
-    cdef i64 nodes
-    cdef const i64[::1] tables
-    cdef const double[::1] far
-    cdef const i32[::1] actions
-    cdef i64[::1] wanted
-    cdef readonly i64 count
-    cdef bint is_missing
+    cdef const i64[::1] ids, arcs, tails
+    cdef const double[::1] costs
+    cdef travel.Reach search
+    cdef i64[::1] tables, targets, following
+    cdef double[::1] far
+    cdef i64 count
 
-    cpdef take(self, const i64[::1] tables, const double[::1] far, const i32[::1] actions)
+    @cython.locals(place=i64)
+    cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
+    @cython.locals(table=i64, first=i64, place=i64)
+    cdef int begin(self, i64 target) except -1 nogil
+    @cython.locals(first=i64, at=i64, arc=i64, place=i64)
+    cdef int find(self, i64 target, i64 node) except -1 nogil
+    @cython.locals(rank=i64, is_seen=bint, is_equal=bint)
+    cdef int _come_from(self, i64 first, i64 node, i64 following, double far) except -1 nogil
+    cdef double distance(self, i64 node, i64 target) except? -1.0 nogil
 
 
 @cython.final
@@ -45,6 +52,7 @@ cdef class Looks:
 @cython.final
 cdef class Steps:
     cdef const i64[::1] begins, first, sizes, numbers, slots, nodes, following
+    cdef const double[::1] chances
     cdef const u8[::1] kinds
 
 
@@ -54,34 +62,32 @@ cdef class Strategies:
     cdef Steps steps
     cdef WayTables ways
     cdef Looks looks
-    cdef const i32[::1] offsets, targets
-    cdef const i64[::1] ids
+    cdef travel.Ways long_ways
     cdef const u64[::1] keys
+    cdef i64[::1] memory, legal, legal_ids
     cdef double[::1] safety
-    cdef i64[::1] legal
-    cdef i64[::1] memory, noted
-    cdef u8[::1] has_noted
-    cdef i64 drawn
+    cdef i64 count, ahead, drawn
+    cdef bint goes_far
+
+    cpdef go_far(self, travel.Ways ways)
 
 
-@cython.locals(node=i64, step=i64, kind=u8, action=i64)
+@cython.locals(number=i64)
+cdef int take_legal(Strategies p, const i64[::1] nodes, i64 count) except -1 nogil
+@cython.locals(node=i64, step=i64, kind=u8, target=i64)
 cdef i64 act(Strategies p, i64 game, i64 agent) except? -2 nogil
-@cython.locals(is_missing=bint, rows=i64, agents=i64, columns=i64, column=i64, agent=i64, place=i64)
-cdef int remember(Strategies p, i64 game) except -1 nogil
-@cython.locals(table=i64, place=i64)
-cdef i64 _place(WayTables ways, i64 node, i64 target) except? -2 nogil
-@cython.locals(place=i64)
-cdef double _distance(WayTables ways, i64 node, i64 target) except? -1.0 nogil
-@cython.locals(place=i64)
-cdef i64 _towards(WayTables ways, i64 node, i64 target) except? -2 nogil
+cdef double _distance(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -1.0 nogil
+@cython.locals(has_path=bint, found=i64, following=i64)
+cdef i64 _towards(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -2 nogil
+@cython.locals(found=bint, number=i64)
+cdef bint _is_legal(Strategies p, i64 node) except -1 nogil
 cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
-@cython.locals(place=i64)
-cdef i64 _known(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
-@cython.locals(place=i64)
-cdef int _note(Strategies p, i64 agent, i64 column, i64 number) except -1 nogil
-@cython.locals(first=i64, at=i64, least=double, far=double, number=i64)
+@cython.locals(key=u64)
+cdef double _chance(Strategies p, i64 game, i64 agent) except? -1.0 nogil
+cdef i64 _place(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
+@cython.locals(first=i64, place=i64, at=i64, least=double, far=double, number=i64)
 cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
-@cython.locals(slot=i64, target=i64, left=i64, far=double)
+@cython.locals(place=i64, place_of_left=i64, target=i64, left=i64, far=double)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(at=i64)
 cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
@@ -89,5 +95,5 @@ cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except
 cdef bint shows(Looks looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
-@cython.locals(at=i64, count=i64, is_seen=bint, action=i64, other=i64, far=double)
-cdef i64 _farthest(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
+@cython.locals(at=i64, is_seen=bint, number=i64, other=i64, far=double)
+cdef i64 _farthest(Strategies p, i64 game, i64 agent) except? -2 nogil

@@ -1,14 +1,15 @@
-"""Strategies of one game along edges: agents that go to nodes, after enemies in sight, or away from them.
+"""Strategies of one game: agents that go to nodes, after enemies in sight, or away from them.
 
-A strategy is a list of steps, tried in turn until one gives an action: `chase(otherwise=patrol(nodes))` is two.
-`act` returns the action of an agent, the number of a legal node. It writes what the agent remembers beside the memory,
-and `remember` takes that over once all agents of the game have decided: where a way is not known yet, nothing has
-happened, and the game waits until the caller has found it.
+A strategy is a list of steps, tried in turn until one gives a node: `chase(otherwise=patrol(nodes))` is two.
+`act` returns the node to which an agent goes, and writes what it remembers.
 """
 
 from __future__ import annotations
 
-from gamms.core import draws
+from array import array
+from typing import Any
+
+from gamms.core import draws, travel
 from gamms.core.rules import Games
 
 STAYS = 0  # a step: it stays,
@@ -17,10 +18,12 @@ GOES = 2  # to a node,
 FOLLOWS = 3  # from one node of a list to the next,
 WANDERS = 4  # to a node that is drawn, and to another one when it was there for some turns,
 CHASES = 5  # to the nearest enemy in sight,
-FLEES = 6  # or to the legal node that is farthest from enemies in sight
-KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee")  # of steps by their numbers
-NOTHING = -1  # no action: the next step is tried
-UNKNOWN = -3  # of an action: the caller has to find it
+FLEES = 6  # or to the legal node that is farthest from enemies in sight;
+MIXES = 7  # it tries the next steps with a probability, else those behind a number of steps;
+SKIPS = 8  # steps that are not tried
+KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee", "mix", "skip")  # of steps by their numbers
+NOTHING = -1  # no node: the next step is tried
+NOT_KNOWN = -1.0  # a distance
 INFINITE = float("inf")
 
 
@@ -70,30 +73,102 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
 
 
 class WayTables:
-    """Known distances and first steps to targets, and the pairs that were asked for and are not known yet.
+    """Ways from all nodes to some targets, which are found when they are first asked for.
+
+    They are those of `travel.Ways`, by length.
 
     Attributes:
-        nodes: how many there are.
-        tables: (nodes,) the number of the table of a target; -1: there is none yet.
-        far: (tables * nodes,) how far it is from a node to the target; infinite where no path leads there.
-        actions: (tables * nodes,) the number of the legal node by which an agent goes there; -1: no path; UNKNOWN.
-        wanted: (room,) pairs that were asked for: the target times `nodes` plus the node.
-        count: how many pairs there are.
-        is_missing: whether an agent of the game that decides has asked for such a pair.
+        ids: (nodes,) of nodes by their rows.
+        arcs: (nodes + 1,) where the edges that lead to each node begin in `tails`.
+        tails, costs: (edges,) the nodes that they lead from, and their lengths.
+        search: scratch.
+        tables: (nodes,) the number of the table of a target; -1: there is none.
+        targets: (room,) of the tables.
+        far: (room * nodes,) how far it is from a node to the target; infinite where no path leads there.
+        following: (room * nodes,) the node that comes next.
+        count: how many tables there are.
     """
 
-    def __init__(self, nodes: int, wanted: memoryview[int]) -> None:
-        self.nodes = nodes
-        self.wanted = wanted
-        self.count = 0
-        self.is_missing = False
-
-    def take(self, tables: memoryview[int], far: memoryview[float], actions: memoryview[int]) -> None:
-        """Take tables in which all is known that was asked for."""
-        self.tables = tables
+    def __init__(
+        self,
+        ids: memoryview[int],
+        arcs: memoryview[int],
+        tails: memoryview[int],
+        costs: memoryview[float],
+        search: travel.Reach,
+        far: memoryview[float],
+        following: memoryview[int],
+    ) -> None:
+        self.ids = ids
+        self.arcs = arcs
+        self.tails = tails
+        self.costs = costs
+        self.search = search
         self.far = far
-        self.actions = actions
+        self.following = following
+        self.tables = memoryview(array("q", [-1] * len(ids)))
+        self.targets = memoryview(array("q", bytes(8 * (len(far) // max(len(ids), 1)))))
         self.count = 0
+
+    def place(self, node: int, target: int) -> int:
+        """Return where the columns have the way from a node to a target."""
+        if self.tables[target] < 0:
+            self.begin(target)
+            self.find(target, node)
+        place = self.tables[target] * len(self.ids) + node
+        if self.far[place] == NOT_KNOWN:
+            self.find(target, -1)
+        return place
+
+    def begin(self, target: int) -> int:
+        """Add a table in which nothing is known; where there is no room, without those of before."""
+        if self.count == len(self.targets):
+            for table in range(self.count):
+                self.tables[self.targets[table]] = -1
+            self.count = 0
+        self.tables[target] = self.count
+        self.targets[self.count] = target
+        self.count += 1
+        first = self.tables[target] * len(self.ids)
+        for place in range(first, first + len(self.ids)):
+            self.far[place] = NOT_KNOWN
+        return 0
+
+    def find(self, target: int, node: int) -> int:
+        """Find the ways to a target from all nodes that are no farther from it than a node; -1: from all nodes."""
+        first = self.tables[target] * len(self.ids)
+        self.search.size = 0
+        self.search.count = 0
+        travel.reach_node(self.search, target, 0.0, 0)
+        while self.search.size > 0 and (node < 0 or self.search.places[node] >= 0):
+            at = travel.visit_first(self.search)
+            self.far[first + at] = self.search.when[at]
+            for arc in range(self.arcs[at], self.arcs[at + 1]):
+                self._come_from(first, self.tails[arc], at, self.search.when[at] + self.costs[arc])
+        if self.search.size == 0:
+            for place in range(first, first + len(self.ids)):
+                if self.far[place] == NOT_KNOWN:
+                    self.far[place] = INFINITE
+        return travel.forget_seen(self.search)
+
+    def _come_from(self, first: int, node: int, following: int, far: float) -> int:
+        """Note how far it is from a node by the one that comes next; of equal ones by the one with the lowest id."""
+        rank = self.search.rank[following] + 1
+        is_seen = self.search.places[node] != 0
+        if self.search.places[node] < 0 or (is_seen and far > self.search.when[node]):
+            return 0
+        is_equal = is_seen and far == self.search.when[node]
+        if is_equal and (
+            rank > self.search.rank[node]
+            or (rank == self.search.rank[node] and self.ids[following] > self.ids[self.following[first + node]])
+        ):
+            return 0
+        self.following[first + node] = following
+        return travel.reach_node(self.search, node, far, rank)
+
+    def distance(self, node: int, target: int) -> float:
+        """Return how far it is from a node to a target; infinite where no path leads there."""
+        return self.far[self.place(node, target)]
 
 
 class Looks:
@@ -130,7 +205,9 @@ class Steps:
         kinds: (steps,) `STAYS`, ...
         first: (steps,) where their nodes begin in `nodes`.
         sizes: (steps,) how many these are.
-        numbers: (steps,) of `FOLLOWS` 1: the agent begins with the nearest; of `WANDERS` for how many turns it stays.
+        numbers: (steps,) of `FOLLOWS` 1: the agent begins with the nearest; of `WANDERS` for how many turns it stays;
+            of `MIXES` and `SKIPS` of how many steps.
+        chances: (steps,) of `MIXES`, the probability.
         slots: (steps,) the column of what agents remember by the step; of `WANDERS` the next one, too.
         nodes: rows of nodes.
         following: of each of these that is on a list, the number of the next one on it that is another node.
@@ -143,6 +220,7 @@ class Steps:
         first: memoryview[int],
         sizes: memoryview[int],
         numbers: memoryview[int],
+        chances: memoryview[float],
         slots: memoryview[int],
         nodes: memoryview[int],
         following: memoryview[int],
@@ -152,6 +230,7 @@ class Steps:
         self.first = first
         self.sizes = sizes
         self.numbers = numbers
+        self.chances = chances
         self.slots = slots
         self.nodes = nodes
         self.following = following
@@ -163,16 +242,17 @@ class Strategies:
     Attributes:
         games: the games.
         steps: of their strategies.
-        ways: the known ways on the map.
+        ways: the ways on the map.
         looks: the sensors that agents carry.
-        offsets, targets: the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`, its own first.
-        ids: (nodes,) of nodes by their rows.
         keys: (rows,) the `draws.first_key` of each agent.
-        safety, legal: (most legal nodes,) scratch: how far the nearest enemy is from legal nodes, and their ids.
+        legal: (nodes,) the legal nodes of the agent that decides, its own first; the caller writes them.
+        legal_ids, safety: (nodes,) scratch: their ids, and how far the nearest enemy is from them.
         memory: (columns * rows,) what agents remember.
-        noted: (columns * agents,) what those of one game remember from now on.
-        has_noted: (columns * agents,) 1: it is another number.
-        drawn: how often the agent that decides has drawn in this turn.
+        count: how many legal nodes there are.
+        ahead: the node at the end of the edge that the agent is on; -1: it is on its node.
+        goes_far: whether it may go on towards nodes that are not legal,
+        long_ways: along these.
+        drawn: how often it has drawn in this turn.
     """
 
     def __init__(
@@ -181,97 +261,99 @@ class Strategies:
         steps: Steps,
         ways: WayTables,
         looks: Looks,
-        offsets: memoryview[int],
-        targets: memoryview[int],
-        ids: memoryview[int],
         keys: memoryview[int],
-        safety: memoryview[float],
-        legal: memoryview[int],
-        *,
         memory: memoryview[int],
-        noted: memoryview[int],
-        has_noted: memoryview[int],
     ) -> None:
         self.games = games
         self.steps = steps
         self.ways = ways
         self.looks = looks
-        self.offsets = offsets
-        self.targets = targets
-        self.ids = ids
         self.keys = keys
-        self.safety = safety
-        self.legal = legal
         self.memory = memory
-        self.noted = noted
-        self.has_noted = has_noted
+        nodes = len(self.ways.ids)
+        safety: Any = memoryview(array("d", bytes(8 * nodes)))
+        self.legal = memoryview(array("q", bytes(8 * nodes)))
+        self.legal_ids = memoryview(array("q", bytes(8 * nodes)))
+        self.safety: memoryview[float] = safety
+        self.count = 0
+        self.ahead = -1
+        self.goes_far = False
+        self.long_ways: travel.Ways | None = None
         self.drawn = 0
 
+    def go_far(self, ways: travel.Ways) -> None:
+        """Have the ways of agents that may go on towards nodes that are not legal, by their rows."""
+        self.long_ways = ways
 
-def act(p: Strategies, game: int, agent: int) -> int:
-    """Return the action of an agent of a game; any where a way is missing, as `ways` says then."""
-    node = p.games.node[game * p.games.agents + agent]
-    p.drawn = 0
-    for step in range(p.steps.begins[agent], p.steps.begins[agent + 1]):
-        kind = p.steps.kinds[step]
-        action = 0
-        if kind == WALKS:
-            action = _drawn(p, game, agent, p.offsets[node + 1] - p.offsets[node])
-        elif kind == GOES:
-            action = _towards(p.ways, node, p.steps.nodes[p.steps.first[step]])
-        elif kind == FOLLOWS:
-            action = _towards(p.ways, node, _stop(p, game, agent, step, node))
-        elif kind == WANDERS:
-            action = _towards(p.ways, node, _waypoint(p, game, agent, step, node))
-        elif kind == CHASES:
-            action = _towards(p.ways, node, _nearest_enemy(p, game, agent, node))
-        elif kind == FLEES:
-            action = _farthest(p, game, agent, node)
-        if action != NOTHING:
-            return action
+
+def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
+    """Take the first `count` of some nodes as the legal ones of the agent that decides next."""
+    p.count = count
+    for number in range(count):
+        p.legal[number] = nodes[number]
     return 0
 
 
-def remember(p: Strategies, game: int) -> int:
-    """Keep what the agents of a game remember; return 1, and keep nothing, where a way was missing."""
-    rows = len(p.games.node)
-    agents = p.games.agents
-    columns = len(p.noted) // agents
-    is_missing = p.ways.is_missing
-    p.ways.is_missing = False
-    for column in range(columns):
-        for agent in range(agents):
-            place = column * agents + agent
-            if p.has_noted[place] and not is_missing:
-                p.memory[column * rows + game * agents + agent] = p.noted[place]
-            p.has_noted[place] = 0
-    return is_missing
+def act(p: Strategies, game: int, agent: int) -> int:
+    """Return the node to which an agent of a game goes, which is legal unless it goes far; -1: it stays."""
+    node = p.games.node[game * p.games.agents + agent]
+    p.drawn = 0
+    step = p.steps.begins[agent]
+    while step < p.steps.begins[agent + 1]:
+        kind = p.steps.kinds[step]
+        target = NOTHING
+        if kind == STAYS:
+            return NOTHING
+        if kind == WALKS:
+            return p.ahead if p.ahead >= 0 else p.legal[_drawn(p, game, agent, p.count)]
+        if kind == GOES:
+            target = p.steps.nodes[p.steps.first[step]]
+        elif kind == FOLLOWS:
+            target = _stop(p, game, agent, step, node)
+        elif kind == WANDERS:
+            target = _waypoint(p, game, agent, step, node)
+        elif kind == CHASES:
+            target = _nearest_enemy(p, game, agent, node)
+        elif kind == FLEES:
+            target = _farthest(p, game, agent)
+        elif kind == SKIPS or _chance(p, game, agent) >= p.steps.chances[step]:
+            step += p.steps.numbers[step]
+        target = _towards(p, game, agent, node, target)
+        if target >= 0:
+            return target
+        step += 1
+    return NOTHING
 
 
-def _place(ways: WayTables, node: int, target: int) -> int:
-    """Return where tables have the way from a node to a target; -1, and note that it is wanted, where it is unknown."""
-    table = ways.tables[target]
-    place = table * ways.nodes + node
-    if table >= 0 and ways.actions[place] != UNKNOWN:
-        return place
-    ways.is_missing = True
-    if ways.count < len(ways.wanted):
-        ways.wanted[ways.count] = target * ways.nodes + node
-        ways.count += 1
-    return -1
+def _distance(p: Strategies, game: int, agent: int, node: int, target: int) -> float:
+    """Return how far it is from a node to the target of an agent; if it goes far, the way to there is remembered."""
+    if p.goes_far:
+        return travel.distance(p.long_ways, game * p.games.agents + agent, node, target)  # type: ignore[arg-type]
+    return p.ways.distance(node, target)
 
 
-def _distance(ways: WayTables, node: int, target: int) -> float:
-    place = _place(ways, node, target)
-    return 0.0 if place < 0 else ways.far[place]
+def _towards(p: Strategies, game: int, agent: int, node: int, target: int) -> int:
+    """Return the node to which an agent goes on its way to a target; NOTHING: there is none, or no path."""
+    if target < 0 or _is_legal(p, target):
+        return target
+    has_path = _distance(p, game, agent, node, target) < INFINITE
+    if p.goes_far and p.ahead >= 0 and not has_path:
+        has_path = _distance(p, game, agent, p.ahead, target) < INFINITE
+    if p.goes_far or not has_path:
+        return target if has_path else NOTHING
+    found = node
+    following = p.ways.following[p.ways.place(node, target)]
+    while _is_legal(p, following):
+        found = following
+        following = p.ways.following[p.ways.place(found, target)]
+    return found
 
 
-def _towards(ways: WayTables, node: int, target: int) -> int:
-    """Return the action that leads to a target; NOTHING: there is none, or no path."""
-    if target < 0:
-        return NOTHING
-    place = _place(ways, node, target)
-    return 0 if place < 0 else ways.actions[place]
+def _is_legal(p: Strategies, node: int) -> bool:
+    found = False
+    for number in range(p.count):
+        found = found or p.legal[number] == node
+    return found
 
 
 def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:
@@ -280,52 +362,51 @@ def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:
     return draws.below_at(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
 
 
-def _known(p: Strategies, game: int, agent: int, column: int) -> int:
-    """Return what an agent remembers."""
-    place = column * p.games.agents + agent
-    if p.has_noted[place]:
-        return p.noted[place]
-    return p.memory[column * len(p.games.node) + game * p.games.agents + agent]
+def _chance(p: Strategies, game: int, agent: int) -> float:
+    """Draw a number from 0 to 1."""
+    p.drawn += 1
+    key = draws.turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])
+    return draws.fraction(draws.bits_at(key, p.drawn - 1))
 
 
-def _note(p: Strategies, agent: int, column: int, number: int) -> int:
-    place = column * p.games.agents + agent
-    p.noted[place] = number
-    p.has_noted[place] = 1
-    return 0
+def _place(p: Strategies, game: int, agent: int, column: int) -> int:
+    """Return where an agent remembers something."""
+    return column * len(p.games.node) + game * p.games.agents + agent
 
 
 def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
     """Return the node on its list to which an agent goes; -1: it was at the last one."""
     first = p.steps.first[step]
-    at = _known(p, game, agent, p.steps.slots[step])
+    place = _place(p, game, agent, p.steps.slots[step])
+    at = p.memory[place]
     if at < 0:
         at = 0
         if p.steps.numbers[step]:
-            least = _distance(p.ways, node, p.steps.nodes[first])
+            least = p.ways.distance(node, p.steps.nodes[first])
             for number in range(1, p.steps.sizes[step]):
-                far = _distance(p.ways, node, p.steps.nodes[first + number])
+                far = p.ways.distance(node, p.steps.nodes[first + number])
                 if far < least:
                     least = far
                     at = number
     at = next_stop(p.steps.nodes, p.steps.following, first, p.steps.sizes[step], at, node)
-    _note(p, agent, p.steps.slots[step], at)
+    p.memory[place] = at
     return p.steps.nodes[first + at] if at < p.steps.sizes[step] else -1
 
 
 def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
     """Return the node that was drawn, or draw another one."""
-    slot = p.steps.slots[step]
-    target = _known(p, game, agent, slot)
-    far = 0.0 if target == node else INFINITE
+    place = _place(p, game, agent, p.steps.slots[step])
+    place_of_left = _place(p, game, agent, p.steps.slots[step] + 1)
+    target = p.memory[place]
+    far = INFINITE
     if target >= 0 and target != node:
-        far = _distance(p.ways, node, target)
-    left = turns_left(target == node, _known(p, game, agent, slot + 1), far)
+        far = _distance(p, game, agent, node, target)
+    left = turns_left(target == node, p.memory[place_of_left], far)
     if left < 0:
         target = p.steps.nodes[p.steps.first[step] + _drawn(p, game, agent, p.steps.sizes[step])]
         left = p.steps.numbers[step]
-    _note(p, agent, slot, target)
-    _note(p, agent, slot + 1, left)
+    p.memory[place] = target
+    p.memory[place_of_left] = left
     return target
 
 
@@ -355,25 +436,24 @@ def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     at = game * p.games.agents
     for other in range(p.games.agents):
         if _sees(p.looks, p.games, game, agent, other):
-            far = _distance(p.ways, node, p.games.node[at + other])
+            far = p.ways.distance(node, p.games.node[at + other])
             if far < least:
                 least = far
                 found = p.games.node[at + other]
     return found
 
 
-def _farthest(p: Strategies, game: int, agent: int, node: int) -> int:
-    """Return the action by which the nearest enemy in sight is farthest; NOTHING: no enemy is in sight."""
+def _farthest(p: Strategies, game: int, agent: int) -> int:
+    """Return the legal node that is farthest from the nearest enemy in sight; NOTHING: no enemy is in sight."""
     at = game * p.games.agents
-    count = p.offsets[node + 1] - p.offsets[node]
     is_seen = False
-    for action in range(count):
-        p.safety[action] = INFINITE
-        p.legal[action] = p.ids[p.targets[p.offsets[node] + action]]
+    for number in range(p.count):
+        p.safety[number] = INFINITE
+        p.legal_ids[number] = p.ways.ids[p.legal[number]]
     for other in range(p.games.agents):
         if _sees(p.looks, p.games, game, agent, other):
             is_seen = True
-            for action in range(count):
-                far = _distance(p.ways, p.games.node[at + other], p.targets[p.offsets[node] + action])
-                p.safety[action] = min(p.safety[action], far)
-    return farthest(p.safety, p.legal, count) if is_seen else NOTHING
+            for number in range(p.count):
+                far = p.ways.distance(p.games.node[at + other], p.legal[number])
+                p.safety[number] = min(p.safety[number], far)
+    return p.legal[farthest(p.safety, p.legal_ids, p.count)] if is_seen else NOTHING

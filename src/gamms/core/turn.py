@@ -59,7 +59,7 @@ class Player:
 
 
 def play_part(p: Player, game: int) -> int:
-    """Play one part of a turn of a game; return 1, and do nothing, where it has to wait for a way."""
+    """Play one part of a turn of a game."""
     if p.by_metres:
         by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
         by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type]
@@ -69,8 +69,7 @@ def play_part(p: Player, game: int) -> int:
         by_edges.give_way(p.games, p.walkers, game)  # type: ignore[arg-type]
         moves.move(p.games, p.movers, game)
     else:
-        if moves.decide(p.games, p.movers, game):
-            return 1
+        moves.decide(p.games, p.movers, game)
         moves.give_way(p.games, p.movers, game)
         moves.move(p.games, p.movers, game)
     if p.has_rules and p.movers.part[game] == 0:
@@ -79,12 +78,11 @@ def play_part(p: Player, game: int) -> int:
 
 
 def play(p: Player, begin: int, end: int) -> int:
-    """Play the games from `begin` to `end - 1`, each until it is over, its turns are played, or it has to wait."""
+    """Play the games from `begin` to `end - 1`, each until it is over or its turns are played."""
     parts = p.movers.parts
     for game in range(begin, end):
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
-            if play_part(p, game):
-                break
+            play_part(p, game)
     return 0
 
 

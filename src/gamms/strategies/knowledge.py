@@ -16,7 +16,6 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.forms import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.game.batch.strategy_steps import begin_steps
-from gamms.game.batch.travelers import Waypoints
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
@@ -312,7 +311,7 @@ def _pass(_: object) -> None:
 
 
 def offer_steps(
-    strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None], core_form: int | Waypoints | None = None
+    strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None], core_form: int | None = None
 ) -> None:
     """Let the core play a strategy by these steps and those of strategies that it calls, if all of these have some.
 

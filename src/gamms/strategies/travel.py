@@ -9,8 +9,7 @@ from gamms.context import Context
 from gamms.core import moves
 from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import CoreStep
-from gamms.game.batch.travelers import Waypoints
+from gamms.game.batch.forms import CoreStep, strategy_spec_of
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -194,8 +193,7 @@ def random_waypoints(
         memory["random_waypoints"] = target, left
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    step = CoreStep("wander", chosen, turns, key="random_waypoints")
-    offer_steps(strategy, step, fallback, core_form=Waypoints(chosen, turns) if fallback is stay else None)
+    offer_steps(strategy, CoreStep("wander", chosen, turns, key="random_waypoints"), fallback)
     return strategy
 
 
@@ -249,6 +247,10 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
+    first, second = (strategy_spec_of(one).core_steps for one in (a, b))
+    if first is not None and second is not None:
+        begin, skip = CoreStep("mix", number=len(first) + 1, chance=chance), CoreStep("skip", number=len(second))
+        offer_steps(strategy, begin, a, skip, b)
     return strategy
 
 

@@ -391,8 +391,8 @@ class ArrayEngine:
 
         self._block.give()
         in_threads(play_part, len(until), threads)
-        while sum(core.find_ways() for core in cores):
-            in_threads(play_part, len(until), threads)
+        for core in cores:
+            core.finish()
         self._block.take_in()
 
     # -- seeing -------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms.core.copies import copied
 from gamms.deciding import phase_of
-from gamms.game.batch.begun import fits_float, movement_type
+from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, core_form_of
@@ -751,12 +751,12 @@ def _keys_in_core(game: PlayedGame) -> Iterator[str]:
 
 def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
     """Return the numbers of the agents whose strategies, or the plans of whose teams, are plain functions."""
-    plans, by = game.settings()["plans"], movement_type(game, roster)
+    plans = game.settings()["plans"]
     found = []
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         is_array_function = strategy_spec_of(decider).array_form is not None
-        if core_form_of(decider, by) is None and not is_array_function:
+        if core_form_of(game.settings(), agent) is None and not is_array_function:
             found.append(number)
     return found
 

@@ -18,6 +18,7 @@ class CoreStep(NamedTuple):
         nodes: ids of those to go to; None: all.
         number, following: see `gamms.core.strategies.Steps`.
         key: under which the agent remembers something in `state["memory"]`.
+        chance: see `gamms.core.strategies.Steps`.
     """
 
     kind: str
@@ -25,6 +26,7 @@ class CoreStep(NamedTuple):
     number: int = 0
     following: tuple[int, ...] = ()
     key: str = ""
+    chance: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,10 +35,9 @@ class StrategySpec:
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
-        core_form: the number by which `gamms.core.moves` knows the strategy, or its `travelers.Waypoints`; None: the
-            core does not play it.
-        core_steps: what the core tries, one after the other, for agents along one edge in a turn whose `core_form` is
-            no number; None: it does not play it.
+        core_form: the number by which `gamms.core.moves` knows the strategy; None: it has none.
+        core_steps: what the core tries, one after the other, for agents without a `core_form`; None: it does not play
+            the strategy.
         flies: whether the array form decides for agents that fly, too, and returns how far they fly.
         begins: returns what is kept of agents in a game that has begun, see `array_strategy`; None: memories are not
             taken up.
@@ -44,7 +45,7 @@ class StrategySpec:
     """
 
     array_form: Callable[..., Any] | None = None
-    core_form: Any = None
+    core_form: int | None = None
     core_steps: tuple[CoreStep, ...] | None = None
     flies: bool = False
     begins: Callable[..., Any] | None = None

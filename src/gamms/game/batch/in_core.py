@@ -1,25 +1,25 @@
 """Plays the games of a batch in the core: those of which every part is a function of it.
 
-`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy, or its `Waypoints`.
+`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy.
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core import by_metres, conflicts, contacts, draws, moves, rules, turn
+from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.forms import strategy_spec_of
-from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.movement import Anywhere
 from gamms.game.batch.state import CoreEvents, GameArrays
-from gamms.game.batch.strategy_steps import ALWAYS_ACT, StrategySteps
+from gamms.game.batch.strategy_steps import LOOKING, StrategySteps, always_act
 from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, Waypoints, in_parts
+from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
 from gamms.game.conflicts import Table, flat
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.travel import no_way
@@ -27,6 +27,7 @@ from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing import IAgent
 
 ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
@@ -208,7 +209,7 @@ class Block:
         nodes = self._ids[self._first[self._map_of[games]] + nodes]
         flags = tuple(one.flags for one in self.rules)
         noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
-        noted = noted.those(np.argsort(games, kind="stable"))  # a game that waits for a way goes on behind others
+        noted = noted.those(np.argsort(games, kind="stable"))  # those of one map come behind those of another
         events.count = 0
         self._note_scores(noted)
         is_end = noted.kinds == _END
@@ -294,21 +295,25 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_form_of(decider: object, by: type[Movement]) -> int | Waypoints | None:
-    """Return what the core plays a strategy by, None: by nothing; agents without a strategy stay.
+def core_form_of(settings: Mapping[str, Any], agent: IAgent) -> int | None:
+    """Return the number by which the core knows what decides for an agent, None: it does not play that.
 
     Args:
-        decider: the strategy, or the plan of a team.
-        by: how agents go in a turn.
+        settings: of the game.
+        agent: one without a strategy stays.
     """
+    decider = decider_of(agent, settings["plans"])
     if decider is None:
         return moves.STAY
     spec = strategy_spec_of(decider)
-    form: int | Waypoints | None = spec.core_form
-    if isinstance(form, int) or issubclass(by, ByEdges | ByMetres):
-        return form
-    goes_by_steps = by is Movement and any(step.kind in ALWAYS_ACT for step in spec.core_steps or ())
-    return moves.BY_STEPS if goes_by_steps else None
+    steps = spec.core_steps or ()
+    if spec.core_form is not None:
+        return spec.core_form
+    kinds = {step.kind for step in steps}
+    goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
+    looks_at_edges = settings["speed_unit"] != "edges" and not kinds.isdisjoint(LOOKING)
+    is_played = always_act(steps) and not (goes_on or looks_at_edges) and settings["legal"] == "edges"
+    return moves.BY_STEPS if is_played else None
 
 
 def is_function(rule: NamedRule) -> bool:
@@ -340,11 +345,10 @@ class CoreGames:
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        found = [core_form_of(one, type(state.movement)) for one in deciders]
-        self._forms = [moves.STAY if one is None else one for one in found]
-        numbers = [by_metres.RANDOM_WAYPOINTS if isinstance(one, Waypoints) else one for one in self._forms]
-        self._decides_by = np.array(numbers, np.uint8)
-        pairs = zip(self._forms, deciders, strict=True)
+        found = [core_form_of(settings, agent) for agent in state.roster.agents]
+        forms = [moves.STAY if one is None else one for one in found]
+        self._decides_by = np.array(forms, np.uint8)
+        pairs = zip(forms, deciders, strict=True)
         self._steps = [
             (strategy_spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs
         ]
@@ -353,6 +357,7 @@ class CoreGames:
         streets = state.streets
         self._streets = streets.core_with_all_legal if isinstance(state.movement, Anywhere) else streets.core
         self._until = np.zeros(len(state), np.int64)
+        self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
@@ -386,24 +391,20 @@ class CoreGames:
         if is_given is not None:
             self._deciding[is_given] = moves.GIVEN
         self._made[0][1].refuse_unknown_agents()
-        self._refuse_unknown_nodes()
         self._until.fill(0)
         self._until[games] = until
+        self._games = games
         if self._by_steps is not None:
-            self._by_steps.take_memories()
+            self._by_steps.take_memories(games)
 
     def play_part(self, thread: int, begin: int, end: int) -> None:
         """Play those of the games from `begin` to `end - 1` that are on this map."""
         turn.play_aside(self._made[thread][0], begin, end)
 
-    def find_ways(self) -> bool:
-        """Find the ways that agents wait for; return whether there were any."""
-        if self._by_steps is None:
-            return False
-        if self._by_steps.find_ways():
-            return True
-        self._by_steps.give_memories()
-        return False
+    def finish(self) -> None:
+        """Let the state of the batch have what agents remember of the games that were played."""
+        if self._by_steps is not None:
+            self._by_steps.give_memories(self._games)
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
         """Apply the rules of some games that have moved; yield each function where it has its turn."""
@@ -420,14 +421,6 @@ class CoreGames:
                 self._block.give()
                 rules.play_games(part, numbers)
                 self._block.take_in()
-
-    def _refuse_unknown_nodes(self) -> None:
-        """Refuse rows of nodes that agents remember, or that were loaded, and that are those of no nodes."""
-        if self._columns is None:
-            return
-        nodes, targets = self._state.streets.num_nodes, self._columns.roamers.targets
-        if targets.min(initial=-1) < -1 or targets.max(initial=-1) >= nodes:
-            raise BadValue(f"Agents remember rows of nodes from -1 to {nodes - 1}, not {shown(targets)}.")
 
     def _player(self) -> tuple[turn.Player, Making]:
         """Make what one more thread plays with."""
@@ -467,7 +460,7 @@ class CoreGames:
         contests, requests = self._conflicting()
         if self._by_steps is None and any(self._steps):
             self._by_steps = StrategySteps(state, self._steps)
-        by_steps = None if self._by_steps is None else self._by_steps.strategies(games)
+        by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
         of_movers = {**shared, "by_steps": by_steps}
         movers = moves.Movers(
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
@@ -475,7 +468,7 @@ class CoreGames:
         events = block.events_of(len(self._made))
         travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
         if columns is not None:
-            travel = columns.thread(len(self._made), movers, events)
+            travel = columns.thread(len(self._made), movers, by_steps, events)
         making = Making(state, games, events, travel, block.rules, len(self._made))
         parts = self._made_rules(making)
         first = None
@@ -502,8 +495,8 @@ class CoreGames:
         """Return what threads share in games that do not go along one edge a turn."""
         by = self._state.movement
         if isinstance(by, ByMetres):
-            return MetreColumns(self._state, by, self._forms)
-        return EdgeColumns(self._state, by, self._forms) if isinstance(by, ByEdges) else None
+            return MetreColumns(self._state, by, go_by_steps=any(self._steps))
+        return EdgeColumns(self._state, by, go_by_steps=any(self._steps)) if isinstance(by, ByEdges) else None
 
     def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
         """Return what finds those who give way; None: there are no conflicts."""

@@ -14,7 +14,7 @@ from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.conflicts import flat
-from gamms.game.streets import Streets
+from gamms.game.travel import Reach
 from gamms.ir.graph import IntArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
@@ -22,28 +22,35 @@ from gamms.typing import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
-_MOST_BYTES = 128 * 2**20  # of the tables of ways between all nodes; on larger maps arrays play
-_BYTES = 12  # of a node in a table
+_MOST_BYTES = 128 * 2**20  # of the tables of ways of one thread
+_BYTES = 16  # of a node in a table
 MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
-_MOST_ASKED = 1 << 14  # ways that a thread asks for at once
-_UNKNOWN = -3  # an action that `gamms.core.strategies` asks for
 _LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
-_LOOKING = ("chase", "flee")
-ALWAYS_ACT = ("stay", "walk")  # kinds of steps: the others may give no action
+LOOKING = ("chase", "flee")
 _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
 
 
-def why_not_by_steps(game: PlayedGame, roster: Roster, streets: Streets) -> Iterator[str]:
+def why_not_by_steps(game: PlayedGame, roster: Roster) -> Iterator[str]:
     """Yield, in words, the reasons why the core cannot play strategies with steps."""
     agents, plans = roster.agents, game.settings()["plans"]
     steps = [_steps_of(decider_of(agent, plans)) for agent in agents]
     looking = [agent for agent, own in zip(agents, steps, strict=True) if _looks(own)]
-    if any(steps) and streets.num_nodes**2 * _BYTES > _MOST_BYTES:
-        yield "ways on a large map"
     if looking and len(agents) > MOST_LOOKING:
         yield "many agents that look at each other"
     if not all(map(has_plain_looks, looking)):
         yield "sensors that do more than to show who is near"
+
+
+def always_act(steps: Sequence[CoreStep]) -> bool:
+    """Whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
+    if not steps:
+        return False
+    first, rest = steps[0], steps[1:]
+    if first.kind == "mix":
+        return always_act(rest) and always_act(rest[first.number :])
+    if first.kind == "skip":
+        return always_act(rest[first.number :])
+    return first.kind in ("stay", "walk") or always_act(rest)
 
 
 def _steps_of(decider: object) -> Sequence[CoreStep]:
@@ -53,7 +60,7 @@ def _steps_of(decider: object) -> Sequence[CoreStep]:
 
 
 def _looks(steps: Sequence[CoreStep]) -> bool:
-    return any(step.kind in _LOOKING for step in steps)
+    return any(step.kind in LOOKING for step in steps)
 
 
 def _plain_look(sensor: ISensor) -> AgentLook | None:
@@ -140,19 +147,15 @@ class StrategySteps:
     """
 
     def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
-        self._state, nodes = state, state.streets.num_nodes
+        self._state = state
         self._remembered: dict[str, CoreStep] = {}
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
         self._steps = self._made_steps(steps)
         self._looks = made_looks(state, [_looks(one) for one in steps])
         for key in self._remembered:
             self._kept(key)
-        self._memory = np.zeros((len(self._columns), state.node.size), np.int64)
-        self._tables, self._count = np.full(nodes, -1), 0
-        self._far, self._actions = np.zeros((0, nodes)), np.zeros((0, nodes), np.int32)
-        self._ways: list[
-            tuple[strategies.WayTables, np.ndarray[Any, Any]]
-        ] = []  # of each thread, with the targets that it wants
+        self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
+        self._ways: list[strategies.WayTables] = []  # of each thread
 
     def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.Steps:
         rows, listed = self._state.streets.rows, [step for one in steps for step in one]
@@ -176,94 +179,49 @@ class StrategySteps:
             _column([first[step.nodes, step.following] for step in listed], np.int64),
             _column(sizes, np.int64),
             _column([step.number for step in listed], np.int64),
+            _column([step.chance for step in listed], np.float64),
             _column(slots, np.int64),
             _column(np.concatenate(nodes), np.int64),
             _column([*chain.from_iterable(following)], np.int64),
         )
 
-    def strategies(self, games: rules.Games) -> strategies.Strategies:
-        """Return the strategies as one more thread plays them."""
-        state, wanted = self._state, np.zeros(_MOST_ASKED, np.int64)
-        ways = strategies.WayTables(state.streets.num_nodes, wanted.data)
-        self._ways.append((ways, wanted))
-        self._share()
-        noted = len(self._columns) * len(state.roster.names)
-        most_legal = int(np.diff(state.streets.offsets).max(initial=0))
-        return strategies.Strategies(
-            games,
-            self._steps,
-            ways,
-            self._looks,
-            _column(state.streets.offsets, np.int32),
-            _column(state.streets.targets, np.int32),
-            _column(state.streets.columns.node_ids, np.int64),
-            flat(state.draw_keys(), np.uint64),
-            _column(np.zeros(most_legal), np.float64),
-            _column(np.zeros(most_legal), np.int64),
-            memory=self._memory.reshape(-1).data,
-            noted=np.zeros(noted, np.int64).data,
-            has_noted=np.zeros(noted, np.uint8).data,
-        )
+    def of_thread(self, games: rules.Games, thread: int) -> strategies.Strategies:
+        """Return the strategies as a thread of a number plays them."""
+        if thread == len(self._ways):
+            self._ways.append(self._new_ways())
+        keys = flat(self._state.draw_keys(), np.uint64)
+        memory = self._memory.reshape(-1).data
+        return strategies.Strategies(games, self._steps, self._ways[thread], self._looks, keys, memory)
 
-    def take_memories(self) -> None:
-        """Take what agents remember from the state of the batch."""
+    def _new_ways(self) -> strategies.WayTables:
+        streets = self._state.streets
+        arcs, nodes = streets.ways_to("length"), streets.num_nodes
+        tables = min(nodes, max(1, _MOST_BYTES // (_BYTES * nodes)))
+        far: Any = np.zeros(tables * nodes).data
+        following: Any = np.zeros(tables * nodes, np.int64).data
+        ints = [_column(column, np.int64) for column in (streets.columns.node_ids, arcs.offsets, arcs.ends)]
+        costs = _column(arcs.weights, np.float64)
+        return strategies.WayTables(*ints, costs, Reach(nodes).core, far, following)
+
+    def take_memories(self, games: IntArray) -> None:
+        """Take what agents remember in some games from the state of the batch."""
         nodes = self._state.streets.num_nodes
         for column, (key, name) in enumerate(self._columns):
-            step, known = self._remembered[key], self._kept(key)[name]
+            step, known = self._remembered[key], self._kept(key)[name][games]
             most = nodes - 1 if step.nodes is None or step.kind != "follow" else len(step.nodes)
-            if name != "left" and not -1 <= known.min() <= known.max() <= most:
+            if name != "left" and not -1 <= known.min(initial=-1) <= known.max(initial=-1) <= most:
                 raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
-            self._memory[column] = known.reshape(-1)
+            self._memory[column, games] = known
 
-    def give_memories(self) -> None:
-        """Write what agents remember into the state of the batch."""
+    def give_memories(self, games: IntArray) -> None:
+        """Write what agents remember in these games into the state of the batch."""
         for column, (key, name) in enumerate(self._columns):
-            known = self._kept(key)[name]
-            known[:] = self._memory[column].reshape(known.shape)
+            self._kept(key)[name][games] = self._memory[column, games]
 
     def _kept(self, key: str) -> Arrays:
         make = partial(_unremembered, self._remembered[key].kind, len(self._state.roster.names))
         return self._state.keep(("memory", key), make)
 
-    def find_ways(self) -> bool:
-        """Find the ways that threads have asked for, with all from nodes on them; return whether there were any."""
-        asked = [wanted[: ways.count] for ways, wanted in self._ways]
-        pairs, nodes = np.unique(np.concatenate(asked)), self._state.streets.num_nodes
-        found_some = len(pairs) > 0
-        routes, streets = self._state.movement.routes("length"), self._state.streets
-        while len(pairs):
-            targets, here = np.divmod(pairs, nodes)
-            self._make_room(np.unique(targets[self._tables[targets] < 0]))
-            actions = routes.actions(here, targets)
-            self._actions[self._tables[targets], here] = actions
-            self._far[self._tables[targets], here] = routes.distances(here, targets)
-            goes = actions > 0
-            targets, ahead = targets[goes], streets.ends_of(here[goes], actions[goes])
-            is_unknown = self._actions[self._tables[targets], ahead] == _UNKNOWN
-            pairs = np.unique(targets[is_unknown] * nodes + ahead[is_unknown])
-        self._share()
-        return found_some
-
-    def _make_room(self, targets: IntArray) -> None:
-        """Make tables of targets, in which nothing is known yet."""
-        last = self._count + len(targets)
-        if last > len(self._far):
-            room = min(len(self._tables), 2 * last)
-            self._far, self._actions = _longer(self._far, room, 0.0), _longer(self._actions, room, _UNKNOWN)
-        self._tables[targets] = np.arange(self._count, last)
-        self._count = last
-
-    def _share(self) -> None:
-        for ways, _ in self._ways:
-            far: Any = self._far.reshape(-1).data
-            ways.take(self._tables.data, far, self._actions.reshape(-1).data)
-
 
 def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
     return np.array(values, dtype).data
-
-
-def _longer(tables: np.ndarray[Any, Any], room: int, fill: float) -> np.ndarray[Any, Any]:
-    found = np.full((room, tables.shape[1]), fill, tables.dtype)
-    found[: len(tables)] = tables
-    return found

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core import by_edges, by_metres, contacts, moves, rules, travel
+from gamms.core import by_edges, by_metres, contacts, moves, rules, strategies, travel
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.movement import Movement
@@ -24,19 +24,6 @@ _LONGEST = 256  # nodes on the way of an agent that are remembered
 _BACKWARDS, _TURNS = 1, 2  # flags of legs, see `contacts.Legs`
 _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
 NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
-_WAYPOINTS = "memory", "random_waypoints"  # the key of what agents remember
-
-
-class Waypoints(NamedTuple):
-    """What agents do by `gamms.strategies.random_waypoints`, as the core plays it.
-
-    Attributes:
-        nodes: ids to draw from; None: all nodes.
-        pause: for how many turns agents stay at each.
-    """
-
-    nodes: tuple[int, ...] | None
-    pause: int
 
 
 def most_legs(by: ByMetres) -> int:
@@ -99,49 +86,6 @@ def in_parts(movers: moves.Movers, agents: int) -> ThreadTravel:
     return ThreadTravel(None, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
 
 
-class Roamers:
-    """What agents remember and draw from that go to random waypoints.
-
-    Args:
-        state: of all games.
-        by: how agents go.
-        deciders: what agents decide by: numbers of `gamms.core`, or `Waypoints`.
-
-    Attributes:
-        exist: whether there are some.
-        core: as the core has them.
-        targets: (games, agents) rows of nodes that they remember, which may have been loaded; -1: none.
-    """
-
-    def __init__(self, state: GameArrays, by: Movement, deciders: list[int | Waypoints]) -> None:
-        self._agents = len(deciders)
-        roaming = [one if isinstance(one, Waypoints) else None for one in deciders]
-        options = [_options_of(one, by) for one in roaming]
-        roams = np.array([one is not None for one in roaming], np.bool_)
-        self.exist = bool(roams.any())
-        self.targets = pauses = np.zeros((0, self._agents), np.int64)
-        if self.exist:
-            kept = state.keep(_WAYPOINTS, self._begin, is_new=bool(state.takes_up[roams].all()))
-            self.targets, pauses = kept["target"], kept["left"]
-        self.core = by_metres.Roaming(
-            self.targets.reshape(-1).data,
-            pauses.reshape(-1).data,
-            flat(np.concatenate([np.zeros(0, np.int64), *options]), np.int64),
-            flat(np.cumsum([0, *map(len, options)]), np.int64),
-            flat(np.array([0 if one is None else one.pause for one in roaming]), np.int64),
-        )
-
-    def _begin(self, games: int) -> dict[str, IntArray]:
-        shape = games, self._agents
-        return {"target": np.full(shape, -1), "left": np.zeros(shape, np.int64)}
-
-
-def _options_of(waypoints: Waypoints | None, by: Movement) -> IntArray:
-    if waypoints is None:
-        return np.zeros(0, np.int64)
-    return np.arange(by.streets.num_nodes) if waypoints.nodes is None else by.streets.rows(waypoints.nodes)
-
-
 def _remembered(rows: int) -> int:
     """Return how many nodes on its way each of so many agents remembers."""
     return max(8, min(_LONGEST, _MOST_REMEMBERED // max(rows, 1)))
@@ -153,22 +97,25 @@ class EdgeColumns:
     Args:
         state: of all games.
         by: how agents go.
-        deciders: see `Roamers`.
+        go_by_steps: whether some agents decide by steps, which may lead far.
     """
 
-    def __init__(self, state: GameArrays, by: ByEdges, deciders: list[int | Waypoints]) -> None:
+    def __init__(self, state: GameArrays, by: ByEdges, *, go_by_steps: bool) -> None:
         self._by = by
-        self._agents = len(deciders)
-        self.roamers = Roamers(state, by, deciders)
+        self._agents = state.node.shape[1]
         self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
         self._hops = Memories(by.columns, np.ones(len(lengths)), rows, 8)
-        self._ways = self._hops
-        if self.roamers.exist:
-            self._ways = Memories(by.columns, lengths, rows, _remembered(rows))
+        self._ways = Memories(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
 
-    def thread(self, number: int, movers: moves.Movers, events: rules.Events) -> ThreadTravel:  # noqa: ARG002
+    def thread(
+        self,
+        number: int,  # noqa: ARG002
+        movers: moves.Movers,
+        by_steps: strategies.Strategies | None,
+        events: rules.Events,  # noqa: ARG002
+    ) -> ThreadTravel:
         """Return what one thread plays with; see `MetreColumns`."""
         by, most = self._by, most_nodes(self._by)
         reach = Reach(by.streets.num_nodes)
@@ -184,8 +131,9 @@ class EdgeColumns:
             covered=covered,
             route=ints[self._agents :],
         )
-        walkers = by_edges.Walkers(movers, walks, self._ways.plain_ways(reach), self.roamers.core)
-        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
+        if by_steps is not None:
+            by_steps.go_far(self._ways.plain_ways(reach))
+        return ThreadTravel(by_edges.Walkers(movers, walks), None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
 class MetreColumns:
@@ -194,26 +142,24 @@ class MetreColumns:
     Args:
         state: of all games.
         by: how agents go.
-        deciders: see `Roamers`.
+        go_by_steps: whether some agents decide by steps, which may lead far.
 
     Attributes:
-        roamers: those of the agents that roam.
         on_edges: where agents are, as `rules.Games` has it.
         ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
     """
 
-    def __init__(self, state: GameArrays, by: ByMetres, deciders: list[int | Waypoints]) -> None:
+    def __init__(self, state: GameArrays, by: ByMetres, *, go_by_steps: bool) -> None:
         self._by = by
-        self._agents = len(deciders)
+        self._agents = state.node.shape[1]
         self._most = most_legs(by)
         starts, ends = np.zeros((2, *state.node.shape), np.int64)
         self.ends = starts, ends
-        self.roamers = Roamers(state, by, deciders)
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self._longest = max(8, self._most if by.is_endless else 0)
         self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
         self._learned: list[tuple[travel.Ways, travel.Ways, travel.KnownReach]] = []  # of each thread
-        rows = state.node.size if self.roamers.exist else 0
+        rows = state.node.size if go_by_steps else 0
         self._memories = Memories(by.columns, by.terms.costs, rows, _remembered(rows))
         edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
         backs = by.backs(edges)
@@ -228,23 +174,26 @@ class MetreColumns:
         return travel.KnownReach(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
     def _learner(self) -> tuple[travel.Ways, travel.Ways, travel.KnownReach]:
-        """Return what one thread learns of the map: ways of agents that roam and of others, and what is legal."""
+        """Return what one thread learns of the map: ways of agents that go by steps, other ways, and what is legal."""
         roads, reach = self._by.map, Reach(self._by.streets.num_nodes)
         ways, near = self._memories.ways(roads, reach), self._memories.apart(self._slots, self._longest)
         return ways, near.ways(roads, reach), self._known()
 
-    def thread(self, number: int, movers: moves.Movers, events: rules.Events) -> ThreadTravel:
+    def thread(
+        self, number: int, movers: moves.Movers, by_steps: strategies.Strategies | None, events: rules.Events
+    ) -> ThreadTravel:
         """Return what one thread plays with, of a number from 0; events get what agents cannot do."""
         by, most, roads = self._by, self._most, self._by.map
         if number == len(self._learned):
             self._learned.append(self._learner())
+        if by_steps is not None:
+            by_steps.go_far(self._learned[number][0])
         trips = Trips(self._agents, most, max(self._memories.most, most))
         travelers = by_metres.Travelers(
             movers,
             *self._learned[number],
             trips.core,
             events,
-            self.roamers.core,
             slots=self._slots,
             nodes=by.streets.num_nodes,
             speeds=flat(by.paces, np.float64),

@@ -4,8 +4,8 @@ from collections.abc import Hashable, Iterator
 from itertools import chain
 from typing import Any
 
+from gamms.core import moves
 from gamms.game.batch.begun import may_forget, movement_type, why_not_begun
-from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
 from gamms.game.batch.cursor import asked_of, is_plain_rule, keep_in_columns
 from gamms.game.batch.forms import strategy_spec_of
@@ -13,8 +13,7 @@ from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.sensing import why_not_asked_in_core
 from gamms.game.batch.strategy_steps import why_not_by_steps
-from gamms.game.batch.travel import ByMetres
-from gamms.game.batch.travelers import Waypoints, why_not_by
+from gamms.game.batch.travelers import why_not_by
 from gamms.game.conflicts import ranked
 from gamms.game.settings import NamedRule, as_called
 from gamms.plain import is_plain
@@ -67,8 +66,7 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
 
 def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
     """Return what of the map keeps agents that move so from being played in the core, in words; None: nothing."""
-    by_steps = why_not_by_steps(game, roster, by.streets) if type(by) is Movement else ()
-    return next(chain(why_not_by(by, roster), by_steps), None)
+    return next(chain(why_not_by(by, roster), why_not_by_steps(game, roster)), None)
 
 
 def _are_plain(game: PlayedGame, roster: Roster) -> bool:
@@ -144,29 +142,28 @@ def _is_played(rule: NamedRule) -> bool:
 def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
     """Return, by team and in words, the strategies and sensors that the core does not have."""
     found: dict[Hashable, str] = {}
-    plans, by = game.settings()["plans"], movement_type(game, roster)
+    plans = game.settings()["plans"]
+    is_plain = _are_plain(game, roster)
     for agent in roster.agents:
         for one in preparing(agent, plans):
             found.setdefault(agent.team, f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
-        why = None if decider is None else next(_why_not_asked(game, agent, decider, by), None)
+        why = None if decider is None else next(_why_not_asked(game, agent, decider, is_plain=is_plain), None)
         if why is not None:
             found.setdefault(agent.team, why)
     return found
 
 
-def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, by: type[Movement]) -> Iterator[str]:
+def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: bool) -> Iterator[str]:
     """Yield, in words, why the core does not have the decider of an agent."""
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
-    form = core_form_of(decider, by)
-    if form is None and spec.array_form is None and issubclass(by, ByEdges | ByMetres):
+    form = core_form_of(settings, agent)
+    if form is None and spec.array_form is None and not is_plain:
         yield f"the {kind} {as_code(decider)}"
     if settings["time_budget"] is not None and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
     if may_forget(game, agent):
         yield f"the {kind} {as_code(decider)}, which remembers something"
-    if isinstance(form, Waypoints) and agent.speed is None:
-        yield f"the {kind} {as_code(decider)}, of agents that go along one edge in a turn among others"
-    if isinstance(form, Waypoints) and settings["on_illegal"] == "raise":
+    if form == moves.BY_STEPS and not is_plain and settings["on_illegal"] == "raise":
         yield f"the {kind} {as_code(decider)}, of which illegal actions are raised"
