@@ -762,8 +762,6 @@ def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
 
 
 def keep_in_columns(game: PlayedGame, roster: Roster) -> bool:
-    """Whether what some agents remember is in columns of the batch."""
-    plans = game.settings()["plans"]
-    asked = asked_of(game, roster)
-    others = [decider_of(agent, plans) for number, agent in enumerate(roster.agents) if number not in asked]
-    return any(one is not None and not isinstance(strategy_spec_of(one).core_form, int) for one in others)
+    """Whether what teams remember may be in columns of the batch, where array functions keep it."""
+    deciders = (decider_of(agent, game.settings()["plans"]) for agent in roster.agents)
+    return any(strategy_spec_of(one).array_form is not None for one in deciders)

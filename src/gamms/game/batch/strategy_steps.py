@@ -196,12 +196,12 @@ class StrategySteps:
     def _new_ways(self) -> strategies.WayTables:
         streets = self._state.streets
         arcs, nodes = streets.ways_to("length"), streets.num_nodes
-        tables = min(nodes, max(1, _MOST_BYTES // (_BYTES * nodes)))
+        tables = min(nodes, max(1, _MOST_BYTES // (_BYTES * max(nodes, 1))))
         far: Any = np.zeros(tables * nodes).data
         following: Any = np.zeros(tables * nodes, np.int64).data
         ints = [_column(column, np.int64) for column in (streets.columns.node_ids, arcs.offsets, arcs.ends)]
-        costs = _column(arcs.weights, np.float64)
-        return strategies.WayTables(*ints, costs, Reach(nodes).core, far, following)
+        columns = [*ints, _column(arcs.weights, np.float64), Reach(nodes).core, far, following]
+        return strategies.WayTables(*columns)
 
     def take_memories(self, games: IntArray) -> None:
         """Take what agents remember in some games from the state of the batch."""
