@@ -8,7 +8,7 @@ from batch_scenes import WALK, WAYS, assert_as_shown, beyond_core, plain, scene
 
 import gamms
 import gamms.recorder
-from gamms import rl
+from gamms import rl, strategies
 from gamms.errors import BadType, BadValue
 from gamms.rl.learners import default_observation
 from gamms.scenario.documents import ScenarioError
@@ -94,6 +94,38 @@ IN_CORE = {
     "array strategies": (scene([TAG]), {"red": drawn, "blue": last_of_legal}),
     "by metres": (scene([TAG], settings={"speed_unit": "metres"}, **SPEEDS), {}),
 }
+
+
+def go_by_steps(by_metres, *, have_speeds):
+    """Return what makes strategies of the library that decide in the core, some of which remember something."""
+
+    def red(ctx):
+        waits = strategies.random_waypoints(ctx, [1, 5, 8], 1)
+        hunts = waits if by_metres else strategies.chase(ctx, waits)
+        return strategies.mix(0.7, hunts, strategies.goto(ctx, 3))
+
+    def blue(ctx):
+        follows = strategies.random_waypoints(ctx) if have_speeds else strategies.patrol(ctx, [0, 4, 8])
+        return follows if by_metres else strategies.first(strategies.flee(ctx, None), follows)
+
+    return {"red": red, "blue": blue}
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+@pytest.mark.parametrize("speed", [None, 2.5, 9.0])
+def test_strategies_by_steps_remember_nodes_of_the_map_of_each_game(unit, speed):
+    settings = {"speed_unit": unit} if speed else {"order": [["blue"], ["red"]]}
+    scenario = scene([TAG], sensors={"near": {"type": "AGENT_RANGE", "sensor_range": 30.0}}, settings=settings)
+    scenario = scenario.replace(**{f"teams.{team}.sensors": ["near"] for team in ("red", "blue")})
+    scenario = scenario.replace(**({"teams.red.speed": speed, "teams.blue.speed": speed} if speed else {}))
+    made = go_by_steps(unit == "metres" and speed is not None, have_speeds=speed is not None)
+    with scenario.batch(20, seed=5, strategies=made, maps=MAPS) as games:
+        assert games.is_in_arrays
+        for _ in range(4):
+            games.step()
+        games.reset([1, 2, 3, 7], seeds=[21, 22, 23, 27])
+        games.run(threads=2)
+        assert_as_alone(scenario, games, made)
 
 
 @pytest.mark.parametrize("name", IN_CORE)
