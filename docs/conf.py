@@ -1,8 +1,9 @@
 """Builds the documentation site: `make docs`.
 
-Pages are plain Markdown, which a code host shows as well. What Sphinx needs besides is worked out here: the navigation
-follows the links of `index.md` and of each section's index, the reference is written from the source, and replays are
-made by the code of the pages that show them.
+Pages are plain Markdown, which a code host shows as well. Everything else that Sphinx needs is made here: the navigation
+follows the links of `index.md` and of each section's index, the reference is written from the source, replays are made by
+the code of the pages that show them, and a comment `<!-- index: word, other word -->` lets the search find a section
+under these words. Pages for contributors are neither in the navigation nor in the search.
 """
 
 import os
@@ -35,6 +36,7 @@ suppress_warnings = ["myst.header", "ref.python"]  # two classes of one name: th
 html_theme = "furo"
 html_title = f"GAMMS {version}"
 html_static_path = ["_static"]
+html_favicon = "_static/icon.svg"
 html_css_files = ["site.css"]
 html_search_scorer = str(DOCS / "search_scorer.js")
 html_copy_source = False
@@ -45,6 +47,15 @@ toc_object_entries_show_parents = "hide"
 add_module_names = False
 python_use_unqualified_type_names = True
 
+_ADDRESS = re.search(
+    r'^repository-code: "(https:[^"]+)"', (DOCS.parent / "CITATION.cff").read_text("utf-8"), re.MULTILINE
+)
+if _ADDRESS:  # pages have a link to edit them
+    html_theme_options = {"source_repository": _ADDRESS[1], "source_branch": "main", "source_directory": "docs/"}
+
+_FOR_CONTRIBUTORS = re.compile(r"decisions/|architecture$|releasing$")
+_UNLISTED = "---\norphan: true\nnosearch: true\n---\n\n"
+_INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)  # words under which the search finds the section
 _STILL = re.compile(r"^!\[([^\]]*)\]\((figures/gallery/(\w+)\.png)\)$", re.MULTILINE)  # of a game of the gallery
 _PLAYING = (
     "```{image} \\2\n:alt: \\1\n:target: _replays/gallery/\\3.html\n```\n\n"
@@ -74,12 +85,21 @@ def write_reference(_: Sphinx) -> None:
 def complete(_: Sphinx, docname: str, source: list[str]) -> None:
     """Add the navigation to a page of contents, and frames to a page that shows replays."""
     page = DOCS / f"{docname}.md"
-    if page.name in {"index.md", "README.md"}:
+    if page.name == "index.md":
         source[0] += "".join(toctree_of(page, heading, linked) for heading, linked in pages.contents_of(page))
     to_root = "../" * docname.count("/")
     source[0] = pages.LINK.sub(lambda match: _within(page, match), source[0])
     source[0] = _STILL.sub(_PLAYING, source[0])
+    source[0] = _INDEX.sub(_index_entries, source[0])
     source[0] = pages.REPLAY.sub(lambda match: _FRAME.format(to_root=to_root, name=f"{docname}/{match[1]}"), source[0])
+    if _FOR_CONTRIBUTORS.match(docname):
+        source[0] = _UNLISTED + source[0]
+
+
+def _index_entries(match: re.Match[str]) -> str:
+    """Return the directive that makes main entries of the index of the words in a comment."""
+    words = ", ".join(f"! {word.strip()}" for word in match[1].split(","))
+    return f"```{{index}} {words}\n```"
 
 
 def _within(page: Path, match: re.Match[str]) -> str:

@@ -29,6 +29,13 @@ import pages  # noqa: E402
 DOCS = ROOT / "docs"
 PAGES = pages.all_pages()
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+WORDS_TYPED = {
+    "cite": "cite.md",
+    "collision": "rules.md",
+    "gpu": "batches.md",
+    "real time": "travel.md",
+    "seed": "concepts.md",
+}
 IS_REFRESHING = os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1"
 
 
@@ -111,11 +118,27 @@ def test_the_site_leaves_dashes_and_quotes_as_pages_have_them():
 def test_the_search_of_the_site_ranks_guides_before_decisions_and_changes():
     scorer = DOCS / "search_scorer.js"
     assert f'html_search_scorer = str(DOCS / "{scorer.name}")' in (DOCS / "conf.py").read_text(encoding="utf-8")
-    found = [["decisions/0012-a-journal", 40], ["changelog", 40], ["recording", 2], ["howto/debugging", 2]]
+    found = [
+        ["decisions/0012-a-journal", 40],
+        ["changelog", 40],
+        ["reference/gamms.graph", 30],
+        ["recording", 2],
+        ["howto/debugging", 2],
+    ]
     rank = f"{json.dumps(found)}.map(([page, score]) => Scorer.score([page, 'title', '', null, score]))"
     shown = f"{scorer.read_text(encoding='utf-8')}; console.log(JSON.stringify({rank}))"
     scores = json.loads(subprocess.run(["node", "-e", shown], capture_output=True, check=True).stdout)
-    assert max(scores[:2]) < min(scores[2:]) == 2
+    assert max(scores[:3]) < min(scores[3:]) == 2
+
+
+def test_the_search_finds_pages_under_the_words_that_people_type():
+    entries = {
+        word.strip(): page.relative_to(DOCS).as_posix()
+        for page in DOCS.rglob("*.md")
+        for words in re.findall(r"^<!-- index: (.+) -->$", page.read_text(encoding="utf-8"), re.MULTILINE)
+        for word in words.split(",")
+    }
+    assert {word: entries.get(word) for word in WORDS_TYPED} == WORDS_TYPED
 
 
 def test_one_line_installs_the_extras_of_all_tutorials():
