@@ -11,6 +11,7 @@ Packages and names are loaded when they are first used. Start reading at `contex
 others.
 """
 
+import sys as _sys
 import typing as _typing
 from importlib import import_module as _import_module
 
@@ -99,7 +100,8 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
             return found
         found = _import_module(f"gamms.{name}") if name in _MODULES else _legacy.resolve(name)
         if found is None:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            message = f"module {__name__!r} has no attribute {name!r}"
+            raise AttributeError(message, name=name, obj=_sys.modules[__name__])  # Python names the nearest one
         return found
 
 

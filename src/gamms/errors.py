@@ -91,9 +91,11 @@ class UnknownName(GammsError, KeyError):
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
         names = list(islice(known, _MANY))
-        which = "There is" if len(names) <= _FEW else "There is, among others"
-        few = f" {which}: {', '.join(map(shown, names[:_FEW]))}." if names else ""
-        super().__init__(f"Unknown {kind} {shown(name)}.{nearest(name, names) or few}")
+        others = ", among others" if len(names) > _FEW else ""
+        verb = "is" if len(names) == 1 else "are"
+        few = f" There {verb}{others}: {', '.join(map(shown, names[:_FEW]))}." if names else ""
+        guess = "" if isinstance(name, int) else nearest(name, names)
+        super().__init__(f"Unknown {kind} {shown(name)}.{guess or few}")
 
 
 class UnknownType(GammsError, ValueError):

@@ -238,4 +238,4 @@ def test_an_error_and_its_cause_are_printed_without_frames_of_gamms():
         said = explained(error)
     assert str(Path(gamms.__file__).parent) not in said
     assert said.count(f'File "{__file__}", line') == 2
-    assert "BadValue: n must be at least 1, not -1." in said
+    assert "BadValue: rows must be at least 1, not -1." in said

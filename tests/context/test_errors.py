@@ -42,13 +42,13 @@ def test_an_error_about_an_unknown_name_shows_the_nearest_one_or_all_of_a_few():
     )
     assert (
         str(errors.UnknownName("map", "hot", ["viridis", "magma"]))
-        == "Unknown map 'hot'. There is: 'viridis', 'magma'."
+        == "Unknown map 'hot'. There are: 'viridis', 'magma'."
     )
     assert str(errors.UnknownName("key", "range", ["fov", "sensor_range"])).endswith("Did you mean 'sensor_range'?")
     reds = [f"red_{number}" for number in range(20)]
     assert str(errors.UnknownName("agent", "red_x", reds[:2])).endswith("Did you mean 'red_0' or 'red_1'?")
     assert str(errors.UnknownName("agent", "red_x", reds)) == (
-        "Unknown agent 'red_x'. There is, among others: "
+        "Unknown agent 'red_x'. There are, among others: "
         "'red_0', 'red_1', 'red_2', 'red_3', 'red_4', 'red_5', 'red_6', 'red_7'."
     )
 
@@ -84,3 +84,18 @@ def test_what_is_no_path_is_named(wrong):
 def test_a_map_wants_a_context():
     with pytest.raises(errors.BadType, match="helsinki takes a context"):
         gamms.osm.helsinki(None)
+
+
+def test_an_unknown_node_is_answered_with_the_nodes_that_there_are():
+    ctx = gamms.create_context()
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+    with pytest.raises(errors.UnknownName, match=r"Unknown node 99\. There are: 0, 1, 2, 3\."):
+        ctx.agent.create_agent("anna", start_node_id=99)
+    with pytest.raises(errors.UnknownName, match=r"Unknown node 99\. There are: 0, 1, 2, 3\."):
+        ctx.graph.graph.get_node(99)
+
+
+def test_a_misspelt_package_has_the_name_that_python_guesses_by():
+    with pytest.raises(AttributeError) as caught:
+        gamms.strategy  # noqa: B018 - the attribute is asked for
+    assert (caught.value.name, caught.value.obj) == ("strategy", gamms)

@@ -58,10 +58,10 @@ def test_the_edges_of_a_grid_have_attributes_of_their_own():
 @pytest.mark.parametrize(
     ("arguments", "kind", "hint"),
     [
-        ((0, 3), BadValue, "n must be at least 1, not 0"),
-        ((3, -1), BadValue, "m must be at least 1, not -1"),
-        ((2.0, 3), BadType, "n must be an integer"),
-        ((2, True), BadType, "m must be an integer"),
+        ((0, 3), BadValue, "rows must be at least 1, not 0"),
+        ((3, -1), BadValue, "columns must be at least 1, not -1"),
+        ((2.0, 3), BadType, "rows must be an integer"),
+        ((2, True), BadType, "columns must be an integer"),
         ((2, 2, 0), BadValue, "spacing must be more than 0, not 0"),
         ((2, 2, float("inf")), BadValue, "spacing must be finite"),
         ((2, 2, "a"), BadType, "spacing must be a number"),

@@ -381,7 +381,7 @@ def test_a_weight_that_no_edge_has_is_refused_with_those_that_there_are(ctx):
     for misspelt in ("lenght", "travel_tme"):
         with pytest.raises(KeyError, match=r"Unknown weight .* Did you mean"):
             ctx.graph.shortest_path(1, 2, weight=misspelt)
-    with pytest.raises(KeyError, match=r"Unknown weight 'beauty'. There is: 'length', 'travel_time'."):
+    with pytest.raises(KeyError, match=r"Unknown weight 'beauty'. There are: 'length', 'travel_time'."):
         ctx.graph.distance(1, 2, weight="beauty")
     ctx.graph.graph.remove_edge(7)
     assert ctx.graph.distance(1, 1, weight="beauty") == 0.0

@@ -74,7 +74,7 @@ def test_a_rule_that_is_added_later_is_looked_at_when_it_begins(game, heard):
     game.run(1)
     game.add(reach("green", 3))
     game.run(1)
-    assert heard == ["reach: Unknown team 'green'. There is: 'blue', 'red'. No agent plays for it."]
+    assert heard == ["reach: Unknown team 'green'. There are: 'blue', 'red'. No agent plays for it."]
 
 
 def test_a_rule_that_was_removed_before_a_turn_is_not_looked_at(game, heard):

@@ -166,7 +166,7 @@ MISSING = [
     ({"conflicts.resolve": "at_randm"}, "conflicts.resolve", "Did you mean 'at_random'?"),
     ({"facts": {"land": {"function": "nowhere:x"}}}, "facts.land", "no module 'nowhere'"),
     ({"map": {"file": "town.osm"}}, "map.file", "no file 'town.osm'"),
-    ({"teams.blue.agents.0.node": 48}, "teams.blue.agents.0.node", "Unknown node 48. Did you mean '4'"),
+    ({"teams.blue.agents.0.node": 48}, "teams.blue.agents.0.node", "Unknown node 48. There are, among others: 0, 1"),
     ({"teams.blue.agents.0.node": "Main"}, "teams.blue.agents.0.node", "also be the id of a node, [x, y] or {lat"),
     (
         {"teams.red.count": 99},
@@ -266,7 +266,7 @@ def test_values_are_replaced_by_dotted_paths(made):
         ("max_trns", "Did you mean 'max_turns'?"),
         ("teams.blue.agents.brt.node", "Did you mean 'bert'?"),
         ("rules.7", "no '7' to change"),
-        ("teams.green.count", "no 'green' to change. There is: 'red', 'blue'"),
+        ("teams.green.count", "no 'green' to change. There are: 'red', 'blue'"),
         ("max_turns.x.y", "no 'x' to change"),
         ("sttings.legal", "Did you mean 'settings'?"),
     ],

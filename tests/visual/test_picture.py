@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from gamms.errors import BadType, BadValue, NotYet, TooLarge
+from gamms.errors import BadType, BadValue, TooLarge
 from gamms.limits import allowing
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.backends.pillow_backend import pixels_of
@@ -90,8 +90,8 @@ def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
         (("a.png", float("nan"), 10), BadType, "width"),
         (("a.png", 40_000, 40_000), TooLarge, "picture of 40000 x 40000 pixels would take about 29.8 GiB"),
         (("a.png", 1, 10**9), BadValue, "at most 65535 pixels"),
-        (("a.bmp",), NotYet, r"as '\.bmp' \(there is: \.svg, \.png, \.pdf\)"),
-        (("picture",), NotYet, "there is: .svg"),
+        (("a.bmp",), BadValue, r"as '\.bmp': use \.svg, \.png, \.pdf\."),
+        (("picture",), BadValue, "as 'picture': use .svg"),
         (("no/folder/a.svg",), FileNotFoundError, "Create it first"),
     ],
 )

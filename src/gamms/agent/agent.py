@@ -82,8 +82,9 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     _last: list[Any]  # what `get_state` returned last
 
     def __repr__(self) -> str:
-        """Name the agent and where it stands."""
-        return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id})"
+        """Name the agent and its node, and say if it is eliminated."""
+        state = "" if self.alive else ", alive=False"
+        return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id}{state})"
 
     def __getstate__(self) -> object:
         """Return its attributes; without this, compiled classes refuse to be copied."""

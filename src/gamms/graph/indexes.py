@@ -454,7 +454,7 @@ class Indexes:
         """
         row = self._nodes.index.row(id)
         if row < 0:
-            raise UnknownName("node", id)
+            raise UnknownName("node", id, self._nodes.ids)
         edges = self._adjacency("sources").at_one(row)
         ids, targets = self._nodes.ids, self._edges.targets
         return list(dict.fromkeys(ids[targets[edge]] for edge in edges))

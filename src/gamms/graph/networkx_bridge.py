@@ -91,31 +91,29 @@ def labels(columns: GraphColumns) -> dict[Hashable, int]:
     return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
 
 
-def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
-    """Make a grid of `n` rows of `m` nodes; neighbours in a row or column are joined both ways.
+def grid(rows: int, columns: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
+    """Make a grid of nodes; neighbors in a row or column are joined both ways.
 
     Args:
-        n: rows.
-        m: nodes in each row.
+        rows: how many rows.
+        columns: nodes in each row.
         spacing: map units between neighbours.
 
     Returns:
-        A networkx DiGraph: node `i * m + j` is at `x = j * spacing, y = i * spacing`; every edge has its `length`.
+        A networkx DiGraph. Node `i * columns + j` is at `x = j * spacing, y = i * spacing`; edges have a `length`.
 
     Raises:
         BadValue (ValueError), BadType (TypeError): an impossible number.
         TooLarge (BadValue): it would take more memory than is allowed.
     """
-    _refuse_too_many(_side(n, "n"), _side(m, "m"), _NETWORKX_BYTES)
-    columns, _ = Grid(n, m, spacing).as_columns()
+    _refuse_too_many(_side(rows, "rows"), _side(columns, "columns"), _NETWORKX_BYTES)
+    arrays, _ = Grid(rows, columns, spacing).as_columns()
     import networkx as nx
 
     made: Any = nx.DiGraph()
-    made.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(columns.xy.tolist()))
-    ends = zip(columns.sources.tolist(), columns.targets.tolist(), strict=True)
-    made.add_edges_from(
-        (*pair, {"length": length}) for pair, length in zip(ends, columns.lengths.tolist(), strict=True)
-    )
+    made.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(arrays.xy.tolist()))
+    ends = zip(arrays.sources.tolist(), arrays.targets.tolist(), strict=True)
+    made.add_edges_from((*pair, {"length": length}) for pair, length in zip(ends, arrays.lengths.tolist(), strict=True))
     return made  # type: ignore[no-any-return] # as this is Any
 
 
@@ -127,8 +125,9 @@ class Grid(IGraphSource):
         TooLarge (BadValue): it would take more memory than is allowed.
     """
 
-    def __init__(self, n: int, m: int, spacing: float = 10.0) -> None:
-        self._rows, self._columns, self._step = _side(n, "n"), _side(m, "m"), as_positive(spacing, "spacing")
+    def __init__(self, rows: int, columns: int, spacing: float = 10.0) -> None:
+        self._rows, self._columns = _side(rows, "rows"), _side(columns, "columns")
+        self._step = as_positive(spacing, "spacing")
         _refuse_too_many(self._rows, self._columns, _NODE_BYTES)
 
     def as_columns(self) -> tuple[GraphColumns, None]:

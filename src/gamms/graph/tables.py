@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
-from itertools import chain
+from itertools import chain, compress
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -197,7 +197,7 @@ class Table:
         """
         row = self.index.row(id)
         if row < 0:
-            raise UnknownName(self.kind.partition(" ")[2], id)
+            raise UnknownName(self.kind.partition(" ")[2], id, compress(self.ids[: self.count], self.alive))
         return row
 
     def extend(self, ids: IntArray, **columns: np.ndarray[Any, Any]) -> int:

@@ -284,7 +284,7 @@ def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:
     """Raise UnknownName for the first node that the map does not have."""
     for node in sorted(nodes):
         if not ctx.graph.graph.has_node(node):
-            raise UnknownName("node", node)
+            raise UnknownName("node", node, ctx.graph.graph.get_nodes())
 
 
 def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing: bool) -> list[Hashable]:

@@ -175,7 +175,7 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
             if key is None:
                 if not (isinstance(here, dict) and (is_last or number == 0)):
                     known = ", ".join(map(repr, _known(here)[:_MOST_NAMED]))
-                    hint = nearest(part, _known(here)) or (f" There is: {known}." if known else "")
+                    hint = nearest(part, _known(here)) or (f" There are: {known}." if known else "")
                     raise ScenarioError(".".join(parts[: number + 1]), f"there is no {part!r} to change.{hint}")
                 here[part], key = None, part
             if is_last:

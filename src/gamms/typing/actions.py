@@ -48,7 +48,7 @@ def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
     node = as_int(value, "A node id")
     is_known = -(1 << 63) <= node < 1 << 63 if block.trusts_nodes else graph.has_node(node)
     if not is_known:
-        raise UnknownName("node", node)
+        raise UnknownName("node", node, graph.get_nodes())
     return node
 
 

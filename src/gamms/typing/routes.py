@@ -219,7 +219,7 @@ class EdgeRoutes(Routes):
         ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
         for id in ids:
             if id not in self._row_of:
-                raise UnknownName("node", id)
+                raise UnknownName("node", id, self._row_of)
         return np.array([self._row_of[id] for id in ids], np.int64)
 
 

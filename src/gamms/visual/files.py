@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path, as_target
-from gamms.errors import BadValue, Duplicate, NotYet, UnknownName
+from gamms.errors import BadValue, Duplicate, UnknownName
 from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
@@ -52,8 +52,7 @@ def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, d
     """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
 
     Raises:
-        BadValue: a size or dpi that is not positive, or too large.
-        NotYet: a format that cannot be written.
+        BadValue: a size or dpi that is not positive or too large, or a format that cannot be written.
     """
     path, asked = as_path(name, "path"), sides(width, height)
     if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
@@ -93,7 +92,7 @@ def _backend(path: Path) -> Backend:
         return FORMATS[(path.suffix or path.name).lower()]
     except UnknownName:
         known = ", ".join(FORMATS)
-        raise NotYet(f"saving a picture as {path.suffix or path.name!r} (there is: {known})") from None
+        raise BadValue(f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}.") from None
 
 
 def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
