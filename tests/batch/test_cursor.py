@@ -1,10 +1,12 @@
 """Plain functions in batches that are played together: one context is pointed at each game for the time of a call."""
 
+import math
 import random
 
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
+from random_players import look
 
 import gamms
 from gamms.errors import BadValue
@@ -21,7 +23,7 @@ SENSORS = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}, "next": {"type
 def check(ctx, seeds=(1, 2, 3), *, stays=True):
     """Check that the games of a batch are those that are played alone, and whether they stay together."""
     with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
-        assert games.is_in_arrays
+        assert games.is_in_arrays, games.slow
         games.run()
         for number, seed in enumerate(seeds):
             alone.game.reset(seed=seed)
@@ -369,3 +371,112 @@ def test_games_in_which_a_rule_does_something_else_go_on_as_games_alone(act):
         ctx.game.publish(alarm=0)
         ctx.game.add(rule)
         check(ctx, stays=False)
+
+
+def push(ctx):
+    """Put agents elsewhere, out of the game, or on the nodes where they are."""
+    draw = ctx.stream("push", ctx.game.turn)
+    for agent in ctx.game.agents:
+        lot = draw.random()
+        if lot < 0.04:
+            ctx.game.eliminate(agent)
+        elif lot < 0.2:
+            ctx.game.respawn(agent)
+        elif lot < 0.35:
+            agent.current_node_id = 12 if lot < 0.3 else agent.current_node_id
+
+
+def wander(state):
+    """Go to a legal node or towards another, along a list of nodes, stop, or set no action."""
+    lot = state["draw"].below(7)
+    state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
+    if lot < 4:
+        state["action"] = state["legal"][(lot + state["memory"]["asked"]) % len(state["legal"])]
+    elif lot == 4:
+        state["action"] = [state["curr_pos"], state["legal"][-1]]
+    elif lot == 5:
+        state["action"] = 24 if len(state["blocked"] or "") % 2 else None
+
+
+WAYS = {
+    "several edges": ({}, [2.7, None, 1]),
+    "parts of edges": ({}, [0.4]),
+    "metres": ({"speed_unit": "metres"}, [3.0, 15.0, None]),
+    "far": ({"speed_unit": "metres_per_second", "turn_seconds": 2.0}, [33.0, math.inf]),
+}
+
+
+def open_on_way(way, rules, strategies=None):
+    """Return a context with a game whose agents have speeds, and are stopped by conflicts."""
+    settings, speeds = WAYS[way]
+    ctx = build(rules, strategies)
+    for name, value in settings.items():
+        setattr(ctx.game, name, value)
+    for number, agent in enumerate(ctx.agent.create_iter()):
+        agent.speed = speeds[number % len(speeds)]
+    ctx.game.conflicts = Conflicts(capacity=1, allow_swaps=False)
+    ctx.game.on_illegal = "stay"
+    return ctx
+
+
+@pytest.mark.parametrize("strategies", [None, {"red": wander}, {"red": wander, "blue": wander}])
+@pytest.mark.parametrize("rules", [[TAG, PAID], [OUT, BACK, FLAGS]])
+@pytest.mark.parametrize("way", WAYS)
+def test_functions_are_called_in_games_whose_agents_have_speeds(way, rules, strategies):
+    with open_on_way(way, rules, strategies) as ctx:
+        ctx.game.add(look, phase="before", name="first")
+        ctx.game.add(look)
+        ctx.game.add(push)
+        ctx.game.add(look, name="last")
+        check(ctx, seeds=[1, 2, 5])
+
+
+@gamms.array_rule
+def count_visits(turn):
+    """Note which nodes agents pass, and where they are."""
+    every = np.ones(turn.streets.num_nodes, np.bool_)
+    visits = turn.visits(every)
+    nodes, ids = turn.streets.ids(visits.nodes), turn.streets.ids
+    when = {"since": visits.begin.tolist(), "until": visits.end.tolist(), "at": nodes.tolist()}
+    turn.emit("visit", visits.at, agents={"who": visits.agents}, values=when)
+    for agent in range(len(turn.roster.names)):
+        values = {"from": ids(turn.starts[:, agent]).tolist(), "is_there": turn.is_there_by_move[:, agent].tolist()}
+        turn.emit("place", np.arange(len(turn.games)), values=values)
+    turn.add_scores(visits.at, visits.agents, 1)
+    turn.respawn(*np.nonzero((turn.node == 12) & turn.alive))
+
+
+@pytest.mark.parametrize("calls", [False, True])
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("way", WAYS)
+def test_array_rules_are_called_in_games_whose_agents_have_speeds(way, phase, calls):
+    with open_on_way(way, [TAG]) as ctx:
+        ctx.game.add(count_visits, phase=phase)
+        if calls:
+            ctx.game.add(push)
+        check(ctx, seeds=[1, 2, 5])
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_turn_in_which_an_agent_with_a_speed_raises_is_taken_back(way):
+    def fall_once(state):
+        wander(state)
+        if switch["is_on"] and state["name"] == "red_2":
+            raise ZeroDivisionError("fell")
+
+    with open_on_way(way, [OUT, BACK], {"red": fall_once}) as ctx:
+        ctx.game.add(look, phase="before")
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(3):
+                games.step()
+            switch["is_on"] = True
+            try:
+                with pytest.raises(ZeroDivisionError):
+                    games.step()
+            finally:
+                switch["is_on"] = False
+            games.run()
+            assert games.detached == {}
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())

@@ -141,8 +141,8 @@ def test_a_game_is_the_same_among_a_thousand_others_by_itself_and_in_another_ord
 
 @st.composite
 def games_with_plain_parts(draw):
-    """A random game along one edge in a turn or to any node, with one context that is pointed at its games."""
-    drawn = draw(games(("one edge", "anywhere")))
+    """A random game with one context that is pointed at its games, in which agents do not decide at arrivals."""
+    drawn = draw(games(("one edge", "anywhere", "edges", "metres")))
     kinds = st.lists(st.sampled_from([0, 1, 9, 13, 14, 16]), min_size=1, max_size=3, unique=True)
     called = st.tuples(st.sampled_from(["look", "push", "purge", "toll"]), st.sampled_from(["before", "after"]))
     return replace(
@@ -151,6 +151,7 @@ def games_with_plain_parts(draw):
         channels={},
         reserved={},
         conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
+        order=drawn.order if drawn.motion is None else None,
         eyes=draw(st.lists(kinds, min_size=1, max_size=3)),
         asked=draw(st.sampled_from(["a", "bc", "abc", "p", "bcw", "abcw"])),
         called=draw(st.lists(called, max_size=3)),

@@ -21,6 +21,8 @@ cdef class Walks(Steps):
     cdef const double[::1] speeds
     cdef i64[::1] ahead, route
     cdef double[::1] covered
+    cdef Steps kept
+    cdef bint keeps
 
     @cython.locals(agent=i64, row=i64)
     cdef int fill(self, Games games, i64 game) except -1 nogil
@@ -45,9 +47,14 @@ cpdef bint go_towards(Walks walks, i64 i, Ways ways, i64 memory, i64 target) exc
 @cython.locals(budget=double, edges=i64, first=i64, place=i64, left=double)
 cpdef int walk(Walks walks, i64 i, i64 count) except -1 nogil
 
-@cython.locals(i=i64, row=i64, node=i64, target=i64)
+@cython.locals(number=i64)
+cdef int copy_walk(Steps steps, i64 row, Steps others, i64 other, i64 most) except -1 nogil
+
+@cython.locals(i=i64, row=i64, node=i64, target=i64, count=i64)
 cpdef int decide(Games games, Walkers w, i64 game) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)
 cdef Py_ssize_t target_of(Games games, Walkers w, i64 game, i64 i) except -2 nogil
 @cython.locals(i=i64, row=i64, goes=bint)
 cpdef int give_way(Games games, Walkers w, i64 game) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cpdef int move(Games games, Walkers w, i64 game) except -1 nogil

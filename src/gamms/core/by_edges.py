@@ -28,6 +28,8 @@ class Walks(Steps):
         ahead: (agents,) the node to which an agent has covered part of an edge; -1: to none.
         covered: (agents,) how much of it.
         route: (most,) nodes that an agent is to go along; see `walk`.
+        kept: nodes, times and lengths of all games, if they are kept (`keeps`), because rules are applied when all
+            games have moved.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class Walks(Steps):
         ahead: memoryview[int],
         covered: memoryview[float],
         route: memoryview[int],
+        kept: Steps | None = None,
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
@@ -54,11 +57,15 @@ class Walks(Steps):
         self.ahead = ahead
         self.covered = covered
         self.route = route
+        self.kept = kept
+        self.keeps = kept is not None
 
     def fill(self, games: Games, game: int) -> int:
         """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
         for agent in range(games.agents):
             row = game * games.agents + agent
+            if self.keeps:
+                copy_walk(self.kept, row, self, agent, self.most)  # type: ignore[arg-type] # there is one
             if games.placed[row]:
                 begin(self, agent, games.node[row], -1, 0.0)
                 self.times[agent * self.most] = 1.0
@@ -208,6 +215,15 @@ def walk(walks: Walks, i: int, count: int) -> int:
     return 0
 
 
+def copy_walk(steps: Steps, row: int, others: Steps, other: int, most: int) -> int:
+    """Copy how an agent has gone to another row, where each has room for so many nodes."""
+    others.lengths[other] = steps.lengths[row]
+    for number in range(steps.lengths[row]):
+        others.nodes[other * most + number] = steps.nodes[row * most + number]
+        others.times[other * most + number] = steps.times[row * most + number]
+    return 0
+
+
 # -- the agents of a game --------------------------------------------------------------------------------------------
 
 
@@ -220,10 +236,16 @@ def decide(games: Games, w: Walkers, game: int) -> int:
         w.movers.takes_part[row] = games.alive[row]
         begin(w.walks, i, node, games.edge[row], games.share[row])
         target = -1
+        count = 0
         if games.alive[row]:
             w.movers.blocked[row] = 0
-            target = target_of(games, w, game, i)
-        if target >= 0 and target != node:
+            if w.movers.decides_by[i] == moves.IS_GIVEN and w.movers.given[row] < 0:
+                count = w.movers.routes.take(row, w.walks.route)  # type: ignore[union-attr] # there are some
+            else:
+                target = target_of(games, w, game, i)
+        if count > 0:
+            walk(w.walks, i, count)
+        elif target >= 0 and target != node:
             if w.walks.reach.listed[target] == w.walks.reach.search:
                 go_towards(w.walks, i, w.walks.hops, row, target)
             else:
@@ -262,10 +284,21 @@ def give_way(games: Games, w: Walkers, game: int) -> int:
         row = game * games.agents + i
         goes = w.walks.lengths[i] > 1 or games.edge[row] >= 0
         if goes and w.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
+            w.movers.wanted[row] = w.movers.ends[row]
             w.movers.ends[row] = games.start[row]
             w.walks.lengths[i] = 1
             games.edge[row] = -1
             games.share[row] = 0.0
             w.movers.blocked[row] = 1
             w.movers.blocks[row] += 1
+    return 0
+
+
+def move(games: Games, w: Walkers, game: int) -> int:
+    """Let agents go, and keep how they have gone if functions may ask for it."""
+    moves.move(games, w.movers, game)
+    if w.walks.keeps:
+        for i in range(games.agents):
+            row = game * games.agents + i
+            copy_walk(w.walks, i, w.walks.kept, row, w.walks.most)  # type: ignore[arg-type] # there is one
     return 0

@@ -24,10 +24,14 @@ cdef class Travelers:
     cdef i64 slots, nodes
     cdef const double[::1] speeds
     cdef i64[::1] motion, starts, ends
+    cdef Trips kept
+    cdef bint keeps
 
 
 @cython.locals(i=i64, row=i64, target=i64, can_go=bint, slot=i64)
 cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
+@cython.locals(count=i64)
+cdef int go_along(Travelers t, i64 row, i64 i) except -1 nogil
 cdef int begin(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(Travelers t, i64 i) except -2 nogil
 @cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, count=i64, number=i64, legal=i64)
@@ -46,6 +50,8 @@ cdef class Course(Steps):
     cdef const i64[::1] edge_streets, edge_flags
     cdef i64[::1] sources, targets, streets, flags
     cdef double[::1] metres
+    cdef Trips kept
+    cdef bint keeps
 
     @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64)
     cdef int fill(self, Games games, i64 game) except -1 nogil

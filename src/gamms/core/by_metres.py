@@ -26,6 +26,8 @@ class Travelers:
         speeds: (agents,) metres in the time of speeds; NaN: none.
         motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.
         starts, ends: (rows,) the places between which they move, as conflicts compare them: nodes, behind them edges.
+        kept: (rows,) the ways of all games, if they are kept (`keeps`), because rules are applied when all games have
+            moved.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class Travelers:
         motion: memoryview[int],
         starts: memoryview[int],
         ends: memoryview[int],
+        kept: Trips | None = None,
     ) -> None:
         self.movers = movers
         self.ways = ways
@@ -58,6 +61,8 @@ class Travelers:
         self.motion = motion
         self.starts = starts
         self.ends = ends
+        self.kept = kept
+        self.keeps = kept is not None
 
 
 def decide(games: Games, t: Travelers, game: int) -> int:
@@ -70,8 +75,12 @@ def decide(games: Games, t: Travelers, game: int) -> int:
         t.starts[row] = place_of(t, i)
         if games.alive[row]:
             t.movers.blocked[row] = 0
-            target = target_of(games, t, game, i)
+            target = -1
             can_go = True
+            if t.movers.decides_by[i] == moves.IS_GIVEN and t.movers.given[row] < 0:
+                go_along(t, row, i)
+            else:
+                target = target_of(games, t, game, i)
             if target >= 0 and t.movers.decides_by[i] == moves.STEPS:
                 can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
             elif target >= 0:
@@ -83,6 +92,14 @@ def decide(games: Games, t: Travelers, game: int) -> int:
             travel.stand(t.trips, i)
             t.trips.motion[i] = travel.STOPPED
         t.ends[row] = place_of(t, i)
+    return 0
+
+
+def go_along(t: Travelers, row: int, i: int) -> int:
+    """Let an agent go along the route that a function has chosen for it."""
+    count = t.movers.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
+    if count >= 0:
+        travel.go(t.roads, t.trips, i, t.movers.routes.motions[row], count)  # type: ignore[union-attr]
     return 0
 
 
@@ -148,6 +165,7 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
         leg = i * t.trips.most
         goes = t.trips.legs[i] > 0 and t.trips.begins[leg] != t.trips.ends[leg]
         if goes and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
+            t.movers.wanted[row] = t.ends[row]
             begin(games, t, row, i)
             travel.stand(t.trips, i)
             t.trips.motion[i] = travel.STOPPED
@@ -161,12 +179,15 @@ def move(games: Games, t: Travelers, game: int) -> int:
     for i in range(games.agents):
         row = game * games.agents + i
         games.placed[row] = 0
+        t.movers.ends[row] = t.trips.node[i]
         if t.trips.node[i] != games.start[row]:
             games.node[row] = t.trips.node[i]
             t.movers.moves[row] += 1
         games.edge[row] = t.trips.edge[i]
         games.share[row] = t.trips.share[i]
         t.motion[row] = t.trips.motion[i]
+        if t.keeps:
+            travel.copy_trip(t.trips, i, t.kept, row)  # type: ignore[arg-type] # there are some
     games.turn[game] += 1
     return 0
 
@@ -179,6 +200,7 @@ class Course(Steps):
         roads: the map.
         edge_streets, edge_flags: (edges,) what legs along each edge have, see `contacts.Legs`.
         sources, targets, streets, flags, metres: columns of the legs: (agents * most,)
+        kept: see `Travelers`.
     """
 
     def __init__(
@@ -195,6 +217,7 @@ class Course(Steps):
         streets: memoryview[int],
         flags: memoryview[int],
         metres: memoryview[float],
+        kept: Trips | None = None,
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
@@ -207,12 +230,16 @@ class Course(Steps):
         self.streets = streets
         self.flags = flags
         self.metres = metres
+        self.kept = kept
+        self.keeps = kept is not None
 
     def fill(self, games: Games, game: int) -> int:
         """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
         for agent in range(games.agents):
             row = game * games.agents + agent
             first = agent * self.trips.most
+            if self.keeps:
+                travel.copy_trip(self.kept, row, self.trips, agent)  # type: ignore[arg-type] # there are some
             if games.placed[row]:
                 self.trips.legs[agent] = 0
                 self.trips.passed[agent] = 1

@@ -19,16 +19,26 @@ cdef class Streets:
 
 
 @cython.final
+cdef class Routes:
+    cdef i64 room
+    cdef const i64[::1] nodes, counts, motions
+
+    @cython.locals(number=i64)
+    cdef Py_ssize_t take(self, i64 row, i64[::1] route) except -2 nogil
+
+
+@cython.final
 cdef class Movers:
     cdef Streets streets
     cdef const u8[::1] decides_by
     cdef draws.Choices walks
     cdef const i64[::1] given
+    cdef Routes routes
     cdef strategies.Strategies by_steps
     cdef Contests contests
     cdef Requests requests
     cdef bint some_walk, has_conflicts
-    cdef i64[::1] ends, counts, moves, blocks
+    cdef i64[::1] ends, counts, moves, blocks, wanted
     cdef u8[::1] takes_part, blocked
     cdef const i64[::1] part_of
     cdef i64[::1] part

@@ -34,6 +34,29 @@ class Streets:
         self.are_all_legal = are_all_legal
 
 
+class Routes:
+    """The ways along which functions let agents go, node by node, where these do not go along one edge.
+
+    Attributes:
+        room: how many nodes a row has room for.
+        nodes: (rows * room,)
+        counts: (rows,) how many nodes there are; -1: the agent stays where it is.
+        motions: (rows,) of an agent on an edge: `travel.BACK`, or `travel.FORWARD`.
+    """
+
+    def __init__(self, room: int, nodes: memoryview[int], counts: memoryview[int], motions: memoryview[int]) -> None:
+        self.room = room
+        self.nodes = nodes
+        self.counts = counts
+        self.motions = motions
+
+    def take(self, row: int, route: memoryview[int]) -> int:
+        """Copy the way of an agent; return how many nodes there are, or -1."""
+        for number in range(self.counts[row]):
+            route[number] = self.nodes[row * self.room + number]
+        return self.counts[row]
+
+
 class Movers:
     """The agents of games as they decide and move; rows are those of `rules.Games`.
 
@@ -42,7 +65,8 @@ class Movers:
         decides_by: (agents,) `STAYS`, `WALKS`, `IS_GIVEN` or `STEPS`.
         walks: draws the nodes of those that walk: into `ends`, numbers below `counts`.
         some_walk: whether there are such.
-        given: (rows,) the actions of those that are given one; (0,) where none is.
+        given: (rows,) the actions of those that are given one; -1: they go as `routes` says.
+        routes: see there; None: all agents go along one edge.
         by_steps: decides for those of `STEPS`, if there are such.
         contests, requests: find who gives way, if `has_conflicts`; the requests have `node` of the games, `ends` and
             `takes_part`.
@@ -54,6 +78,7 @@ class Movers:
         counts: (rows,) how many nodes were legal then.
         moves, blocks: (rows,) how often agents have gone to another node, and how often conflicts have stopped them.
         blocked: (rows,) 1: conflicts stopped the agent when it decided last.
+        wanted: (rows,) where it wanted to go then, as conflicts compare places.
     """
 
     def __init__(
@@ -72,16 +97,19 @@ class Movers:
         moves: memoryview[int],
         blocks: memoryview[int],
         blocked: memoryview[int],
+        wanted: memoryview[int],
         part_of: memoryview[int],
         part: memoryview[int],
         parts: int,
         by_steps: strategies.Strategies | None = None,
+        routes: Routes | None = None,
     ) -> None:
         self.streets = streets
         self.decides_by = decides_by
         self.walks = walks
         self.some_walk = some_walk
         self.given = given
+        self.routes = routes
         self.by_steps = by_steps
         self.contests = contests
         self.requests = requests
@@ -92,6 +120,7 @@ class Movers:
         self.moves = moves
         self.blocks = blocks
         self.blocked = blocked
+        self.wanted = wanted
         self.part_of = part_of
         self.part = part
         self.parts = parts
@@ -157,6 +186,7 @@ def give_way(games: Games, m: Movers, game: int) -> int:
     for i in range(games.agents):
         row = at + i
         if m.contests.stays[i] and m.ends[row] != games.node[row]:  # type: ignore[union-attr] # there are conflicts
+            m.wanted[row] = m.ends[row]
             m.ends[row] = games.node[row]
             m.blocked[row] = 1
             m.blocks[row] += 1

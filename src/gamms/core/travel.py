@@ -775,6 +775,28 @@ def stand(trips: Trips, row: int) -> int:
     return 0
 
 
+def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
+    """Copy the way of an agent into a row of other trips, which have room for it."""
+    others.node[other] = trips.node[row]
+    others.edge[other] = trips.edge[row]
+    others.share[other] = trips.share[row]
+    others.motion[other] = trips.motion[row]
+    others.legs[other] = trips.legs[row]
+    others.passed[other] = trips.passed[row]
+    for number in range(trips.legs[row]):
+        place = row * trips.most + number
+        end = other * others.most + number
+        others.edges[end] = trips.edges[place]
+        others.begins[end] = trips.begins[place]
+        others.ends[end] = trips.ends[place]
+        others.since[end] = trips.since[place]
+        others.until[end] = trips.until[place]
+    for number in range(trips.passed[row]):
+        others.nodes[other * (others.most + 1) + number] = trips.nodes[row * (trips.most + 1) + number]
+        others.times[other * (others.most + 1) + number] = trips.times[row * (trips.most + 1) + number]
+    return 0
+
+
 def without_edge(roads: Roads, trips: Trips, node: int, count: int) -> int:
     """Return the number of the first node of a route to which no edge leads from the one before; -1: there is none."""
     at = node

@@ -7,7 +7,7 @@ an order of play, agents do so in parts of the turn, one part after the other, a
 |----------|---------------------------------------------------------|----------------------------------------------|
 | decide   | each living agent chooses where it goes, or is given it | `decide` of `moves`, `by_edges`, `by_metres` |
 | give way | agents that lose conflicts stay where they are          | `give_way`, likewise                         |
-| move     | agents go; one turn more was played                     | `move` of `moves`, `moves`, `by_metres`      |
+| move     | agents go; one turn more was played                     | `move`, likewise                             |
 | rules    | the rules are applied in order; they may end the game   | `rules.play`                                 |
 
 Games share nothing but the map and their rules' arguments: they may be played in any order and on several threads.
@@ -67,7 +67,7 @@ def play_part(p: Player, game: int) -> int:
     elif p.by_edges:
         by_edges.decide(p.games, p.walkers, game)  # type: ignore[arg-type] # there are some
         by_edges.give_way(p.games, p.walkers, game)  # type: ignore[arg-type]
-        moves.move(p.games, p.movers, game)
+        by_edges.move(p.games, p.walkers, game)  # type: ignore[arg-type]
     else:
         moves.decide(p.games, p.movers, game)
         moves.give_way(p.games, p.movers, game)

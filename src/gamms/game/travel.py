@@ -4,7 +4,7 @@
 there. `Travel` says where agents of the game of a context may go and where they go, by ids.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -99,7 +99,40 @@ class Trips:
         self.route = np.zeros(most if route is None else route, np.int64)
         self.begins, self.ends, self.since, self.until = parts
         columns = (*states, *shares, self.edges, *parts, self.nodes, self.times, self.route)
-        self.core = core.Trips(most, *(column.reshape(-1).data for column in columns))
+        views: list[Any] = [column.reshape(-1).data for column in columns]
+        self.core = core.Trips(most, *views)
+        # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
+        self._edge, self._motion, self._counts, self._passed = views[1], views[2], views[4], views[5]
+        self._share = views[6]
+        self._legs = views[10:15]
+        self._nodes, self._times = views[15:17]
+
+    def ended(self, row: int, ids: Sequence[int], edge_ids: "EdgeIds", begun: Progress | None) -> "ResolvedAction":
+        """Return the way that the core has written, of an agent that was on its node or there on an edge.
+
+        Args:
+            row: of the agent.
+            ids: of nodes, by row.
+            edge_ids: of edges.
+            begun: where on an edge it was.
+        """
+        # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
+        edges, begins, ends, since, until = self._legs
+        legs = list[Leg]()
+        first = row * self.most
+        for place in range(first, first + self._counts[row]):
+            source, target, id, back = edge_ids[edges[place]]
+            leg = Leg(source, target, id, begins[place], ends[place], since[place], until[place], back)
+            legs.append(leg)
+        first += row  # a way has one node more than legs
+        last = first + self._passed[row]
+        path = [ids[node] for node in self._nodes[first:last]]
+        progress, edge = None, self._edge[row]
+        if edge >= 0:
+            source, target, id, _ = edge_ids[edge]
+            progress = Progress(source, target, self._share[row], id, _MOTIONS[self._motion[row]])
+        passed = tuple(self._times[first:last])
+        return ResolvedAction(path[-1], tuple(path), (), passed, progress, tuple(legs), begun)
 
 
 class Memories:
@@ -191,7 +224,7 @@ class Paths:
         return self._ways
 
 
-class _EdgeIds(dict[int, tuple[int, int, int, int | None]]):
+class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
     """Row of an edge -> the ids of the nodes it leads from and to, its own, and that of the one back.
 
     NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
@@ -231,7 +264,7 @@ class Roads(Paths):
         self._graph = graph
         self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        self.edge_ids = _EdgeIds(columns, self.map)
+        self.edge_ids = EdgeIds(columns, self.map)
         self._lines: dict[int, Line] = {}  # by the id of an edge
 
     def on(self, edge: int) -> int | None:
@@ -430,14 +463,9 @@ class Travel:
 
     def _make_room(self, most: int) -> None:
         """Get memory for ways of so many legs."""
-        trips = Trips(1, most)
+        self._written = trips = Trips(1, most)
         self._most, self._trips = most, trips.core
-        # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
-        columns = trips.edges, trips.begins, trips.ends, trips.since, trips.until
-        self._legs = [column[0].data for column in columns]
-        self._counts, self._passed, self._route = trips.legs.data, trips.passed.data, trips.route.data
-        self._nodes, self._times = trips.nodes[0].data, trips.times[0].data
-        self._edge, self._share, self._motion = trips.edge.data, trips.share.data, trips.motion.data
+        self._route = trips.route.data
 
     def _begin(self, roads: Roads, place: Progress | None, here: int, speed: float | None) -> None:
         """Put an agent where its way begins."""
@@ -455,21 +483,7 @@ class Travel:
 
     def _ended(self, roads: Roads, begun: Progress | None) -> ResolvedAction:
         """Return the way that the core has written, of an agent that was on its node or there on an edge."""
-        # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
-        edges, begins, ends, since, until = self._legs
-        legs = list[Leg]()
-        for number in range(self._counts[0]):
-            source, target, id, back = roads.edge_ids[edges[number]]
-            leg = Leg(source, target, id, begins[number], ends[number], since[number], until[number], back)
-            legs.append(leg)
-        ids, nodes, times = roads.ids, self._nodes, self._times
-        path = [ids[node] for node in nodes[: self._passed[0]]]
-        progress, edge = None, self._edge[0]
-        if edge >= 0:
-            source, target, id, _ = roads.edge_ids[edge]
-            progress = Progress(source, target, self._share[0], id, _MOTIONS[self._motion[0]])
-        passed = tuple(times[: self._passed[0]])
-        return ResolvedAction(path[-1], tuple(path), (), passed, progress, tuple(legs), begun)
+        return self._written.ended(0, roads.ids, roads.edge_ids, begun)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import compress, count
 from operator import ne, not_
@@ -545,6 +545,13 @@ def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
     """Put agents on the ground where they are in a game of a batch, and note nothing in the journal."""
     games.point(number)
     block._have_all_changed = True
+
+
+def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:
+    """Let agents have covered this of edges in a game of a batch, by row, and note nothing in the journal."""
+    if on_edges or any(block.progress):
+        block.progress[:] = map(on_edges.get, range(len(block.progress)))
+        block.travellers = {row for row, progress in on_edges.items() if progress.motion}
 
 
 def show_lives(block: AgentBlock, alive: bytes) -> None:

@@ -35,6 +35,7 @@ class Group(NamedTuple):
     name: str
     agents: IntArray  # numbers in the roster
     form: ArrayStrategy
+    is_of_arrays: bool = True
 
 
 class Numbers(NamedTuple):
@@ -96,7 +97,7 @@ class GamesOnMap:
             self.cursor = Cursor(game, pointed, state, self.core, asked, has_array_functions=has_arrays)
         if self.cursor is not None and asked:
             named = as_code(decider_of(roster.agents[asked[0]], settings["plans"]))
-            self._groups.append(Group(named, np.array(asked), self.cursor.decide))
+            self._groups.append(Group(named, np.array(asked), self.cursor.decide, is_of_arrays=False))
 
     @property
     def functions(self) -> list[Callable[..., object]]:
@@ -162,7 +163,9 @@ class GamesOnMap:
             if len(agents):
                 view = self._asked(games, agents)
                 try:
-                    actions[np.ix_(games, agents)] = view._checked(group.form(view), group.name)
+                    found = group.form(view)
+                    is_checked = group.is_of_arrays
+                    actions[np.ix_(games, agents)] = view._checked(found, group.name) if is_checked else found
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
@@ -180,7 +183,7 @@ class GamesOnMap:
     def _note_given(self, games: IntArray, agents: IntArray) -> None:
         """Note the actions that agents were given."""
         if self.cursor is not None:
-            self.cursor.note_given(ArrayView(self.state, games, agents), self._block.given[np.ix_(games, agents)])
+            self.cursor.note_given(ArrayView(self.state, games, agents))
 
     def _asked(self, games: IntArray, agents: IntArray) -> ArrayView:
         """Return the view of agents that are asked what they do."""
@@ -200,6 +203,8 @@ class GamesOnMap:
             return
         turn = ArrayTurn(self.state, games)
         turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
+        if self.core.courses is not None:
+            turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
         turn._lock()
         try:
             form(turn)

@@ -70,6 +70,14 @@ class ByEdges(Movement):
         """Let an agent have covered part of an edge in some games."""
         self.begun[games, agent], self.covered[games, agent] = self.streets.rows([place.target]), place.share
 
+    def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
+        """Return what agents of a game, on these nodes (agents,), have covered of edges, by their numbers."""
+        agents = np.flatnonzero(self.begun[game] >= 0)
+        ids = self.streets.ids
+        each = ids(node[agents]), ids(self.begun[game, agents]), self.covered[game, agents]
+        found = zip(*(one.tolist() for one in each), strict=True)
+        return {agent: Progress(*one) for agent, one in zip(agents.tolist(), found, strict=True)}
+
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:

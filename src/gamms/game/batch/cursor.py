@@ -12,11 +12,12 @@ from gamms.core.copies import copied
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
+from gamms.game.batch.courses import Routes
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, core_form_of
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
-from gamms.game.batch.view import ArrayView, movement_in
+from gamms.game.batch.view import ArrayView
 from gamms.game.decisions import Decisions
 from gamms.game.moves import TurnMoves
 from gamms.game.order import Part, TurnOrder
@@ -27,7 +28,6 @@ from gamms.game.slots import COUNTED
 from gamms.ir.game_state import GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS
 from gamms.plain import is_plain, is_same
 
@@ -211,7 +211,6 @@ class Cursor:
         self._own_of_ctx = vars(game.ctx)
         self._has_begun = False
         self._why = ""  # why games leave the core
-        self._wanted = np.full(state.node.shape, -1)  # ids of the nodes to which agents wanted to go
         self._core_keys = frozenset(_keys_in_core(game))
         self._keeps_in_columns = keep_in_columns(game, state.roster)
         plans = game.settings()["plans"]
@@ -375,7 +374,6 @@ class Cursor:
             self._team_memories[number] = copied(of_teams)
             self._collectors[number] = self._new_collectors()
             self._undone.pop(number, None)
-        self._wanted[games] = -1
 
     def _new_collectors(self) -> Collectors:
         """Return the collectors of a game that begins."""
@@ -470,8 +468,9 @@ class Cursor:
         if not took_part.any():
             return None
         order = self._order_of(np.ascontiguousarray(took_part[self._pointed.numbers]).tobytes())
-        ids = self._state.streets.ids
-        moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), {})
+        ids, courses = self._state.streets.ids, self._core.courses
+        actions = {} if courses is None else courses.actions(self._number, np.flatnonzero(took_part))
+        moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), actions)
         parts = self._parts.settings.order
         return moves if parts is None else moves.in_parts(parts)
 
@@ -573,12 +572,16 @@ class Cursor:
         """Write where agents are that were put elsewhere, and who lives."""
         journal, block, state, number = self._journal, self._block, self._state, self._number
         kinds = {one[0] for one in journal.log if type(one) is tuple}
-        has_progressed = bool(journal.progressed)
+        progressed = [*journal.progressed]
         journal.log.clear()
         journal.progressed.clear()
-        if not kinds <= _CHANGING or has_progressed:
+        if not kinds <= _CHANGING:
             self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._pointed.numbers
+        for row in progressed:
+            if block.progress[row] is not None:
+                self._leave("puts agents on edges")
+            state.movement.clear(number, int(numbers[row]))
         state.node[number, numbers] = state.streets.rows(np.array(block.node))
         state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
         alive = bytes(block.alive)
@@ -607,6 +610,8 @@ class Cursor:
         ends = list[int]()
         which = agents.tobytes()
         self._begin()
+        if self._core.courses is not None:
+            self._core.courses.routes.forget()
         turns.is_playing = turns.is_moving = True
         try:
             for number, is_blocked in zip(self._each(games), are_blocked, strict=True):
@@ -628,19 +633,13 @@ class Cursor:
             turns.is_playing = turns.is_moving = False
             self._forget_looks()
         self._refuse_changes()
-        nodes = np.array(ends, np.int64).reshape(len(games), len(agents))
-        self._want(games, agents, nodes, view.mask)
-        return view.action_to(nodes)
+        if self._core.courses is not None:
+            self._core.courses.routes.write()
+            return np.full(view.node.shape, -1)
+        return view.action_to(np.array(ends, np.int64).reshape(view.node.shape))
 
-    def _want(self, games: IntArray, agents: IntArray, nodes: IntArray, decide: BoolArray) -> None:
-        """Note where those agents want to go that decide now, (games, agents) each."""
-        which = np.ix_(games, agents)
-        self._wanted[which] = np.where(decide, nodes, self._wanted[which])
-
-    def note_given(self, view: ArrayView, actions: IntArray) -> None:
-        """Note where agents go whose actions were given, (games, agents), in place of their own."""
-        rows = movement_in(view).nodes(view._choices, actions)
-        self._want(view.games, view.agents, self._state.streets.ids_of(rows), view.mask)
+    def note_given(self, view: ArrayView) -> None:
+        """Note that agents were given actions in place of their own."""
         names = self._state.roster.names
         for at, i in np.argwhere(view.mask).tolist():
             self._undone.get(view.games[at], {}).pop(names[view.agents[i]], None)
@@ -651,19 +650,28 @@ class Cursor:
         for name, template in asked.templates:
             template["memory"] = memories[name]
         decisions = self._turns.decide(self._living.order, asked.part)
+        if self._core.courses is not None:
+            self._choose_routes(self._core.courses.routes, decisions, asked)
         if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
             self._take_decisions(decisions, asked)
         found = decisions.ends
         return [found[i] for i in asked.places]
+
+    def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _Asked) -> None:
+        """Let agents of the game that the context is pointed at go as they have decided."""
+        number, starts, ends = self._number, decisions.starts, decisions.ends
+        for i, name in asked.members:
+            end = None if ends[i] == starts[i] else ends[i]
+            routes.choose(number, self._number_of[name], decisions.actions.get(i), end)
 
     def _take_decisions(self, decisions: Decisions, asked: _Asked) -> None:
         """Take the decisions that are not nodes to go to."""
         for action in decisions.actions.values():
             if action.heading != ():
                 self._leave("sets the orientation of agents")
-            if len(action.path) > 2:
+            if self._core.courses is None and len(action.path) > 2:
                 self._leave("chooses a route over other nodes")
-            if action.path[1:] == action.path[:1]:
+            if self._core.courses is None and action.path[1:] == action.path[:1]:
                 self._leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
         decide = set(named.values())
@@ -702,7 +710,7 @@ class Cursor:
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
             if state.blocked[self._number, numbers[name]]:
-                why.append(in_conflict(int(self._wanted[self._number, numbers[name]])))
+                why.append(in_conflict(self._core.wanted(self._number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))
                 told.append(slots[i])
@@ -712,7 +720,7 @@ class Cursor:
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes back all that happens from now on."""
-        undo = self._state.checkpoint([self._wanted, *self._core.moves])
+        undo = self._state.checkpoint(self._core.moves)
         facts = [*self._facts_of]
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]

@@ -14,6 +14,7 @@ from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
+from gamms.game.batch.courses import EdgeCourses, MetreCourses
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import Anywhere
 from gamms.game.batch.state import CoreEvents, GameArrays
@@ -28,6 +29,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IAgent
+from gamms.typing.game import EdgePlace
 
 ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
@@ -146,8 +148,10 @@ class Block:
         map_of: (games,) the number of the map that each game is on; it may change.
 
     Attributes:
-        given: (games, agents) the numbers of the legal nodes that agents go to that are given them.
+        given: (games, agents) the numbers of the legal nodes that agents go to that are given them; -1: they go along
+            routes.
         start, ends, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
+        wanted: (games, agents) where agents wanted to go that conflicts have stopped, as these compare places.
         part: (games,) how many parts of the turn that is under way were played.
         over: (games,) which games have ended.
         score: (games, teams)
@@ -160,7 +164,7 @@ class Block:
         self._states = states
         self._map_of = map_of
         shape = state.node.shape
-        self.given, self.start, self.ends = np.zeros((3, *shape), np.int64)
+        self.given, self.start, self.ends, self.wanted = np.zeros((4, *shape), np.int64)
         self.takes_part = np.zeros(shape, np.uint8)
         self.part = np.zeros(shape[0], np.int64)
         self.over = np.zeros(shape[0], np.uint8)
@@ -343,6 +347,7 @@ class CoreGames:
         self._block = block
         self._rules = [one for one in as_called(game.rules) if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
+        self._keeps_courses = is_apart or any(map(is_function, as_called(game.rules)))
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         found = [core_form_of(settings, agent) for agent in state.roster.agents]
@@ -373,8 +378,21 @@ class CoreGames:
 
     @property
     def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
-        """The columns of the last moves, as `last_moves` has them, and how many parts of a turn were played."""
-        return self._block.start, self._block.ends, self._block.takes_part, self._block.part
+        """The columns of the last moves, how many parts of a turn were played, and where agents wanted to go."""
+        block = self._block
+        courses = () if self.courses is None else self.courses.columns()
+        return block.start, block.ends, block.takes_part, block.part, block.wanted, *courses
+
+    @property
+    def courses(self) -> EdgeCourses | MetreCourses | None:
+        """How agents go that do not go along one edge a turn, where functions are called; None: there are none."""
+        return None if self._columns is None else self._columns.courses
+
+    def wanted(self, game: int, agent: int) -> int | EdgePlace:
+        """Return the node or the edge to which an agent wanted to go that a conflict has stopped."""
+        columns, place = self._state.movement.columns, int(self._block.wanted[game, agent])
+        beyond = place - len(columns.node_ids)
+        return int(columns.node_ids[place]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
 
     def prepare(self, games: IntArray, until: IntArray, is_given: BoolArray | None, threads: int) -> None:
         """Prepare to play games.
@@ -450,6 +468,7 @@ class CoreGames:
             "moves": memory_of(state.counts["moves"]),
             "blocks": memory_of(state.counts["blocked"]),
             "blocked": memory_of(state.blocked),
+            "wanted": memory_of(block.wanted),
             "part_of": flat(self.part_of, np.int64),
             "part": block.part.data,
             "parts": self.num_parts,
@@ -461,7 +480,8 @@ class CoreGames:
         if self._by_steps is None and any(self._steps):
             self._by_steps = StrategySteps(state, self._steps)
         by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
-        of_movers = {**shared, "by_steps": by_steps}
+        routes = None if self.courses is None else self.courses.routes.core
+        of_movers = {**shared, "by_steps": by_steps, "routes": routes}
         movers = moves.Movers(
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
@@ -495,8 +515,10 @@ class CoreGames:
         """Return what threads share in games that do not go along one edge a turn."""
         by = self._state.movement
         if isinstance(by, ByMetres):
-            return MetreColumns(self._state, by, go_by_steps=any(self._steps))
-        return EdgeColumns(self._state, by, go_by_steps=any(self._steps)) if isinstance(by, ByEdges) else None
+            return MetreColumns(self._state, by, go_by_steps=any(self._steps), keeps_courses=self._keeps_courses)
+        if isinstance(by, ByEdges):
+            return EdgeColumns(self._state, by, go_by_steps=any(self._steps), keeps_courses=self._keeps_courses)
+        return None
 
     def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
         """Return what finds those who give way; None: there are no conflicts."""

@@ -167,6 +167,10 @@ class Movement:
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
         """Let an agent have covered part of an edge in some games."""
 
+    def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
+        """Return what agents of a game, on these nodes (agents,), have covered of edges, by their numbers."""
+        return {}
+
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they count as being."""
         self.clear(games, agents)

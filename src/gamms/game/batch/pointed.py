@@ -9,9 +9,8 @@ from gamms.core.agents import PointedColumns
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.state import GameArrays
 from gamms.game.snapshots import Snapshot
-from gamms.ir.agents import show_game, show_lives
+from gamms.ir.agents import show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
-from gamms.ir.progress import Progress
 
 
 class PointedContext:
@@ -74,9 +73,10 @@ class PointedContext:
         )
         columns = PointedColumns(block, node, previous)
         size = len(self.numbers)
+        row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
         lives = np.ascontiguousarray(state.alive[games][:, self.numbers]).tobytes()
         are_placed = np.any(state.placed[games], axis=1).tolist()
-        are_on_edges = len(state.movement.edge) > 0
+        may_be_on_edges = len(state.movement.remembers) > 0
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
             values.turn = played[at]
@@ -90,27 +90,12 @@ class PointedContext:
                 block.placed = set(np.flatnonzero(state.placed[number][self.numbers]).tolist())
             elif block.placed:
                 block.placed = set()
-            if are_on_edges:
-                self._put_on_edges(number)
+            if may_be_on_edges:
+                on_edges = state.movement.on_edges(number, state.node[number])
+                show_progress(block, {row_of[agent]: one for agent, one in on_edges.items()})
             yield number
 
     def show_lives(self, alive: bytes) -> None:
         """Let the agents of the context live that lived in some game, by row."""
         show_lives(self._block, alive)
         self.alive = alive
-
-    def _put_on_edges(self, game: int) -> None:
-        for row, number in enumerate(self.numbers.tolist()):
-            self._block.set_progress(row, self._progress(game, number, self._block.node[row]))
-
-    def _progress(self, game: int, number: int, node: int) -> Progress | None:
-        """Return where on an edge an agent of a game is; None: on its node."""
-        movement = self._state.movement
-        columns = movement.columns
-        edge = int(movement.edge[game, number])
-        if edge < 0:
-            return None
-        target = int(columns.node_ids[columns.targets[edge]])
-        share = float(movement.share[game, number])
-        motion = int(movement.motion[game, number])
-        return Progress(node, target, share, int(columns.edge_ids[edge]), motion)

@@ -491,10 +491,7 @@ class GameArrays:
         return known
 
     def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
-        """Return a function that takes back all that happens from now on, also in these other columns.
-
-        For games along one edge in a turn.
-        """
+        """Return a function that takes back all that happens from now on, also in these other columns."""
         by_key: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
         columns = [
             self.node,
@@ -508,6 +505,7 @@ class GameArrays:
         ]
         columns += [
             *more,
+            *(getattr(self.movement, name) for name in self.movement.remembers),
             *self.counts.values(),
             *self.numbers.values(),
             *chain.from_iterable(map(dict.values, by_key)),

@@ -90,6 +90,15 @@ class ByMetres(Movement):
         self.edge[games, agent] = np.flatnonzero(self.columns.edge_ids == place.edge)[0]
         self.share[games, agent], self.motion[games, agent] = place.share, place.motion
 
+    def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:  # noqa: ARG002 - as `Movement`
+        """Return where on edges agents of a game are, by their numbers."""
+        agents = np.flatnonzero(self.edge[game] >= 0)
+        columns, edges = self.columns, self.edge[game, agents]
+        ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
+        each = (*ends, self.share[game, agents], columns.edge_ids[edges], self.motion[game, agents])
+        found = zip(*(one.tolist() for one in each), strict=True)
+        return {agent: Progress(*one) for agent, one in zip(agents.tolist(), found, strict=True)}
+
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they are."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from gamms.core import by_edges, by_metres, contacts, moves, rules, strategies, travel
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Roster
+from gamms.game.batch.courses import EdgeCourses, MetreCourses
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
@@ -98,13 +99,16 @@ class EdgeColumns:
         state: of all games.
         by: how agents go.
         go_by_steps: whether some agents decide by steps, which may lead far.
+        keeps_courses: whether functions are called, which may ask how agents have gone.
     """
 
-    def __init__(self, state: GameArrays, by: ByEdges, *, go_by_steps: bool) -> None:
+    def __init__(self, state: GameArrays, by: ByEdges, *, go_by_steps: bool, keeps_courses: bool) -> None:
         self._by = by
         self._agents = state.node.shape[1]
         self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
+        shape = len(state), self._agents
+        self.courses = EdgeCourses(by, shape, most_nodes(by)) if keeps_courses else None
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
         self._hops = Memories(by.columns, np.ones(len(lengths)), rows, 8)
         self._ways = Memories(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
@@ -130,6 +134,7 @@ class EdgeColumns:
             ahead=ints[: self._agents],
             covered=covered,
             route=ints[self._agents :],
+            kept=None if self.courses is None else self.courses.core,
         )
         if by_steps is not None:
             by_steps.go_far(self._ways.plain_ways(reach))
@@ -143,17 +148,21 @@ class MetreColumns:
         state: of all games.
         by: how agents go.
         go_by_steps: whether some agents decide by steps, which may lead far.
+        keeps_courses: whether functions are called, which may ask how agents have gone.
 
     Attributes:
+        courses: how agents go in all games, if functions are called.
         on_edges: where agents are, as `rules.Games` has it.
         ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
     """
 
-    def __init__(self, state: GameArrays, by: ByMetres, *, go_by_steps: bool) -> None:
+    def __init__(self, state: GameArrays, by: ByMetres, *, go_by_steps: bool, keeps_courses: bool) -> None:
         self._by = by
         self._agents = state.node.shape[1]
         self._most = most_legs(by)
-        starts, ends = np.zeros((2, *state.node.shape), np.int64)
+        shape = len(state), self._agents
+        self.courses = MetreCourses(by, shape, self._most) if keeps_courses else None
+        starts, ends = np.zeros((2, *shape), np.int64)
         self.ends = starts, ends
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self._longest = max(8, self._most if by.is_endless else 0)
@@ -189,6 +198,7 @@ class MetreColumns:
         if by_steps is not None:
             by_steps.go_far(self._learned[number][0])
         trips = Trips(self._agents, most, max(self._memories.most, most))
+        kept = None if self.courses is None else self.courses.core
         travelers = by_metres.Travelers(
             movers,
             *self._learned[number],
@@ -200,12 +210,13 @@ class MetreColumns:
             motion=by.motion.reshape(-1).data,
             starts=self.ends[0].reshape(-1).data,
             ends=self.ends[1].reshape(-1).data,
+            kept=kept,
         )
         legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
         metres: Any = np.zeros(self._agents * most).data
         tables = flat(self._streets, np.int64), flat(self._flags, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
-        course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs, metres])
+        course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs, metres, kept])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         return ThreadTravel(None, travelers, course, tracks, of_legs, most + 1, most)

@@ -25,7 +25,7 @@ def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     """Return what keeps games from being played in the core, in words; None: nothing but perhaps their map."""
     decided = why_not_decided(game, roster).values()
     is_plain = _are_plain(game, roster)
-    ruled = _why_not_ruled(game, is_plain=is_plain)
+    ruled = _why_not_ruled(game)
     called = _why_not_called(game, roster)
     ordered = _why_not_in_order(game, roster, is_plain=is_plain)
     return next(chain(_why_not_played(game), ordered, _why_not_agents(roster), ruled, decided, called), None)
@@ -46,8 +46,6 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
     if first is None:
         return
     block, values, asked = game.ctx.agent.block, game.internals.state, asked_of(game, roster)
-    if not _are_plain(game, roster):
-        yield f"{first}, of agents that do not go along one edge in a turn"
     if game.turn or game.ctx.rng_state() is not None or list(block.previous) != list(block.node):
         yield f"{first}, in a game that has begun"
     if values.agent_facts or values.team_facts:
@@ -119,7 +117,7 @@ def _why_not_agents(roster: Roster) -> Iterator[str]:
             yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
 
 
-def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
+def _why_not_ruled(game: PlayedGame) -> Iterator[str]:
     """Yield the rules, checks and conflicts that the core does not have."""
     conflicts = game.settings()["conflicts"]
     for one in as_called(game.rules):
@@ -127,8 +125,6 @@ def _why_not_ruled(game: PlayedGame, *, is_plain: bool) -> Iterator[str]:
             yield f"the check of the rule {one.name!r}"
         if not _is_played(one):
             yield f"the rule {one.name!r}"
-        if one.spec.is_array_function and not is_plain:
-            yield f"the rule {one.name!r} in arrays, of agents that do not go along one edge in a turn"
         if one.phase == "before" and game.turn:
             yield f"the rule {one.name!r}, before a turn of a game that has begun"
     if conflicts is not None and ranked(conflicts) is None:
@@ -159,8 +155,6 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
     form = core_form_of(settings, agent)
-    if form is None and spec.array_form is None and not is_plain:
-        yield f"the {kind} {as_code(decider)}"
     if settings["time_budget"] is not None and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
     if may_forget(game, agent):

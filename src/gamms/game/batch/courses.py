@@ -1,0 +1,232 @@
+"""How agents go, and have gone, that do not go along one edge a turn, as functions that the core calls know it."""
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gamms.core import moves, rules
+from gamms.game.batch.by_edges import ByEdges
+from gamms.game.batch.movement import Legs, Paths
+from gamms.game.batch.travel import ByMetres
+from gamms.game.travel import EdgeIds, ResolvedAction, Trips
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion, Progress
+
+_STAYS = -1  # how many nodes there are on the way of an agent that stays
+
+
+class Routes:
+    """The ways that plain functions choose for agents in a turn.
+
+    Args:
+        by: how agents go.
+        shape: how many games and agents there are.
+        room: how many nodes a way has at most.
+
+    Attributes:
+        core: as the core reads them.
+    """
+
+    def __init__(self, by: ByEdges | ByMetres, shape: tuple[int, int], room: int) -> None:
+        self._by = by
+        self._agents = shape[1]
+        self._room = room
+        rows = shape[0] * shape[1]
+        self._nodes = np.zeros(rows * room, np.int64)
+        self._counts, self._motions = np.zeros((2, rows), np.int64)
+        self.core = moves.Routes(room, self._nodes.data, self._counts.data, self._motions.data)
+        self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
+        self._ids: list[int] = []  # of the nodes, one way after the other
+
+    def choose(self, game: int, agent: int, action: ResolvedAction | None, end: int | None) -> None:
+        """Let an agent do something in this turn.
+
+        Args:
+            game: its number.
+            agent: its number.
+            action: what it does; None: it goes to a node that is next to it, or stays.
+            end: this node; None: it stays.
+        """
+        count, motion = _STAYS, int(Motion.FORWARD)
+        nodes: Iterable[int] = ()
+        if action is None:
+            nodes = () if end is None else (end,)
+        elif isinstance(self._by, ByMetres):
+            count, motion, nodes = _along_legs(action)
+        else:
+            nodes = action.path[1:] if action.progress is None else (*action.path[1:], action.progress.target)
+        before = len(self._ids)
+        self._ids += nodes
+        count = (len(self._ids) - before) or count
+        self._chosen.append((game * self._agents + agent, count, motion))
+
+    def write(self) -> None:
+        """Let the core have what was chosen."""
+        rows, counts, motions = np.array(self._chosen, np.int64).reshape(-1, 3).T
+        self._counts[rows] = counts
+        self._motions[rows] = motions
+        lengths = np.maximum(counts, 0)
+        first = np.cumsum(lengths) - lengths
+        places = np.repeat(rows * self._room - first, lengths) + np.arange(len(self._ids))
+        self._nodes[places] = self._by.streets.rows(self._ids)
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget what was chosen."""
+        self._chosen.clear()
+        self._ids.clear()
+
+
+def _along_legs(action: ResolvedAction) -> tuple[int, int, Iterable[int]]:
+    """Return the number of nodes of a way without nodes, the motion of an agent on an edge, and its next nodes."""
+    legs = action.legs
+    if not legs:
+        return _STAYS, Motion.FORWARD, ()
+    if action.begun is None:
+        return _STAYS, Motion.FORWARD, [leg.target for leg in legs]
+    first, progress = legs[0], action.progress
+    if first.begin == first.end and progress is not None:  # it stands, or is on its way and too slow to get on
+        return (_STAYS if progress.motion == Motion.STOPPED else 0), progress.motion, ()
+    motion = Motion.BACK if first.end < first.begin else Motion.FORWARD
+    return 0, motion, [leg.target for leg in legs[1:]]
+
+
+class EdgeCourses:
+    """How agents that count edges go in all games, and have gone in their last turns.
+
+    Args:
+        by: how agents go.
+        shape: how many games and agents there are.
+        most: how many nodes an agent passes in a turn at most.
+
+    Attributes:
+        core: how they have gone, as the core writes it.
+        routes: how they go.
+    """
+
+    def __init__(self, by: ByEdges, shape: tuple[int, int], most: int) -> None:
+        self._by = by
+        self._nodes = np.zeros((*shape, most), np.int64)
+        self._times = np.zeros((*shape, most))
+        self._lengths = np.ones(shape, np.int64)
+        views: list[Any] = [one.reshape(-1).data for one in (self._nodes, self._times, self._lengths)]
+        self.core = rules.Steps(*views)
+        self.routes = Routes(by, shape, most)
+
+    def columns(self) -> list[np.ndarray[Any, Any]]:
+        """Return what it keeps of the last turns."""
+        most = int(self._lengths.max(initial=1))
+        return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
+
+    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
+        """Return what agents did that did more than to go along one edge, by their places among these."""
+        nodes, lengths = self._nodes[game, agents], self._lengths[game, agents]
+        has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
+        found = {}
+        for place in np.flatnonzero(has_gone_far).tolist():
+            path = self._by.streets.ids(nodes[place, : lengths[place]]).tolist()
+            found[place] = ResolvedAction(path[-1], tuple(path))
+        return found
+
+    def paths(self, games: IntArray, starts: IntArray, took_part: BoolArray) -> Paths:
+        """Return the paths of agents; those that did not take part are where they start."""
+        lengths = np.where(took_part, self._lengths[games], 1)
+        most = int(lengths.max(initial=1))
+        return _paths(self._nodes[games, :, :most], self._times[games, :, :most], lengths, starts)
+
+
+class MetreCourses:
+    """How agents go by metres in all games, and have gone in their last turns.
+
+    Args:
+        by: how agents go.
+        shape: how many games and agents there are.
+        most: how many legs an agent has in a turn at most.
+
+    Attributes:
+        core: how they have gone, as the core writes it.
+        routes: how they go.
+    """
+
+    def __init__(self, by: ByMetres, shape: tuple[int, int], most: int) -> None:
+        self._by = by
+        self._shape = shape
+        self._trips = Trips(shape[0] * shape[1], most, 0)
+        self._trips.passed[:] = 1
+        self._trips.edge[:] = -1
+        self.core = self._trips.core
+        self.routes = Routes(by, shape, most)
+
+    @cached_property
+    def _ids(self) -> list[int]:
+        ids: list[int] = self._by.columns.node_ids.tolist()
+        return ids
+
+    @cached_property
+    def _edge_ids(self) -> EdgeIds:
+        return EdgeIds(self._by.columns, self._by.map)
+
+    def columns(self) -> list[np.ndarray[Any, Any]]:
+        """Return what it keeps of the last turns."""
+        trips = self._trips
+        legs, passed = int(trips.legs.max(initial=0)), int(trips.passed.max(initial=1))
+        of_legs = [one[:, :legs] for one in (trips.edges, trips.begins, trips.ends, trips.since, trips.until)]
+        each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
+        return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
+
+    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
+        """Return what agents did that went along edges, or stood there, by their places among these."""
+        trips, rows = self._trips, game * self._shape[1] + agents
+        found = {}
+        for place in np.flatnonzero(trips.legs[rows]).tolist():
+            row, begun = int(rows[place]), None
+            share = float(trips.begins[row, 0])
+            if 0.0 < share < 1.0:
+                source, target, edge, _ = self._edge_ids[int(trips.edges[row, 0])]
+                begun = Progress(source, target, share, edge, Motion.STOPPED)
+            found[place] = trips.ended(row, self._ids, self._edge_ids, begun)
+        return found
+
+    def paths(self, games: IntArray, starts: IntArray, took_part: BoolArray) -> Paths:
+        """Return the paths of agents, with nodes to which they came back; those that did not take part stay."""
+        trips = self._trips
+        rows = games[:, None] * self._shape[1] + np.arange(self._shape[1])
+        counts = np.where(took_part, trips.legs[rows], 0)
+        most = int(counts.max(initial=0))
+        is_leg = np.arange(most) < counts[..., None]
+        edge = np.where(is_leg, trips.edges[rows, :most], -1)
+        back = self._by.backs(edge)
+        parts = [
+            np.where(is_leg, one[rows, :most], 0.0) for one in (trips.begins, trips.ends, trips.since, trips.until)
+        ]
+        legs = Legs(edge, back, *parts)
+        arrives = is_leg & ((legs.end == 0.0) | (legs.end == 1.0))
+        lengths = 1 + arrives.sum(axis=-1)
+        width = int(lengths.max(initial=1))
+        nodes, times = np.repeat(starts[..., None], width, axis=-1), np.zeros((*starts.shape, width))
+        at = np.nonzero(arrives)
+        number = np.cumsum(arrives, axis=-1)[at]
+        columns, edges = self._by.columns, legs.edge[at]
+        nodes[(*at[:2], number)] = np.where(legs.end[at] > 0.0, columns.targets[edges], columns.sources[edges])
+        times[(*at[:2], number)] = legs.until[at]
+        end = np.where(took_part, trips.edge[rows], -1)
+        motion = np.where(end >= 0, trips.motion[rows], int(Motion.STOPPED))
+        stays = np.asarray((edge < 0).all(axis=-1))
+        waits = np.zeros_like(stays)
+        found = _paths(nodes, times, lengths, starts)
+        return found._replace(legs=legs, edge=end, motion=motion, stays=stays, waits=waits, rests=end < 0)
+
+
+def _paths(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
+    """Return paths of which so many nodes count."""
+    counts = np.arange(nodes.shape[-1]) < lengths[..., None]
+    last = np.take_along_axis(nodes, lengths[..., None] - 1, -1)
+    nodes = np.where(counts, nodes, last)
+    nodes = np.where((lengths == 1)[..., None], starts[..., None], nodes)
+    times = np.where(counts, times, np.inf)
+    times[..., 0] = 0.0
+    waits = (lengths > 1) & (nodes[..., 0] == nodes[..., min(1, nodes.shape[-1] - 1)])
+    return Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
