@@ -240,8 +240,8 @@ def test_a_template_may_be_a_function_of_the_state(server, strategy_of):
     ("template", "message"),
     [
         ("$moves $naem", r"\$naem"),
-        ("go", r"has no \$moves"),
-        ("$moves 5 $ a", "stands for nothing"),
+        ("go", r"needs \$moves"),
+        ("$moves 5 $ a", r"a \$ without a name"),
         (5, "must be a text"),
     ],
 )

@@ -23,7 +23,7 @@ WRONG = [
     ({"api_key": "sk-1234567890"}, ValueError, "give key_variable, the name of an environment variable"),
     ({"client": None, "calls": "nothing.jsonl"}, FileNotFoundError, "no file 'nothing.jsonl'"),
     ({"calls": "/"}, ValueError, "'/' is a folder"),
-    ({"request": {"temperature": float("nan")}}, TypeError, "request must be what JSON can hold"),
+    ({"request": {"temperature": float("nan")}}, TypeError, "request must be representable as JSON"),
     ({"seconds": 0}, ValueError, "seconds must be more than 0"),
     ({"attempts": 0}, ValueError, "attempts must be at least 1"),
     ({"at_once": 1.5}, TypeError, "at_once must be an integer"),
@@ -32,7 +32,7 @@ WRONG = [
     ({"max_cost": 1}, ValueError, "max_cost needs price_in and price_out"),
     ({"constrain": "json"}, ValueError, "constrain must be 'schema' or 'tool' or 'text'"),
     ({"request": {"messages": []}}, ValueError, "request cannot set 'messages'"),
-    ({"request": {"seed": {1, 2}}}, TypeError, "request must be what JSON can hold"),
+    ({"request": {"seed": {1, 2}}}, TypeError, "request must be representable as JSON"),
     ({"maximum": 1}, KeyError, "Unknown keyword of gamms.llm.Strategy: 'maximum'"),
 ]
 

@@ -102,9 +102,9 @@ def test_errors_have_no_key_and_no_context_that_has_one(strategy_of):
         (f"https://user:{KEY}@example.org/v1", "without user, password or query"),
         (f"https://example.org/v1?api_key={KEY}", "without user, password or query"),
         (f"https://example.org/v1#{KEY}", "without user, password or query"),
-        (KEY, "The address of a server is one such as"),
-        (f"ftp://{KEY}", "The address of a server is one such as"),
-        (f"http://[{KEY}/", "The address of a server is one such as"),
+        (KEY, "The address of a server must be like"),
+        (f"ftp://{KEY}", "The address of a server must be like"),
+        (f"http://[{KEY}/", "The address of a server must be like"),
     ],
 )
 def test_an_address_holds_no_secrets_and_is_not_shown(address, message):
@@ -146,7 +146,7 @@ def test_secrets_in_headers_and_addresses_of_a_client_are_hidden_too(server, cap
     with caplog.at_level(logging.DEBUG), new_game(Strategy(client, "m", "Go.", attempts=1)) as ctx:
         result = ctx.game.run(1)
     assert secret not in str(result.to_dict())
-    assert outcomes(result) == ["wrong answer: it is no JSON"]
+    assert outcomes(result) == ["wrong answer: it is not JSON"]
     assert "query-secret" not in caplog.text
     assert "<hidden>" in caplog.text  # the library logs the address
 

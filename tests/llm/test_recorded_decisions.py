@@ -73,7 +73,7 @@ def test_what_was_answered_is_not_asked_again(server, strategy_of, played):
 
 def test_what_was_not_recorded_is_an_error_without_a_server(played):
     _, calls, _ = played
-    message = r"agent 'anna' asks in turn 1 is not in '.*game.jsonl'.*its seed"
+    message = r"agent 'anna' in turn 1 is not in '.*game.jsonl'.*its seed"
     ctx = new_game(replaying(calls, price_in=1.0), ["anna", "bert"], seed=2)
     with ctx, pytest.raises(MissingDecision, match=message):
         ctx.game.run(1)
@@ -88,7 +88,7 @@ def test_every_call_is_in_the_file(server, strategy_of, tmp_path):
     assert header == {"format": "gamms llm decisions 1"}
     assert [one["answered"] for one in line["log"]] == ["hello", '{"move": 1}']
     assert "Your moves:" in line["log"][0]["asked"]
-    assert line["log"][1]["asked"] == "That does not count: it is no JSON. Answer again."
+    assert line["log"][1]["asked"] == "That does not count: it is not JSON. Answer again."
     assert [one["outcome"] for one in line["log"]] == ["answer", "answer"]
     assert all(one["seconds"] >= 0 for one in line["log"])
     assert (line["agent"], line["turn"], line["answer"], line["calls"]) == ("anna", 1, '{"move": 1}', 2)

@@ -34,7 +34,7 @@ def test_a_server_that_is_slow_is_given_up(server, strategy_of, stopped):
 
 
 def test_the_fallback_plays_before_the_deadline_of_the_turn(server, strategy_of, stopped, monkeypatch):
-    monkeypatch.setattr(gamms.llm.asking, "_RESERVE_S", 1.0)  # for a machine that is busy
+    monkeypatch.setattr(gamms.llm.asking, "_RESERVED_S", 1.0)  # for a machine that is busy
     server.script = lambda _: stopped.wait(5) and {"move": 1}
     fallback = lambda state: state.update(action=state["legal"][-1])
     with new_game(strategy_of(seconds=60, fallback=fallback)) as ctx:
@@ -101,7 +101,7 @@ def test_an_endless_error_is_cut_off(server, strategy_of, stopped, status):
 def test_a_packed_answer_is_not_unpacked(server, strategy_of):
     server.script = lambda _: lambda wfile: wfile.write(HEAD + b"content-encoding: gzip\r\n\r\n\x1f\x8b")
     with new_game(strategy_of(attempts=1)) as ctx:
-        assert outcomes(ctx.game.run(1)) == ["a packed answer, which was not asked for"]
+        assert outcomes(ctx.game.run(1)) == ["a compressed answer, which was not requested"]
 
 
 def test_redirects_are_not_followed(server, strategy_of):

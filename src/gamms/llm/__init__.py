@@ -1,12 +1,12 @@
-"""Language models as players: agents that ask an OpenAI-compatible server what to do.
+"""Language models as players: agents that ask an OpenAI-compatible server for their actions.
 
     strategy = gamms.llm.Strategy("http://localhost:11434/v1", "llama3.1", "Catch the blue agents.")
 
-`strategy.py` has the strategy; read it first. `asking.py` has the calls for a decision, `questions.py` makes a text and
-a schema of a state, and an action of an answer; `limits.py` counts tokens and money in a game; `decisions.py` has the
-file of what was decided; `server.py` sends a request, and is the only file that knows the client library. A client of
-strategies, the game and the recorder: May import: `strategies`, `recorder` and below. To describe states in another
-way, write a template: see docs/llm.md.
+`strategy.py` holds the strategy; read it first. `asking.py` makes the calls for one decision. `questions.py` turns a
+state into a text and a schema, and an answer into an action. `limits.py` counts tokens and money in a game.
+`decisions.py` reads and writes the file of recorded decisions. `server.py` sends a request and is the only file that
+knows the client library. May import: `strategies`, `recorder` and below. To describe states in another way, write a
+template: see docs/llm.md.
 """
 
 from gamms.llm.limits import Options
@@ -16,4 +16,4 @@ from gamms.llm.strategy import MissingDecision, Strategy
 __all__ = ["MissingDecision", "Options", "Strategy", "connect"]
 
 FOR_SCENARIOS = {"Strategy": Strategy}
-"""What scenario files may name, where their reader allows it."""
+"""Names that scenario files may use, if the reader of the file allows them."""

@@ -1,4 +1,4 @@
-"""The calls for one decision: asked until an answer counts, within the limits of time, calls, tokens and money."""
+"""The calls for one decision: ask until an answer counts, within the limits of time, calls, tokens and money."""
 
 import asyncio
 import json
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gamms.context import Context
 from gamms.llm import server
 from gamms.llm.decisions import ANSWERED
-from gamms.llm.limits import Account, Settings, Spent
+from gamms.llm.limits import Settings, TokenUsage, UsageAccount
 from gamms.llm.questions import Choice, Question, WrongAnswer, choice_of, parsed
 from gamms.plain import Plain
 from gamms.typing.game import AerialState, State
@@ -16,39 +16,43 @@ from gamms.typing.game import AerialState, State
 if TYPE_CHECKING:
     from openai import AsyncOpenAI
 
-_BACKOFF_S = 0.5  # before a request is sent again; then twice as long, and so on
-_RESERVE, _RESERVE_S = 0.1, 0.25  # of the time that the game gives a turn, for the fallback: a share, and at least
-_MOST_OF_AN_ANSWER = 2000  # characters that are kept, and shown to the model again
+_BACKOFF_S = 0.5  # seconds before the second attempt; each further wait is twice as long
+_RESERVED_SHARE, _RESERVED_S = 0.1, 0.25  # share and least number of seconds of a turn that are left for the fallback
+_MOST_OF_AN_ANSWER = 2000  # characters that are kept and shown to the model again
 _TIMEOUT = "timeout"
 
 
-class Asking:
-    """How a decision is got from a server.
+class ModelQuery:
+    """Get one decision from a server.
 
     Args:
-        client: of the server.
-        settings: of the strategy.
-        account: of the game.
-        ctx: of the game; None: in a loop of the program's own.
+        client: the client of the server.
+        settings: the settings of the strategy.
+        account: the account of the game.
+        ctx: the context of the game; None: the strategy runs in an event loop of the program.
 
     Attributes:
-        choice: what the model chose; None: nothing that counts.
-        answer: the same as JSON.
-        log: what came of each call, as plain values.
-        spent: what all calls took.
+        choice: the choice of the model; None: no valid answer.
+        answer: the answer as JSON; None: no valid answer.
+        log: the outcome of each call, as plain values.
+        spent: the calls and tokens of all attempts.
     """
 
-    def __init__(self, client: "AsyncOpenAI", settings: Settings, account: Account, ctx: Context | None) -> None:
-        self._client, self._settings, self._account, self._ctx = client, settings, account, ctx
+    def __init__(self, client: "AsyncOpenAI", settings: Settings, account: UsageAccount, ctx: Context | None) -> None:
+        self._client = client
+        self._settings = settings
+        self._account = account
+        self._ctx = ctx
         self.choice: Choice | None = None
         self.answer: str | None = None
         self.log: list[dict[str, Plain]] = []
-        self.spent = Spent()
+        self.spent = TokenUsage()
         self._end = 0.0
 
     async def outcome(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
-        """Ask, and return "answer" or why there is none."""
-        loop, settings = asyncio.get_running_loop(), self._settings
+        """Ask the server and return "answer", or the reason why no answer counts."""
+        loop = asyncio.get_running_loop()
+        settings = self._settings
         deadline = None if self._ctx is None else self._ctx.game.deadline_s
         last = None if deadline is None else loop.time() + _time_to_ask(deadline)
         with suppress(TimeoutError):
@@ -59,7 +63,9 @@ class Asking:
         return _TIMEOUT
 
     async def _attempts(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
-        outcome, messages, wait = "", request["messages"], 0.0
+        outcome = ""
+        messages = request["messages"]
+        wait = 0.0
         for number in range(self._settings.attempts):
             await asyncio.sleep(wait)
             wait = 0.0
@@ -70,7 +76,8 @@ class Asking:
                 return f"limit: {limit}"
             reply = await self._call(body, reserved)
             if reply.text is None:
-                outcome, wait = reply.problem, max(reply.wait_s, _BACKOFF_S * 2**number)
+                outcome = reply.problem
+                wait = max(reply.wait_s, _BACKOFF_S * 2**number)
                 if not reply.is_passing or asyncio.get_running_loop().time() + wait >= self._end:
                     return outcome
                 continue
@@ -88,9 +95,10 @@ class Asking:
         return outcome
 
     async def _call(self, body: dict[str, Plain], reserved: tuple[int, int]) -> server.Reply:
-        """Send one request, and count what it took: all that was reserved if the server does not say."""
+        """Send one request and count its tokens; if the server does not report them, count all reserved tokens."""
         loop = asyncio.get_running_loop()
-        began, reply = loop.time(), server.Reply(None, _TIMEOUT)
+        began = loop.time()
+        reply = server.Reply(None, _TIMEOUT)
         try:
             reply = await server.ask(self._client, body)
             return reply
@@ -110,5 +118,5 @@ class Asking:
 
 
 def _time_to_ask(deadline_s: float) -> float:
-    """Return how many seconds of a turn may go by before the fallback plays."""
-    return max(deadline_s / 2, deadline_s - max(_RESERVE * deadline_s, _RESERVE_S))
+    """Return how many seconds of a turn the model may take before the fallback plays."""
+    return max(deadline_s / 2, deadline_s - max(_RESERVED_SHARE * deadline_s, _RESERVED_S))

@@ -1,4 +1,4 @@
-"""What was decided with a language model: kept in a file, and in recordings, so that games play without the server."""
+"""Decisions of language models, kept in a file and in recordings, so that games can be played without the server."""
 
 import json
 import os
@@ -18,32 +18,32 @@ from gamms.plain import Plain
 from gamms.text import reason, shown
 
 EVENT = "llm"
-"""The kind of the events that decisions are in results and recordings."""
+"""The kind of the events that hold decisions in results and recordings."""
 
 ANSWERED = "answer"
-"""The outcome of a decision of the model's; any other says why the fallback has decided."""
+"""The outcome of a decision that the model made; any other outcome says why the fallback decided."""
 
 _FORMAT = "gamms llm decisions 1"
-_BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
-_MOST = 1 << 53  # that a count may be
+_BYTES_PER_LETTER = 40  # bytes of memory for each byte of JSON: `{"":0}` takes most
+_MOST = 1 << 53  # the upper bound of a count
 _IN_LOG = "log"
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What an agent decided in a turn.
+    """One decision of an agent in a turn.
 
     Attributes:
-        turn: from 1.
-        agent: its name.
-        request: the digest of what was asked.
-        outcome: "answer", or why the fallback has decided.
-        answer: what the model chose, as JSON; None: nothing that counts.
-        calls: how often the server was asked.
-        input_tokens: of the questions.
-        output_tokens: of the answers.
-        cost: of both, by the prices of the strategy.
-        log: what came of each call; not in events.
+        turn: the number of the turn, from 1.
+        agent: the name of the agent.
+        request: the digest of the request.
+        outcome: "answer", or the reason why the fallback decided.
+        answer: the choice of the model as JSON; None: no valid answer.
+        calls: the number of requests to the server.
+        input_tokens: the tokens of all questions.
+        output_tokens: the tokens of all answers.
+        cost: the cost of all tokens, by the prices of the strategy.
+        log: the outcome of each call; not part of events.
     """
 
     turn: int
@@ -59,13 +59,13 @@ class Decision:
 
     @classmethod
     def of(cls, plain: object) -> "Self":
-        """Return the decision that plain values of any origin are.
+        """Return the decision that a dict of plain values describes; check it, as it may come from any file.
 
         Raises:
-            BadFile: they are none; the message says which value is at fault.
+            BadFile: the values do not describe a decision; the message names the wrong value.
         """
         if not isinstance(plain, dict):
-            raise BadFile(f"there is {shown(plain)} in place of a decision")
+            raise BadFile(f"a decision must be an object, not {shown(plain)}")
         for name, kind in _KINDS.items():
             value = plain.get(name)
             is_right = isinstance(value, kind) and not isinstance(value, bool)
@@ -74,7 +74,7 @@ class Decision:
         return cls(**{name: plain[name] for name in _KINDS})
 
     def as_event(self) -> dict[str, Plain]:
-        """Return what an event of the decision holds, besides its turn."""
+        """Return the fields of the decision's event, without the turn."""
         return {name: value for name, value in asdict(self).items() if name not in ("turn", _IN_LOG)}
 
 
@@ -87,30 +87,30 @@ _KINDS: dict[str, type | UnionType] = {
 
 
 def digest(asked: Plain) -> str:
-    """Return the digest of what was asked."""
+    """Return the digest of a plain value, such as a request."""
     written = json.dumps(asked, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
     return sha256(written.encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
 class DecisionFile:
-    """Decisions that are found by the digests of what was asked.
+    """Recorded decisions, which are looked up by the digests of their requests.
 
     Args:
-        path: a file of lines of JSON, to which decisions are added, and which is made when the first one is; or a
-            recording, `.ggr`, which is only read; None: nothing is kept.
-        must_exist: whether the file has to be there.
+        path: a file of JSON lines, which is created with the first decision and to which further decisions are
+            appended; or a recording, `.ggr`, which is only read; None: keep no decisions.
+        must_exist: whether the file has to exist.
 
     Raises:
-        BadFile (ValueError): it is no such file.
-        TooLarge (ValueError): it would take more memory than is allowed.
-        MissingFile (FileNotFoundError): there is no such recording, or no file that must exist.
-        MissingFolder (FileNotFoundError): there is no folder for the file.
+        BadFile (ValueError): the file has another format.
+        TooLarge (ValueError): reading the file would take more memory than allowed.
+        MissingFile (FileNotFoundError): the recording, or a file that must exist, does not exist.
+        MissingFolder (FileNotFoundError): the folder of the file does not exist.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, *, must_exist: bool = False) -> None:
         self._path: Path | None = None if path is None else as_path(path, "calls")
         self._known: dict[str, Decision] = {}
-        self._cut_at: int | None = None  # where a line begins that has no end
+        self._cut_at: int | None = None  # byte offset of an incomplete last line
         if self._path is None:
             return
         self._is_recording = self._path.suffix == ".ggr"
@@ -129,11 +129,11 @@ class DecisionFile:
         return "no file" if self._path is None else repr(str(self._path))
 
     def get(self, request: str) -> Decision | None:
-        """Return the decision of a request; None if there is none."""
+        """Return the decision for a request digest, or None."""
         return self._known.get(request)
 
     def add(self, decision: Decision) -> None:
-        """Keep a decision; the last one of a request counts."""
+        """Store a decision; it replaces an earlier decision for the same request."""
         if self._path is None or self._is_recording:
             return
         self._known[decision.request] = decision
@@ -146,7 +146,7 @@ class DecisionFile:
             file.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(decision)]).encode())
 
     def _in_lines(self) -> Iterator[Decision]:
-        """Yield the decisions in a file; the last line may lack its end, where a program was killed as it wrote it."""
+        """Yield the decisions in a file; ignore an incomplete last line, which a killed program may leave behind."""
         path = self._path or Path()
         refuse_above(path.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(path)!r}")
         whole = 0
@@ -159,8 +159,8 @@ class DecisionFile:
                     plain = json.loads(line)
                     is_header = isinstance(plain, dict) and plain.get("format") == _FORMAT
                     if number == 1 and not is_header:
-                        raise BadFile(f"there is no format {_FORMAT!r}")
-                    if not is_header:  # two programs that begin a file both write one
+                        raise BadFile(f"the header with the format {_FORMAT!r} is missing")
+                    if not is_header:  # two programs that create the file at the same time both write a header
                         yield Decision.of(plain)
                 whole += len(line)
 
@@ -174,7 +174,7 @@ class DecisionFile:
 
 @contextmanager
 def _refusing(path: Path | None, place: str) -> Iterator[None]:
-    """Name the place in a file of what is wrong with it."""
+    """Add the file and the place in it to errors about its content."""
     try:
         yield
     except (ValueError, RecursionError) as error:

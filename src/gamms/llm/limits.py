@@ -1,4 +1,4 @@
-"""What asking a language model may take: the settings of a strategy, and what was spent in a game."""
+"""Limits on asking a language model: the settings of a strategy, and the usage counted in a game."""
 
 import asyncio
 from collections.abc import Mapping
@@ -15,44 +15,44 @@ from gamms.text import shown
 
 Constraint = Literal["schema", "tool", "text"]
 
-_OWN = ("model", "messages", "stream", "n", "response_format", "tools", "tool_choice")  # fields that strategies set
+_OWN = ("model", "messages", "stream", "n", "response_format", "tools", "tool_choice")  # set by strategies
 _OF_ANSWERS = ("max_tokens", "max_completion_tokens")
 _TOTALS = "llm"  # the key in ctx.game.data
-_PER = 1e6  # tokens that a price is for
+_TOKENS_PER_PRICE = 1e6  # tokens that a price is for
 
 
 class Options(TypedDict, total=False):
-    """The keywords of `Strategy` that say how a server is asked, and what that may take."""
+    """Keywords of `Strategy` that control how it asks the server and how much it may use."""
 
     seconds: float
-    """How long a decision may take, with all its calls; 30."""
+    """The longest time in seconds for one decision, over all its calls; 30."""
     attempts: int
-    """How often a server is asked for a decision, until there is an answer that counts; 3."""
+    """The most calls for one decision, until an answer counts; 3."""
     answer_tokens: int
-    """How long an answer may be; 1000."""
+    """The most tokens of an answer; 1000."""
     max_calls: int | None
-    """How often the server is asked in a game; None: no limit."""
+    """The most calls in a game; None: no limit."""
     max_tokens: int | None
-    """How many tokens questions and answers of a game may have; None: no limit."""
+    """The most tokens in a game, questions and answers together; None: no limit."""
     max_cost: float | None
-    """What a game may cost, in the currency of the prices; None: no limit."""
+    """The most that a game may cost, in the currency of the prices; None: no limit."""
     price_in: float
-    """Of a million tokens of questions; 0."""
+    """The price of a million tokens of questions; 0."""
     price_out: float
-    """Of a million tokens of answers; 0."""
+    """The price of a million tokens of answers; 0."""
     at_once: int
-    """How many requests may be under way at once; 8."""
+    """The most requests at the same time; 8."""
     constrain: Constraint
-    """How answers are constrained: by a JSON schema, as the arguments of a tool, or by words alone; "schema"."""
+    """How answers are constrained: by a JSON schema, as arguments of a tool, or by instructions alone; "schema"."""
     request: Mapping[str, Plain]
-    """Further fields of each request, such as `{"temperature": 0}`; None leaves one out."""
+    """Further fields of each request, such as `{"temperature": 0}`; the value None removes a field."""
     key_variable: str | None
-    """The environment variable that holds the key, where the client is the address of a server."""
+    """The environment variable that holds the key, if the client is the address of a server."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The same, checked and with defaults; see `Options`."""
+    """Checked options, with defaults; see `Options`."""
 
     seconds: float = 30.0
     attempts: int = 3
@@ -68,18 +68,16 @@ class Settings:
 
     @classmethod
     def of(cls, **given: Unpack[Options]) -> "Settings":
-        """Check options.
+        """Check options and return the settings.
 
         Raises:
-            UnknownName (KeyError): there is no such option.
+            UnknownName (KeyError): an option does not exist.
             BadType, BadValue: a value is impossible.
         """
         known = Options.__annotations__
         for name in given:
             if name in ("api_key", "key"):
-                raise BadValue(
-                    f"{name} is none of the keywords: give key_variable, the name of an environment variable."
-                )
+                raise BadValue(f"{name} is not a keyword: give key_variable, the name of an environment variable.")
             if name not in known:
                 raise UnknownName("keyword of gamms.llm.Strategy:", name, (*known, "template", "fallback", "calls"))
         checked = {name: _CHECKS[name](value, name) for name, value in given.items() if name in _CHECKS}
@@ -89,19 +87,19 @@ class Settings:
         return settings
 
     def cost(self, input_tokens: int, output_tokens: int) -> float:
-        """Return what tokens cost."""
-        return (input_tokens * self.price_in + output_tokens * self.price_out) / _PER
+        """Return the cost of these tokens."""
+        return (input_tokens * self.price_in + output_tokens * self.price_out) / _TOKENS_PER_PRICE
 
     @property
     def fields(self) -> dict[str, Plain]:
-        """The fields of every request that these settings say."""
+        """The fields that these settings add to every request."""
         given = dict(self.request)
         longest = {} if any(name in given for name in _OF_ANSWERS) else {"max_tokens": self.answer_tokens}
         return {name: value for name, value in {**longest, **given}.items() if value is not None}
 
     @property
     def longest_answer(self) -> int:
-        """How many tokens an answer can have."""
+        """The largest number of tokens that an answer can have."""
         said = [self.fields.get(name) for name in _OF_ANSWERS]
         return max([one for one in said if isinstance(one, int)], default=self.answer_tokens)
 
@@ -121,7 +119,7 @@ def _request(value: object, name: str) -> dict[str, Plain]:
     try:
         dumps(given, allow_nan=False)
     except (TypeError, ValueError):
-        raise BadType(f"{name} must be what JSON can hold, not {shown(given)}.") from None
+        raise BadType(f"{name} must be representable as JSON, not {shown(given)}.") from None
     plain: dict[str, Plain] = to_plain(given)
     return plain
 
@@ -140,52 +138,55 @@ _CHECKS: dict[str, Any] = {
 
 
 @dataclass
-class Spent:
-    """What was asked for: how often, and the tokens of questions and answers."""
+class TokenUsage:
+    """Counts of calls, of question tokens and of answer tokens."""
 
     calls: int = 0
     input_tokens: int = 0
     output_tokens: int = 0
 
     def add(self, input_tokens: int, output_tokens: int, calls: int = 0) -> None:
-        """Add to all three."""
+        """Add to all three counts."""
         self.calls += calls
         self.input_tokens += input_tokens
         self.output_tokens += output_tokens
 
 
-class Account:
-    """What strategies of the same settings have spent in a game, and what they have decided in this turn.
+class UsageAccount:
+    """The usage of all strategies with the same settings in a game, and their decisions in this turn.
 
-    It is a rule that emits each decision as an event, after the turn, and keeps the totals in `ctx.game.data`.
+    The account is a rule. After each turn it emits every decision as an event and stores the totals in
+    `ctx.game.data`.
 
     Args:
-        name: of the strategies: equal where they share their limits.
-        settings: of the strategies.
+        name: the name of the account; strategies with equal names share their limits.
+        settings: the settings of the strategies.
     """
 
     __name__ = "llm"
 
     def __init__(self, name: str, settings: Settings) -> None:
-        self.name, self._settings = name, settings
+        self.name = name
+        self._settings = settings
         self._pending: list[tuple[str, int, Decision]] = []
-        self._spent = Spent()  # in this turn; all of it is kept where no game counts turns
+        self._spent = TokenUsage()  # usage in this turn; without a game that counts turns, all usage
         self._gate: tuple[asyncio.AbstractEventLoop, asyncio.Semaphore] | None = None
 
     def __repr__(self) -> str:
         return self.__name__
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Account":
-        """Return an account for a copy of the game, which has the totals."""
-        return Account(self.name, self._settings)
+    def __deepcopy__(self, memo: dict[int, Any]) -> "UsageAccount":
+        """Return an account for a copy of the game; the copy of the game holds the totals."""
+        return UsageAccount(self.name, self._settings)
 
     def __call__(self, ctx: Context) -> None:
-        """Emit what was decided in the turn, in the order of the names, and add it to the totals."""
+        """Emit the decisions of the turn, sorted by agent, and add them to the totals."""
         turn = ctx.game.turn
         decided = [one for _, _, one in sorted(self._pending, key=lambda item: item[:2]) if one.turn == turn]
         for one in decided:
             ctx.game.emit(EVENT, **one.as_event())
-        before, spent = self._before(ctx), self._spent
+        before = self._before(ctx)
+        spent = self._spent
         before.add(spent.input_tokens, spent.output_tokens, spent.calls)
         fallbacks = [one for one in decided if one.outcome != ANSWERED]
         already = _count(self._totals(ctx), "fallbacks")
@@ -201,18 +202,21 @@ class Account:
                 f"result.table({EVENT!r})."
             )
         ctx.game.data[_TOTALS] = {**_as_dict(ctx.game.data.get(_TOTALS)), self.name: totals}
-        self._pending, self._spent = [], Spent()
+        self._pending = []
+        self._spent = TokenUsage()
 
     def gate(self, at_once: int) -> asyncio.Semaphore:
-        """Return what lets only so many requests be under way, in the event loop that is running."""
+        """Return the semaphore of the running event loop that bounds the number of requests at the same time."""
         loop = asyncio.get_running_loop()
         if self._gate is None or self._gate[0] is not loop:
             self._gate = loop, asyncio.Semaphore(at_once)
         return self._gate[1]
 
     def reserve(self, ctx: Context | None, input_tokens: int, output_tokens: int) -> str:
-        """Count a call with all the tokens that it may take; return the limit that it would break, "" if none."""
-        settings, spent, total = self._settings, self._spent, self._before(ctx)
+        """Count a call with all tokens that it may take; return the name of the limit that it would break, or ""."""
+        settings = self._settings
+        spent = self._spent
+        total = self._before(ctx)
         total.add(spent.input_tokens + input_tokens, spent.output_tokens + output_tokens, spent.calls + 1)
         wanted = {
             "max_calls": total.calls,
@@ -227,26 +231,26 @@ class Account:
         return ""
 
     def settle(self, reserved: tuple[int, int], tokens: tuple[int, int]) -> None:
-        """Count what a call has taken in place of what was reserved for it."""
+        """Replace the reserved tokens of a call by the tokens that it took."""
         self._spent.add(tokens[0] - reserved[0], tokens[1] - reserved[1])
 
     def note(self, decision: Decision, *, is_counted: bool) -> None:
-        """Keep a decision of this turn; `is_counted`: its calls were reserved."""
+        """Store a decision of this turn; `is_counted`: its calls were reserved already."""
         self._pending.append((decision.agent, len(self._pending), decision))
         if not is_counted:
             self._spent.add(decision.input_tokens, decision.output_tokens, decision.calls)
 
-    def _before(self, ctx: Context | None) -> Spent:
-        """Return what was spent before this turn."""
+    def _before(self, ctx: Context | None) -> TokenUsage:
+        """Return the usage before this turn."""
         totals = {} if ctx is None else self._totals(ctx)
-        return Spent(*[_count(totals, name) for name in Spent.__dataclass_fields__])
+        return TokenUsage(*[_count(totals, name) for name in TokenUsage.__dataclass_fields__])
 
     def _totals(self, ctx: Context) -> Mapping[str, Plain]:
         return _as_dict(_as_dict(ctx.game.data.get(_TOTALS)).get(self.name))
 
 
 def _as_dict(value: Plain) -> Mapping[str, Plain]:
-    """Return a mapping of the game's data, which may be from a recording of any origin."""
+    """Return `value` if it is a mapping, else {}; the game's data may come from any recording."""
     return value if isinstance(value, Mapping) else {}
 
 

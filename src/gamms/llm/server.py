@@ -1,4 +1,4 @@
-"""One request to an OpenAI-compatible server: bounded in size, and no secret of the client gets out of here."""
+"""One request to an OpenAI-compatible server: bounded in size, and without leaking secrets of the client."""
 
 import json
 import logging
@@ -19,32 +19,33 @@ from gamms.text import printable_line, shown
 if TYPE_CHECKING:
     from openai import AsyncOpenAI
 
-_MOST_BYTES = 1 << 20  # of an answer
-_MOST_OF_AN_ERROR = 1 << 12  # bytes that are read of what a server says of an error
-_MOST_SHOWN = 200  # characters of it
+_MOST_BYTES = 1 << 20  # the size of an answer
+_MOST_OF_AN_ERROR = 1 << 12  # bytes of an error response that are read
+_MOST_SHOWN = 200  # characters of an error that are shown
 _MOST_WAITING_S = 60.0
-_MOST_TOKENS = 1 << 40  # that a server may say it took
-_SHORTEST_SECRET = 8  # characters: shorter keys, such as "none", are words that texts may have
+_MOST_TOKENS = 1 << 40  # the most tokens that a server may report
+_SHORTEST_SECRET = 8  # characters: shorter keys, such as "none", are words that occur in ordinary texts
 _HIDDEN = "<hidden>"
 _PUBLIC_HEADERS = re.compile(r"accept|content-type|user-agent|x-stainless-.*|openai-(organization|project|beta)")
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
-_AGAIN = frozenset({408, 409, 425, 429})  # statuses after which a request may be sent again, as after those from 500 on
-_LOGGERS = (  # of the libraries, which log addresses, and at DEBUG what servers send in headers
+_AGAIN = frozenset({408, 409, 425, 429})  # statuses after which a request may be sent again; so may those from 500 on
+_LOGGERS = (  # loggers of the libraries, which log addresses and, at DEBUG, response headers
     *("openai", "openai._base_client", "httpx", "httpx2"),
     *(f"httpcore{version}.{part}" for version in ("", "2") for part in ("connection", "http11", "http2", "proxy")),
 )
-_UNSPOKEN = frozenset({401, 403, 407})  # statuses whose texts may show parts of keys
+_UNSPOKEN = frozenset({401, 403, 407})  # statuses whose error texts may contain parts of keys
 
 
 class Reply(NamedTuple):
-    """What came of one request.
+    """The outcome of one request.
 
     Attributes:
-        text: what the model answered; None: nothing.
+        text: the answer of the model; None: no answer.
         problem: why there is no answer.
-        is_passing: whether it may help to ask again.
-        wait_s: how long the server wants to be left alone before.
-        tokens: of the question and of the answer, as the server counts them; None: it has not said, and they may count.
+        is_passing: whether another attempt may succeed.
+        wait_s: how many seconds the server asks to wait before another attempt.
+        tokens: the tokens of the question and of the answer, as counted by the server; None: not reported, so the
+            reserved tokens count.
     """
 
     text: str | None
@@ -54,42 +55,43 @@ class Reply(NamedTuple):
     tokens: tuple[int, int] | None = None
 
 
-class _Refused(Exception):
+class _RefusedResponse(Exception):
     """A response that is not read to its end."""
 
     def __init__(self, reply: Reply) -> None:
-        super().__init__()  # without words: libraries log exceptions
+        super().__init__()  # no message: libraries log exceptions
         self.reply = reply
 
 
 def connect(base_url: str, key_variable: str | None = None) -> "AsyncOpenAI":
-    """Return a client of an OpenAI-compatible server that follows no redirects and reads no endless errors.
+    """Return a client of an OpenAI-compatible server that follows no redirects and bounds the size of errors.
 
     Args:
         base_url: such as "http://localhost:11434/v1".
-        key_variable: the name of the environment variable that holds the key; None: the server needs none.
+        key_variable: the name of the environment variable that holds the key; None: the server needs no key.
 
     Raises:
-        BadType, BadValue: the address is none, or holds a password or a query; the name is none.
-        MissingKey (KeyError): there is no such variable.
+        BadType, BadValue: the address is not valid, or holds a password or a query; the name is not valid.
+        MissingKey (KeyError): the variable is not set.
         MissingExtra (ImportError): the library `openai` is not installed.
     """
-    address, openai = _as_address(base_url), _library()
+    address = _as_address(base_url)
+    openai = _library()
     http = _http_client()
     return as_client(openai.AsyncOpenAI(base_url=address, api_key=_key_in(key_variable), http_client=http))
 
 
 @cache
 def _http_client() -> Any:
-    """Return what all clients of `connect` send requests with: it takes 40 ms to make, and agents have one each."""
+    """Return the HTTP client that all clients of `connect` share: making one takes 40 ms, and each agent needs one."""
     return _library().DefaultAsyncHttpxClient(follow_redirects=False, event_hooks={"response": [_refuse_errors]})
 
 
 def as_client(client: object) -> "AsyncOpenAI":
-    """Check that a value is a client that can be awaited.
+    """Check that a value is an asynchronous client and return it.
 
     Raises:
-        BadType: it is not.
+        BadType: the value is something else.
         MissingExtra (ImportError): the library `openai` is not installed.
     """
     openai = _library()
@@ -98,23 +100,23 @@ def as_client(client: object) -> "AsyncOpenAI":
     if not isinstance(client, openai.AsyncOpenAI):
         raise BadType(
             "client must be an openai.AsyncOpenAI, the address of a server such as 'http://localhost:11434/v1', or "
-            f"None to play what was recorded, not of type {type(client).__name__}."
+            f"None to play recorded decisions, not of type {type(client).__name__}."
         )
     made = cast("AsyncOpenAI", client)
-    made.chat.completions  # noqa: B018 - which loads what takes a second, and a turn may have less
+    made.chat.completions  # noqa: B018 - loads modules for a second, which a turn may not have
     return made
 
 
 def host_of(client: "AsyncOpenAI") -> str:
-    """Return the address of a client's server without what may be secret in it: paths are, too, at some gateways."""
+    """Return the address of a client's server without its path, query and password, which may be secret."""
     url = urlsplit(str(client.base_url))
     return f"{url.scheme}://{url.hostname}{f':{url.port}' if url.port else ''}"
 
 
 async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
-    """Send a request and return what came of it; only cancelling raises.
+    """Send a request and return its outcome; only cancellation raises.
 
-    Nothing that the client raises gets out, with its headers: neither as an error nor as the context of one.
+    Exceptions of the client, which hold its headers, do not leave this function, not even as the context of others.
     """
     reply: Reply | None = None
     sender = client.with_options(max_retries=0)
@@ -123,13 +125,13 @@ async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
         body = await _body(sender, dict(request))
     except Exception as error:  # noqa: BLE001 - whatever a library of HTTP raises
         reply = _reply_of_error(error)
-    _hide_secrets_of(sender)  # again: the key may be what a function has given just now
+    _hide_secrets_of(sender)  # again: a function may have supplied a new key just now
     reply = _reply_in(body) if reply is None else reply
     return reply._replace(text=without_secrets(reply.text), problem=without_secrets(reply.problem))
 
 
 def without_secrets(value: Any) -> Any:
-    """Return a plain value of JSON without the secrets of any client, also in the keys of dicts."""
+    """Return a plain JSON value without the secrets of any client, in dict keys as well."""
     if isinstance(value, str):
         for secret in sorted(_secrets, key=len, reverse=True):
             value = value.replace(secret, _HIDDEN)
@@ -139,14 +141,14 @@ def without_secrets(value: Any) -> Any:
     return [without_secrets(one) for one in value] if isinstance(value, list) else value
 
 
-_secrets: set[str] = set()  # of all clients that were used
+_secrets: set[str] = set()  # secrets of all clients that were used
 
 
 class _HidingFilter(logging.Filter):
-    """Hides secrets in what a library logs."""
+    """Hides secrets in the log records of a library."""
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Let every record pass, without the secrets."""
+        """Replace the secrets in a record, and let every record pass."""
         text = record.getMessage()
         if record.exc_info and record.exc_info[0] is not None:
             text += "\n" + "".join(format_exception(*record.exc_info))
@@ -160,14 +162,14 @@ _filter = _HidingFilter()
 
 
 def _hide_secrets_of(client: "AsyncOpenAI") -> None:
-    """Hide all texts of a client that must not get out, from now on."""
+    """Remember the secret texts of a client, and hide them in logs from now on."""
     headers = [str(one) for name, one in client.default_headers.items() if not _PUBLIC_HEADERS.fullmatch(name.lower())]
     url = urlsplit(str(client.base_url))
     found = [client.api_key, *client.auth_headers.values(), *headers, url.password, url.username, *url.query.split("=")]
     found += [str(one) for one in (client.default_query or {}).values()]
     _secrets.update(word for one in found if one for word in (one, *one.split()) if len(word) >= _SHORTEST_SECRET)
     for name in _LOGGERS:
-        logging.getLogger(name).addFilter(_filter)  # which adds it once
+        logging.getLogger(name).addFilter(_filter)  # adding it again has no effect
 
 
 def _library() -> Any:
@@ -185,8 +187,8 @@ def _as_address(value: object) -> str:
         is_address = False
     if not is_address or "@" in text or "?" in text or "#" in text:
         raise BadValue(
-            "The address of a server is one such as 'https://api.openai.com/v1', without user, password or query. "
-            "(What was given is not shown, because it may hold a key. The key goes into an environment variable.)"
+            "The address of a server must be like 'https://api.openai.com/v1', without user, password or query. "
+            "(Yours is not shown, because it may hold a key. Put the key into an environment variable.)"
         )
     return text
 
@@ -197,15 +199,15 @@ def _key_in(variable: object) -> str:
     if not isinstance(variable, str) or not _VARIABLE.fullmatch(variable):
         raise BadValue(
             "key_variable is the name of an environment variable, such as 'OPENAI_API_KEY', never the key itself. "
-            "(What was given is not shown.)"
+            "(Your value is not shown.)"
         )
     if not os.environ.get(variable):
-        raise MissingKey(f"There is no key in the environment variable {_cut_name(variable)}: set it first.")
+        raise MissingKey(f"The environment variable {_cut_name(variable)} holds no key: set it first.")
     return os.environ[variable]
 
 
 def _cut_name(variable: str) -> str:
-    """Return a name of a variable, but for one that looks like a key."""
+    """Return the name of a variable, unless it looks like a key."""
     return shown(variable) if variable.isupper() and len(variable) <= 40 else "that key_variable names"
 
 
@@ -214,13 +216,13 @@ def _cut_name(variable: str) -> str:
 
 async def _body(client: "AsyncOpenAI", fields: dict[str, Any]) -> bytes:
     model, messages = fields.pop("model"), fields.pop("messages")
-    # One connection for each request: one that is kept belongs to an event loop, and every game has its own.
+    # One connection for each request: a kept connection belongs to one event loop, and every game has its own loop.
     headers = {"Accept-Encoding": "identity", "Connection": "close"}
     create = client.chat.completions.with_streaming_response.create
     sent = create(model=model, messages=messages, extra_body=fields, extra_headers=headers)
     async with sent as response:
         if response.headers.get("content-encoding", "identity") != "identity":
-            raise _Refused(Reply(None, "a packed answer, which was not asked for"))
+            raise _RefusedResponse(Reply(None, "a compressed answer, which was not requested"))
         return await _read(response.http_response, _MOST_BYTES)
 
 
@@ -229,12 +231,12 @@ async def _read(response: Any, most: int) -> bytes:
     async for part in response.aiter_raw():
         read += part
         if len(read) > most:
-            raise _Refused(Reply(None, f"an answer of more than {most} bytes"))
+            raise _RefusedResponse(Reply(None, f"an answer of more than {most} bytes"))
     return bytes(read)
 
 
 async def _refuse_errors(response: Any) -> None:
-    """Read a little of a response that is no success, and no more."""
+    """Read the first bytes of an error response, and raise `_RefusedResponse`."""
     if response.status_code < 300:
         return
     read = b""
@@ -243,14 +245,14 @@ async def _refuse_errors(response: Any) -> None:
             read += part[:_MOST_OF_AN_ERROR]
             if len(read) >= _MOST_OF_AN_ERROR:
                 break
-    raise _Refused(_refusal(response.status_code, response.headers, read))
+    raise _RefusedResponse(_refusal(response.status_code, response.headers, read))
 
 
 def _reply_of_error(error: Exception) -> Reply:
-    """Return what an exception of the client means."""
+    """Return the reply for an exception of the client."""
     openai = _library()
     for one in (error, error.__cause__):
-        if isinstance(one, _Refused):
+        if isinstance(one, _RefusedResponse):
             return one.reply
     if isinstance(error, openai.APIStatusError):
         response = error.response
@@ -261,7 +263,7 @@ def _reply_of_error(error: Exception) -> Reply:
 
 
 def _refusal(status: int, headers: Mapping[str, str], body: bytes) -> Reply:
-    """Return the reply of a response that is no success."""
+    """Return the reply for an error response."""
     problem = f"HTTP {status}"
     if status not in _UNSPOKEN:
         said = _error_in(body)
@@ -275,7 +277,7 @@ def _refusal(status: int, headers: Mapping[str, str], body: bytes) -> Reply:
 
 
 def _error_in(body: bytes) -> str:
-    """Return what a server says of an error, on one line and cut."""
+    """Return the message of a server's error, on one line and cut."""
     try:
         said = _at(json.loads(body), "error", "message")
     except (ValueError, RecursionError):
@@ -284,11 +286,11 @@ def _error_in(body: bytes) -> str:
 
 
 def _reply_in(body: bytes) -> Reply:
-    """Return the answer of a model in a response."""
+    """Return the reply that a successful response holds."""
     try:
         plain = json.loads(body)
     except (ValueError, RecursionError):
-        return Reply(None, "a response that is no JSON", is_passing=True)
+        return Reply(None, "a response that is not JSON", is_passing=True)
     tokens = (_at(plain, "usage", "prompt_tokens"), _at(plain, "usage", "completion_tokens"))
     counted = tokens if all(type(one) is int and one in range(_MOST_TOKENS) for one in tokens) else None
     message = _at(plain, "choices", 0, "message")
@@ -299,7 +301,7 @@ def _reply_in(body: bytes) -> Reply:
 
 
 def _at(value: Any, *path: str | int) -> Any:
-    """Return what is at a place in plain values; None if there is nothing."""
+    """Return the value at a path in plain values, or None."""
     for step in path:
         if isinstance(step, str) and isinstance(value, dict):
             value = value.get(step)
