@@ -345,7 +345,8 @@ def test_what_plain_functions_remember_is_in_no_columns():
 @pytest.mark.parametrize(
     "act",
     [
-        lambda ctx: ctx.graph.close_roads([1]),
+        lambda ctx: ctx.graph.graph.update_edge({"id": 1, "length": 7.0}),
+        lambda ctx: ctx.graph.graph.remove_node(24),
         lambda ctx: ctx.agent.create_agent(f"new_{ctx.game.turn}", start_node_id=0, team="red"),
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "speed", 2),
         lambda ctx: setattr(ctx.game, "conflicts", Conflicts(1)),

@@ -144,7 +144,9 @@ def games_with_plain_parts(draw):
     """A random game with one context that is pointed at its games, in which agents do not decide at arrivals."""
     drawn = draw(games(("one edge", "anywhere", "edges", "metres")))
     kinds = st.lists(st.sampled_from([0, 1, 9, 13, 14, 16]), min_size=1, max_size=3, unique=True)
-    called = st.tuples(st.sampled_from(["look", "push", "purge", "toll"]), st.sampled_from(["before", "after"]))
+    called = st.tuples(
+        st.sampled_from(["look", "push", "purge", "toll", "dig", "dig"]), st.sampled_from(["before", "after"])
+    )
     return replace(
         drawn,
         deeds=None,

@@ -21,10 +21,11 @@ def dig(ctx):
         ctx.graph.open_roads(ctx.graph.closed_roads[1:2])
 
 
-def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), turns=0, seeds=SEEDS):
-    """Check that games in which other roads are closed stay in arrays, and are those that are played alone.
+def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), turns=0, seeds=SEEDS, *, stays=False):
+    """Check that games in which other roads are closed are those that are played alone.
 
-    The first of the rules is one of the phase; the games begin after some turns, with closed edges.
+    The first of the rules is one of the phase; the games begin after some turns, with closed edges. `stays` says
+    whether the core plays all of them.
     """
     with scenario.build(seed=1, strategies=strategies) as ctx:
         ctx.graph.close_roads(closed)
@@ -38,6 +39,7 @@ def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), tur
             for number, seed in enumerate(seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+            assert games.is_in_arrays or not stays, games.slow
             return [games.result(number) for number in range(len(seeds))]
 
 
@@ -58,6 +60,47 @@ def test_games_in_which_other_roads_are_closed_stay_in_arrays(speed, settings, s
     team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"], **speed}
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
     check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings))
+
+
+def count_legal(view):
+    """Go to the last legal node, or one that is drawn, by how many there are next to others in sight."""
+    near = view.seen_nodes("next").mask.sum(axis=-1)
+    far = view.routes().distances(view.node, np.full_like(view.node, 12))
+    return (view.draw.below(view.counts) * (near % 3 > 0) + np.minimum(far, 1).astype(np.int64)) % view.counts
+
+
+@gamms.array_rule
+def audit(turn):
+    """Note what an array rule finds of the events and the roads of its games."""
+    for new in turn.new_events("audit"):
+        turn.add_score(f"new {new.kind}", new.games, 1)
+    turn.add_score("legal", np.arange(len(turn.games)), turn.streets.counts[turn.node].sum(axis=1).astype(float))
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
+@pytest.mark.parametrize(
+    "red",
+    [
+        "gamms.strategies:random_walk",
+        {"function": "gamms.strategies:patrol", "with": {"nodes": [0, 12, 20]}},
+        {"function": "gamms.strategies:random_waypoints", "with": {"pause": 1}},
+        "gamms.strategies:chase",
+        "gamms.strategies:flee",
+        gamms.array_strategy(count_legal),
+        lambda state: state.update(action=state["legal"][state["turn"] % len(state["legal"])]),
+    ],
+)
+def test_games_in_which_a_rule_closes_roads_stay_in_the_core(red, settings, phase):
+    kinds = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}, "next": {"type": "NEIGHBOR"}}
+    team = {"count": 3, "sensors": ["near", "next"]}
+    is_called = callable(red)
+    blue = "gamms.strategies:random_walk" if is_called or "legal" in settings else "gamms.strategies:chase"
+    teams = {"red": team if is_called else team | {"strategy": red}, "blue": team | {"strategy": blue}}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}
+    scenario = scene([tag], teams=teams, sensors=kinds, settings=settings, conflicts={"capacity": 1}, max_turns=20)
+    rules = (dig, *([audit] if is_called and "order" not in settings else []))
+    check(scenario, {"red": red} if is_called else None, rules=rules, phase=phase, closed=[3, 9], stays=True)
 
 
 def undermine(ctx):

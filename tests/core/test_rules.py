@@ -64,6 +64,7 @@ class Block:
             over=self.over,
             score=self.score,
             team=ints(teams),
+            first_node=ints([0] * games),
             nobody=nobody,
         )
         self.events = core.Events(0)

@@ -49,6 +49,7 @@ class Ring:
             over=flat(self.over),
             score=flat(np.zeros(shape[0])),
             team=flat(np.zeros(agents, np.int64)),
+            first_node=flat(np.zeros(shape[0], np.int64)),
         )
         self.events = rules.Events(1)
         targets = [(node + step) % RING for node in range(RING) for step in (0, 1, -1)]

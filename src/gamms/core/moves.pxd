@@ -15,7 +15,7 @@ cdef u8 STAYS, WALKS, IS_GIVEN, STEPS
 cdef class Streets:
     cdef const i32[::1] offsets, targets
     cdef i64 nodes
-    cdef bint are_all_legal
+    cdef readonly bint are_all_legal
 
 
 @cython.final
@@ -44,10 +44,12 @@ cdef class Movers:
     cdef i64[::1] part
     cdef i64 parts
 
+    cpdef take(self, Streets streets)
 
-cdef i64 count_legal(Streets s, i64 node) except? -2 nogil
-cdef i64 legal_node(Streets s, i64 node, i64 number) except? -2 nogil
-@cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, part=i64)
+
+cdef i64 count_legal(Streets s, i64 place) except? -2 nogil
+cdef i64 legal_node(Streets s, i64 first, i64 node, i64 number) except? -2 nogil
+@cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, first=i64, part=i64)
 cpdef int decide(Games games, Movers m, i64 game) except -1 nogil
 @cython.locals(row=i64, first=i64, number=i64, node=i64)
 cdef Py_ssize_t node_by_steps(Games games, Movers m, i64 game, i64 i) except -1 nogil

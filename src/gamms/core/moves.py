@@ -20,10 +20,13 @@ BY_STEPS = STEPS
 class Streets:
     """Where agents may go in a turn: along one edge, or anywhere.
 
+    There may be several maps with the same nodes, which differ in the roads that are open: the nodes of one come after
+    those of another, and have places.
+
     Attributes:
         nodes: how many there are.
         are_all_legal: whether agents may go to any node: of these a node has its own first, then the others.
-        offsets: (nodes + 1,) the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        offsets: (nodes + 1,) the legal nodes of the node at place `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: of each node its own row first, then those of its neighbors in the order of `state["legal"]`.
     """
 
@@ -125,16 +128,20 @@ class Movers:
         self.part = part
         self.parts = parts
 
+    def take(self, streets: Streets) -> None:
+        """Let the agents move on these streets from now on."""
+        self.streets = streets
 
-def count_legal(s: Streets, node: int) -> int:
-    """Return how many nodes are legal from a node."""
-    return s.nodes if s.are_all_legal else s.offsets[node + 1] - s.offsets[node]
+
+def count_legal(s: Streets, place: int) -> int:
+    """Return how many nodes are legal from the node at a place."""
+    return s.nodes if s.are_all_legal else s.offsets[place + 1] - s.offsets[place]
 
 
-def legal_node(s: Streets, node: int, number: int) -> int:
-    """Return the legal node of a number."""
+def legal_node(s: Streets, first: int, node: int, number: int) -> int:
+    """Return the legal node of a number; `first` is the place of the first node of the map."""
     if not s.are_all_legal:
-        return s.targets[s.offsets[node] + number]
+        return s.targets[s.offsets[first + node] + number]
     if number == 0:
         return node
     return number - 1 if number <= node else number
@@ -143,13 +150,14 @@ def legal_node(s: Streets, node: int, number: int) -> int:
 def decide(games: Games, m: Movers, game: int) -> int:
     """Let the living agents of this part of a turn choose the legal nodes that they go to; the others stay."""
     at = game * games.agents
+    first = games.first_node[game]
     part = m.part[game]
     for row in range(at, at + games.agents):
         node = games.node[row]
         if part == 0:
             games.start[row] = node
             m.takes_part[row] = games.alive[row]
-        m.counts[row] = count_legal(m.streets, node)
+        m.counts[row] = count_legal(m.streets, first + node)
     if m.some_walk:  # `ends` are numbers of legal nodes for a while
         draws.choose(m.walks, at, games.agents, games.turn[game])
     for i in range(games.agents):
@@ -164,16 +172,17 @@ def decide(games: Games, m: Movers, game: int) -> int:
             elif m.decides_by[i] == STEPS:
                 m.ends[row] = node_by_steps(games, m, game, i)
                 continue
-        m.ends[row] = legal_node(m.streets, games.node[row], action)
+        m.ends[row] = legal_node(m.streets, first, games.node[row], action)
     return 0
 
 
 def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
     """Return the legal node to which an agent goes by the steps of its strategy."""
     row = game * games.agents + i
+    first = games.first_node[game]
     m.by_steps.count = m.counts[row]  # type: ignore[union-attr] # there are some
     for number in range(m.counts[row]):
-        m.by_steps.legal[number] = legal_node(m.streets, games.node[row], number)  # type: ignore[union-attr]
+        m.by_steps.legal[number] = legal_node(m.streets, first, games.node[row], number)  # type: ignore[union-attr]
     node = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type]
     return node if node >= 0 else games.node[row]
 

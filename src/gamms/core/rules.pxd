@@ -17,7 +17,7 @@ cdef i64 NOTHING, RESPAWN, ELIMINATE, NOBODY, LEADER, ITS_TEAM
 cdef class Games:
     cdef i64 agents, teams
     cdef i64[::1] node, previous, stops, start, turn
-    cdef const i64[::1] home, team
+    cdef const i64[::1] home, team, first_node
     cdef u8[::1] alive, placed, over
     cdef double[::1] score
     cdef i64[::1] edge

@@ -66,6 +66,8 @@ class Games:
         over: (games,) 1: a rule has ended the game.
         score: (games * teams,)
         team: (agents,) of each.
+        first_node: (games,) the place at which the nodes of the map of a game begin in tables of several maps, which
+            differ in the roads that are open; 0 where there is one.
         edge, share: (games * agents,) in games by metres the edge that an agent is on, -1 on its node, and how much of
             the edge is behind it; see also `by_edges`. Empty in games along one edge a turn.
         nobody: the number of the agents' team that is none; -1: all agents have a team.
@@ -87,6 +89,7 @@ class Games:
         over: memoryview[int],
         score: memoryview[float],
         team: memoryview[int],
+        first_node: memoryview[int],
         edge: memoryview[int] = NO_INTS,
         share: memoryview[float] = NO_FLOATS,
         nobody: int = -1,
@@ -104,6 +107,7 @@ class Games:
         self.over = over
         self.score = score
         self.team = team
+        self.first_node = first_node
         self.edge = edge
         self.share = share
         self.nobody = nobody

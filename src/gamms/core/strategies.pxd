@@ -28,12 +28,23 @@ cdef class WayTables:
     cdef travel.Reach search
     cdef i64[::1] tables, targets, following
     cdef double[::1] far
-    cdef i64 count
+    cdef i64 count, first
+
+    @cython.locals(nodes=i64, table=i64, place=i64)
+    cpdef take(
+        self,
+        const i64[::1] arcs,
+        const i64[::1] tails,
+        const double[::1] costs,
+        double[::1] far,
+        i64[::1] following,
+        const i64[::1] moved,
+    )
 
     @cython.locals(place=i64)
     cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
-    @cython.locals(table=i64, first=i64, place=i64)
-    cdef int begin(self, i64 target) except -1 nogil
+    @cython.locals(table=i64, first=i64, node=i64)
+    cdef int begin(self, i64 place) except -1 nogil
     @cython.locals(first=i64, at=i64, arc=i64, place=i64)
     cdef int find(self, i64 target, i64 node) except -1 nogil
     @cython.locals(rank=i64, is_seen=bint, is_equal=bint)

@@ -10,7 +10,7 @@ from array import array
 from typing import Any
 
 from gamms.core import draws, travel
-from gamms.core.rules import Games
+from gamms.core.rules import Games, extended
 
 STAYS = 0  # a step: it stays,
 WALKS = 1  # goes to one of the legal nodes, each as likely,
@@ -79,14 +79,15 @@ class WayTables:
 
     Attributes:
         ids: (nodes,) of nodes by their rows.
-        arcs: (nodes + 1,) where the edges that lead to each node begin in `tails`.
+        arcs: (places + 1,) where the edges that lead to the node at each place begin in `tails`; see `moves.Streets`.
         tails, costs: (edges,) the nodes that they lead from, and their lengths.
         search: scratch.
-        tables: (nodes,) the number of the table of a target; -1: there is none.
-        targets: (room,) of the tables.
+        tables: (places,) the number of the table of the target at each place; -1: there is none.
+        targets: (room,) the places of the targets of tables; -1: on a map that no game has any more.
         far: (room * nodes,) how far it is from a node to the target; infinite where no path leads there.
         following: (room * nodes,) the node that comes next.
         count: how many tables there are.
+        first: the place of the first node of the map of the game that decides.
     """
 
     def __init__(
@@ -100,50 +101,78 @@ class WayTables:
         following: memoryview[int],
     ) -> None:
         self.ids = ids
+        self.search = search
+        self.tables = memoryview(array("q"))
+        self.targets = memoryview(array("q"))
+        self.count = 0
+        self.first = 0
+        self.take(arcs, tails, costs, far, following, self.targets)
+
+    def take(
+        self,
+        arcs: memoryview[int],
+        tails: memoryview[int],
+        costs: memoryview[float],
+        far: memoryview[float],
+        following: memoryview[int],
+        moved: memoryview[int],
+    ) -> None:
+        """Find ways on other maps from now on.
+
+        `moved` has the first place of each map that there was, -1 of one that is gone. The other arguments are as
+        above; `far` and `following` begin with what they had.
+        """
+        nodes = max(len(self.ids), 1)
         self.arcs = arcs
         self.tails = tails
         self.costs = costs
-        self.search = search
         self.far = far
         self.following = following
-        self.tables = memoryview(array("q", [-1] * len(ids)))
-        self.targets = memoryview(array("q", bytes(8 * (len(far) // max(len(ids), 1)))))
-        self.count = 0
+        self.tables = memoryview(array("q", [-1] * (len(arcs) - 1)))
+        self.targets = extended("q", self.targets, len(far) // nodes)
+        for table in range(self.count):
+            place = self.targets[table]
+            if place >= 0:
+                self.targets[table] = moved[place // nodes]
+            if self.targets[table] >= 0:
+                self.targets[table] += place % nodes
+                self.tables[self.targets[table]] = table
 
     def place(self, node: int, target: int) -> int:
         """Return where the columns have the way from a node to a target."""
-        if self.tables[target] < 0:
-            self.begin(target)
+        if self.tables[self.first + target] < 0:
+            self.begin(self.first + target)
             self.find(target, node)
-        place = self.tables[target] * len(self.ids) + node
+        place = self.tables[self.first + target] * len(self.ids) + node
         if self.far[place] == NOT_KNOWN:
             self.find(target, -1)
         return place
 
-    def begin(self, target: int) -> int:
-        """Add a table in which nothing is known; where there is no room, without those of before."""
+    def begin(self, place: int) -> int:
+        """Add a table of the target at a place; where there is no room, without those of before."""
         if self.count == len(self.targets):
             for table in range(self.count):
-                self.tables[self.targets[table]] = -1
+                if self.targets[table] >= 0:
+                    self.tables[self.targets[table]] = -1
             self.count = 0
-        self.tables[target] = self.count
-        self.targets[self.count] = target
+        self.tables[place] = self.count
+        self.targets[self.count] = place
+        first = self.count * len(self.ids)
         self.count += 1
-        first = self.tables[target] * len(self.ids)
-        for place in range(first, first + len(self.ids)):
-            self.far[place] = NOT_KNOWN
+        for node in range(len(self.ids)):
+            self.far[first + node] = NOT_KNOWN
         return 0
 
     def find(self, target: int, node: int) -> int:
         """Find the ways to a target from all nodes that are no farther from it than a node; -1: from all nodes."""
-        first = self.tables[target] * len(self.ids)
+        first = self.tables[self.first + target] * len(self.ids)
         self.search.size = 0
         self.search.count = 0
         travel.reach_node(self.search, target, 0.0, 0)
         while self.search.size > 0 and (node < 0 or self.search.places[node] >= 0):
             at = travel.visit_first(self.search)
             self.far[first + at] = self.search.when[at]
-            for arc in range(self.arcs[at], self.arcs[at + 1]):
+            for arc in range(self.arcs[self.first + at], self.arcs[self.first + at + 1]):
                 self._come_from(first, self.tails[arc], at, self.search.when[at] + self.costs[arc])
         if self.search.size == 0:
             for place in range(first, first + len(self.ids)):
@@ -297,6 +326,7 @@ def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
 def act(p: Strategies, game: int, agent: int) -> int:
     """Return the node to which an agent of a game goes, which is legal unless it goes far; -1: it stays."""
     node = p.games.node[game * p.games.agents + agent]
+    p.ways.first = p.games.first_node[game]
     p.drawn = 0
     step = p.steps.begins[agent]
     while step < p.steps.begins[agent + 1]:

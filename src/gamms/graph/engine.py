@@ -287,6 +287,7 @@ class GraphEngine(ContextPart, IGraphEngine):
             graph.positions([closed[id]["source"], closed[id]["target"]])
         for id in dict.fromkeys(ids):
             graph.add_edge(dict(closed[id]))
+            self._store.road_changes += 1
         self._store.closed = {id: edge for id, edge in closed.items() if id not in ids}
         return list(dict.fromkeys(ids))
 

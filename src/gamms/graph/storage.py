@@ -176,6 +176,11 @@ class MapStorage(Guarded, IMapStorage):
         edges = self._store.edges
         return edges.array("ids")[edges.living()], self._store.closed
 
+    @property
+    def road_changes(self) -> int:
+        """How many changes of the graph have only closed, opened or removed edges."""
+        return self._store.road_changes
+
     def detached(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the graph as it is now and its routes, which stay so when this graph changes."""
         from gamms.graph.graph import Graph

@@ -106,6 +106,7 @@ class GraphStore:
         indexes: of both tables.
         neighborhoods: node id -> the node itself, then its neighbours.
         revision: a number that changes with every change of the graph.
+        road_changes: how many of these changes have only closed, opened or removed edges.
         crs: the coordinate reference system of x and y.
         attribution: whom the data is by.
         scenery: what is drawn and blocks no sight, or its name; None: there is none.
@@ -120,6 +121,7 @@ class GraphStore:
 
     def __init__(self) -> None:
         self.revision = -1
+        self.road_changes = 0
         self._sharers: WeakSet[GraphStore] | None = None  # itself, and the stores that have the same tables
         self._askers: WeakSet[GraphStore] = WeakSet()  # of these, those that ask for neighbourhoods here
         self.neighborhoods = Neighborhoods(self)
@@ -212,7 +214,7 @@ class GraphStore:
         """Remove an edge (KeyError)."""
         self.own()
         self._drop_edge(self.edges.find(edge_id))
-        self.revision += 1
+        self._note_roads()
         self._compact()
 
     def close_edges(self, ids: Iterable[int]) -> None:
@@ -225,8 +227,12 @@ class GraphStore:
             closed[id] = edge_as_given(id, ends, edges.lengths[row], line, edges.attributes_of(row))
             self._drop_edge(row)
         self.closed = closed
-        self.revision += 1
+        self._note_roads()
         self._compact()
+
+    def _note_roads(self) -> None:
+        self.revision += 1
+        self.road_changes += 1
 
     def close(self) -> None:
         """Release everything; whatever is asked of the graph from now on raises ContextTerminated."""

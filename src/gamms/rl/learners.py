@@ -467,7 +467,7 @@ class Learners:
         self._known_views = None
         self._scores = self.games.scores
         self.is_over = self.games.is_over
-        if self._writers is not None and self.games.is_in_arrays:
+        if self._writers is not None and self.games.is_in_arrays and self._writers.hold():
             self._found = self._writers.written(self._found, None if self._found is None else which)
             self.alive: BoolArray = self._found.mask
             self.masks: BoolArray = self._found.legal

@@ -97,6 +97,7 @@ def _near(nearness: Nearness, making: Making) -> Near:
     if unit is None:
         return None
     if unit != "euclid":
+        state.roads.are_counted = True
 
         def make() -> contacts.Reach:
             return reach_of(state.streets.ways(None if unit == "hops" else "length"), limit)

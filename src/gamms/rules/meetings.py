@@ -177,6 +177,7 @@ class Roster:
             over=memoryview(bytearray(1)),
             score=column("d", [0.0] * len(self.teams)),
             team=self.team,
+            first_node=column("q", [0]),
         )
         columns: Any = ints[5:7].reshape(-1).data, floats.reshape(-1).data, ints[7].data
         self.columns: list[Any] = [*columns]

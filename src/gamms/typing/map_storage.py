@@ -102,6 +102,11 @@ class IMapStorage(ABC):
     def roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of the edges, in their order, and those that are closed."""
 
+    @property
+    @abstractmethod
+    def road_changes(self) -> int:
+        """How many changes of the graph have only closed, opened or removed edges; its revision counts these, too."""
+
     @abstractmethod
     def detached(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the graph as it is now and its routes, which stay so when this graph changes."""

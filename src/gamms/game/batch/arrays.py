@@ -161,15 +161,25 @@ class GamesOnMap:
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             if len(agents):
-                view = self._asked(games, agents)
-                try:
-                    found = group.form(view)
-                    is_checked = group.is_of_arrays
-                    actions[np.ix_(games, agents)] = view._checked(found, group.name) if is_checked else found
-                except Exception as error:
-                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
-                    raise
+                for some in self._by_roads(games) if group.is_of_arrays else [games]:
+                    view = self._asked(some, agents)
+                    try:
+                        found = group.form(view)
+                        is_checked = group.is_of_arrays
+                        actions[np.ix_(some, agents)] = view._checked(found, group.name) if is_checked else found
+                    except Exception as error:
+                        error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
+                        raise
                 is_given[agents] = True
+
+    def _by_roads(self, games: IntArray) -> Iterator[IntArray]:
+        """Yield the games for which an array function is called at once: those in which the same roads are open."""
+        roads = self.state.roads
+        if not roads.are_closed:
+            yield games
+            return
+        for _, places in roads.by_map(games):
+            yield games[places]
 
     def _take(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Write moves that were given into the block."""
@@ -196,11 +206,16 @@ class GamesOnMap:
         """Call a rule that is a function for some games."""
         if not len(games):
             return
-        form = named.spec.array_form
-        if form is None:
+        if named.spec.array_form is None:
             if self.cursor is not None:
                 self.cursor.call(named, games)
             return
+        for some in self._by_roads(games):
+            self._apply(named, some)
+
+    def _apply(self, named: NamedRule, games: IntArray) -> None:
+        """Call an array rule for some games."""
+        form: Any = named.spec.array_form
         turn = ArrayTurn(self.state, games)
         turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
         if self.core.courses is not None:

@@ -40,9 +40,13 @@ def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
 
 
 def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
-    """Return how the agents of a game go, where roads may be opened, too, that are closed now, or where not.
+    """Return how the agents of a game go.
 
-    With `is_detached`, it stays as it is when the map of the game changes.
+    Args:
+        game: the game.
+        roster: its agents.
+        may_reopen: whether roads may be opened that are closed now.
+        is_detached: whether it stays as it is when the map of the game changes.
     """
     settings, graph = game.settings(), game.ctx.graph
     columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)

@@ -310,7 +310,7 @@ class Cursor:
         phase, graph = self._phase, self._ctx.graph
         return (
             *(phase.setting_changes, phase.sensor_changes, phase.owner_changes, phase.strategy_changes),
-            *(graph.graph.revision, graph.obstacle_revision, graph.storage.has_placed),
+            *(graph.obstacle_revision, graph.storage.has_placed),
             *(id(self._parts.rules.rules), self._ctx.is_terminated(), id(self._ctx.agent.block)),
         )
 
@@ -548,8 +548,18 @@ class Cursor:
             self._state.is_going[number] = over is None
         if self._journal.log or self._journal.progressed:
             self._take_agents()
+        if self._pointed.has_changed_map():
+            self._take_roads()
         if self._facts != self._facts_shown:
             self._take_facts()
+
+    def _take_roads(self) -> None:
+        """Let the game have the roads that a function has left open."""
+        roads = self._state.roads
+        if not self._pointed.take_roads(self._number):
+            self._leave("changes more of the map than which roads are open")
+        if roads.are_counted and roads.are_closed:
+            self._leave("closes roads, along which a rule of the core counts distances")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Let the core find events that are in the log of a game already."""

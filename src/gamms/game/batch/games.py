@@ -11,14 +11,13 @@ import numpy as np
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, Numbers
-from gamms.game.batch.begun import movement_of
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.given import Acting, Given, as_given, as_kept
 from gamms.game.batch.maps import OneByOneOnMaps, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import first_called, why_not_decided, why_not_in_core, why_not_on_map
+from gamms.game.batch.why_not import first_called, movement_in_core, why_not_decided, why_not_in_core, why_not_on_map
 from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
@@ -129,7 +128,7 @@ class Batch(Fixed):
     def _made_in_core(self) -> ArrayEngine | None:
         """Return what plays the games in the core; None: it has not all that their maps need, as `slow` says then."""
         games = [source.game for source in self._sources]
-        movements = [movement_of(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
+        movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
         whys = map(why_not_on_map, games, self._rosters, movements)
         self._put_public(slow=next(filter(None, whys), None))
         if self.slow is not None:

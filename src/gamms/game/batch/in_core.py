@@ -17,6 +17,7 @@ from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import Anywhere
+from gamms.game.batch.roads import RoadTables
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import LOOKING, StrategySteps, always_act
 from gamms.game.batch.travel import ByMetres
@@ -361,11 +362,14 @@ class CoreGames:
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = streets.core_with_all_legal if isinstance(state.movement, Anywhere) else streets.core
+        self._first_node = np.zeros(len(state), np.int64)  # see `rules.Games`
+        self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
         self._until = np.zeros(len(state), np.int64)
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
+        self._movers: list[moves.Movers] = []  # likewise
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
@@ -405,6 +409,7 @@ class CoreGames:
         """
         while len(self._made) < threads:
             self._made.append(self._player())
+        self._take_roads()
         self._deciding[:] = self._decides_by
         if is_given is not None:
             self._deciding[is_given] = moves.GIVEN
@@ -414,6 +419,20 @@ class CoreGames:
         self._games = games
         if self._by_steps is not None:
             self._by_steps.take_memories(games)
+
+    def _take_roads(self) -> None:
+        """Let agents move, and find ways, on the roads that are open in each game."""
+        roads = self._state.roads
+        if self._streets.are_all_legal or (self._tables is None and not roads.are_closed):
+            return
+        if self._tables is not roads.tables:
+            self._tables = tables = roads.tables
+            self._first_node[:] = tables.first
+            streets = moves.Streets(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
+            for movers in self._movers:
+                movers.take(streets)
+            if self._by_steps is not None:
+                self._by_steps.take_roads(tables)
 
     def play_part(self, thread: int, begin: int, end: int) -> None:
         """Play those of the games from `begin` to `end - 1` that are on this map."""
@@ -458,6 +477,7 @@ class CoreGames:
             over=block.over.data,
             score=memory_of(block.score),
             team=flat(roster.team_of, np.int64),
+            first_node=self._first_node.data,
             nobody=roster.teams.index(None) if None in roster.teams else -1,
             **({} if columns is None else columns.on_edges),
         )
@@ -485,6 +505,8 @@ class CoreGames:
         movers = moves.Movers(
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
+        self._movers.append(movers)
+        self._tables = None
         events = block.events_of(len(self._made))
         travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
         if columns is not None:

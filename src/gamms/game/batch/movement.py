@@ -153,6 +153,12 @@ class Movement:
         vars(own).pop("width", None)
         return own
 
+    def at_start(self) -> Self:
+        """Return how the same agents go in games that have the map of the start."""
+        own = copy(self)
+        own.roads = None
+        return own
+
     def most_legal(self, limit: int) -> int:
         """Return how many nodes are legal at most; a number above the limit where there are more than that."""
         return int(self.streets.counts.max(initial=1))
@@ -182,7 +188,7 @@ class Movement:
             node: rows.
             which: the games and the agents, by their numbers in the batch and in the roster, that broadcast with them.
         """
-        return node
+        return node if self.roads is None else self.roads.tables.first[which[0]] + node
 
     def are_plain(self, agents: IntArray) -> bool:
         """Whether to some agents, by their numbers in the roster, what `streets` has is legal, whatever the game."""
@@ -194,11 +200,19 @@ class Movement:
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        return self.streets.counts_of(choices).astype(np.int64)
+        if self.roads is None:
+            return self.streets.counts_of(choices).astype(np.int64)
+        offsets = self.roads.tables.offsets
+        found: IntArray = offsets[choices + 1] - offsets[choices]
+        return found
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        return self.streets.ends_of(choices, actions)
+        if self.roads is None:
+            return self.streets.ends_of(choices, actions)
+        tables = self.roads.tables
+        found: IntArray = tables.targets[tables.offsets[choices] + actions]
+        return found
 
     def legal(self, choices: IntArray) -> tuple[IntArray, BoolArray]:
         """Return the rows of all legal nodes, with one axis more, and which of them count."""

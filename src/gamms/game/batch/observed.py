@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.core import observe
+from gamms.game.batch.roads import OpenRoads
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.batch.view import ArrayView, lasting_in
 from gamms.ir.graph import IntArray
@@ -18,11 +19,13 @@ class Part(NamedTuple):
     Attributes:
         games: these games.
         encoder, observers: see `Encoder.write`.
+        roads: which are open in them.
     """
 
     games: IntArray
     encoder: Encoder
     observers: observe.Observers
+    roads: OpenRoads
 
 
 class Writers(NamedTuple):
@@ -44,6 +47,10 @@ class Writers(NamedTuple):
     more: int
     threads: int
 
+    def hold(self) -> bool:
+        """Whether what agents observe is still what these write: no rule has closed roads."""
+        return not any(part.roads.are_closed for part in self.parts)
+
     def written(self, known: Vectors | None = None, which: IntArray | None = None) -> Vectors:
         """Return the vectors of all games in new arrays.
 
@@ -58,7 +65,7 @@ class Writers(NamedTuple):
             found.values[:] = known.values
             found.legal[:] = known.legal
             found.counts[:] = known.counts
-        for games, encoder, observers in self.parts:
+        for games, encoder, observers, _ in self.parts:
             places = np.arange(len(games)) if which is None else np.flatnonzero(np.isin(games, which))
             encoder.write(observers, found, places, threads=self.threads)
         return found
@@ -83,6 +90,6 @@ def writers_of(views: Sequence[ArrayView], agents: IntArray, others: int, more: 
         found = lasting_in(view, agents, others, mask)
         if found is None:
             return None
-        encoder, observers, alive = found
-        parts.append(Part(view.games, encoder, observers))
+        encoder, observers, alive, roads = found
+        parts.append(Part(view.games, encoder, observers, roads))
     return Writers(alive, agents, mask, parts, more, threads)

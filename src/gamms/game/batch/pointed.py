@@ -6,7 +6,10 @@ from contextlib import contextmanager
 import numpy as np
 
 from gamms.core.agents import PointedColumns
+from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import show_game, show_lives, show_progress
@@ -41,6 +44,9 @@ class PointedContext:
         self._block = block
         self.numbers = np.array([number[name] for name in block.names], np.int64)
         self.alive = b""
+        self._graph = self._game.ctx.graph.graph
+        self._first_map = self._game.ctx.graph.storage.snapshot()
+        self._note_map(None)
 
     def release(self) -> None:
         """Restore the context as it was before it was pointed at games."""
@@ -77,6 +83,9 @@ class PointedContext:
         lives = np.ascontiguousarray(state.alive[games][:, self.numbers]).tobytes()
         are_placed = np.any(state.placed[games], axis=1).tolist()
         may_be_on_edges = len(state.movement.remembers) > 0
+        roads = state.roads
+        if self.has_changed_map():  # by a function that has raised
+            self._show_roads(None)
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
             values.turn = played[at]
@@ -93,9 +102,42 @@ class PointedContext:
             if may_be_on_edges:
                 on_edges = state.movement.on_edges(number, state.node[number])
                 show_progress(block, {row_of[agent]: one for agent, one in on_edges.items()})
+            if roads.are_closed or self._roads is not None:
+                self._show_roads(roads.of(number))
             yield number
 
     def show_lives(self, alive: bytes) -> None:
         """Let the agents of the context live that lived in some game, by row."""
         show_lives(self._block, alive)
         self.alive = alive
+
+    def _show_roads(self, roads: RoadMap | None) -> None:
+        """Let those roads be open in the context that are in a game; None: those of the start."""
+        if roads is not self._roads or self.has_changed_map():
+            self._game.ctx.graph.storage.restore(self._first_map if roads is None else roads.snapshot)
+            self._note_map(roads)
+
+    def _note_map(self, roads: RoadMap | None) -> None:
+        self._roads = roads
+        self._revision, self._road_changes = self._graph.revision, self._game.ctx.graph.storage.road_changes
+
+    def has_changed_map(self) -> bool:
+        """Whether the graph of the context was changed since the game was shown."""
+        changed: bool = self._graph.revision != self._revision
+        return changed
+
+    def take_roads(self, number: int) -> bool:
+        """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""
+        state, storage = self._state, self._game.ctx.graph.storage
+        others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
+        if others or type(state.movement) not in (Movement, Anywhere):
+            return False
+        try:
+            roads = state.roads.map_with(*storage.roads())
+        except BadValue:
+            return False
+        if roads is not None and roads.snapshot is None:
+            roads.snapshot = storage.snapshot()
+        state.put_roads(np.array([number]), roads)
+        self._note_map(roads)
+        return True

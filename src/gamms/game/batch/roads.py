@@ -5,15 +5,16 @@ whole map, such as ways, is worked out for each map that is asked for, and share
 """
 
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 from weakref import WeakValueDictionary
 
 import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue
+from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
 
@@ -24,6 +25,22 @@ _OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that are the
 
 class NeedsOneMap(BadValue):
     """Something was asked for that differs between maps, where games have other roads closed."""
+
+
+class RoadTables(NamedTuple):
+    """Where agents may go in games that have several maps, one map after the other.
+
+    Attributes:
+        maps: that of the start, which is None, then those of the games.
+        first: (games,) the place of the first node of the map of each.
+        offsets: (maps * nodes + 1,) the legal nodes of the node at place `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        targets: rows of nodes.
+    """
+
+    maps: list["RoadMap | None"]
+    first: IntArray
+    offsets: IntArray
+    targets: IntArray
 
 
 class RoadMap:
@@ -38,6 +55,7 @@ class RoadMap:
 
     Attributes:
         shared: what was worked out for this map; see `GameArrays`.
+        snapshot: the map of a context, as `ctx.graph.storage.snapshot` returns it; None: no rule has made it.
     """
 
     def __init__(self, roads: "OpenRoads", number: int, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> None:
@@ -45,6 +63,7 @@ class RoadMap:
         self.gone, self.opened, self.closed = gone, opened, closed
         self.shared: dict[Hashable, Any] = {}
         self.world: Any = None  # of the games that have it; see `GameArrays.world`
+        self.snapshot: Any = None
 
     def forget(self) -> None:
         """Forget what was worked out; it is worked out again when it is asked for."""
@@ -61,6 +80,16 @@ class RoadMap:
     def rows(self) -> IntArray:
         """The rows of the edges that are open here, in their order."""
         return np.append(_others(self.gone, self._at_start), self.opened)
+
+    @cached_property
+    def legal(self) -> tuple[IntArray, IntArray]:
+        """The legal nodes of each node, as offsets (nodes + 1,) and rows."""
+        return _OpenWays(self._whole, self).neighborhoods()
+
+    @cached_property
+    def arcs(self) -> kernels.Arcs:
+        """The edges that lead to each node, with their lengths."""
+        return _OpenWays(self._whole, self).arcs("length", reverse=True)
 
     @cached_property
     def streets(self) -> Streets:
@@ -119,7 +148,10 @@ class OpenRoads:
         number: (games,) the number of the map of each; 0: that of the start.
         are_closed: whether that is not so in all games.
         shared: what was worked out for all maps, and follows from none alone.
+        are_counted: whether rules in the core count distances along the roads of the start.
     """
+
+    are_counted = False
 
     def __init__(self, streets: Streets, whole: Streets, closed: ClosedEdges, games: int) -> None:
         self.streets, self.whole, self._closed, self.are_closed = streets, whole, closed, False
@@ -130,6 +162,7 @@ class OpenRoads:
         self._last = 0  # the number of the last map that was made
         self._at_start = len(streets.columns.edge_ids)
         self._order: IntArray | None = None
+        self._tables: RoadTables | None = None
         self.shared: dict[Hashable, Any] = {}
 
     def use(self, roads: RoadMap) -> None:
@@ -151,6 +184,42 @@ class OpenRoads:
             self._maps[game] = roads
         self.number[games] = 0 if roads is None else roads.number
         self.are_closed = bool(self.number.any())
+        self._tables = None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back what rules change from now on."""
+        known = self.number.copy(), [*self._maps], self.are_closed
+
+        def undo() -> None:
+            if self.are_closed or known[2]:
+                self.number[:], self._maps[:], self.are_closed = known
+                self._tables = None
+
+        return undo
+
+    def arcs_of(self, maps: Sequence[RoadMap | None]) -> tuple[Any, Any, Any]:
+        """Return the edges that lead to the nodes of some maps, as `strategies.WayTables` takes them."""
+        each = [self.streets.ways_to("length") if one is None else one.arcs for one in maps]
+        counts = np.concatenate([np.diff(arcs.offsets) for arcs in each])
+        offsets: Any = np.concatenate(([0], np.cumsum(counts)))
+        tails, weights = (
+            np.concatenate(columns) for columns in zip(*((one.ends, one.weights) for one in each), strict=True)
+        )
+        return flat(offsets, np.int64), flat(tails, np.int64), flat(weights, np.float64)
+
+    @property
+    def tables(self) -> RoadTables:
+        """Where agents may go in all games."""
+        if self._tables is None:
+            numbers, slots = np.unique(np.append(0, self.number), return_inverse=True)
+            maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
+            several = [maps[number] for number in numbers.tolist()]
+            legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in several]
+            counts = np.concatenate([np.diff(offsets) for offsets, _ in legal])
+            offsets = np.concatenate(([0], np.cumsum(counts)))
+            targets = np.concatenate([targets for _, targets in legal])
+            self._tables = RoadTables(several, slots[1:] * self.streets.num_nodes, offsets, targets)
+        return self._tables
 
     def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
         """Yield the maps that some games have, and the places of those that have each."""

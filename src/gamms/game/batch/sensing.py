@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, strategies
 from gamms.errors import BadValue, TooLarge, UnknownName
@@ -329,6 +330,10 @@ def _nodes_shown(
         noted = [state.sighted_nodes.get((int(games[i]), number), {}).get(name, none) for i in at]
         return np.repeat(at, [len(rows) for rows in noted]), np.concatenate((none, *noted))
     sensor = carried_by(agent)[name]
+    if sensor.type is SensorType.NEIGHBOR and state.roads.are_closed:
+        tables = state.roads.tables
+        entries, ends = kernels.chosen_runs(tables.offsets, tables.first[games[at]] + node[at])
+        return np.repeat(at, np.diff(ends)), tables.targets[entries]
     if not sensor.sees_world_only:
         raise BadValue(
             f"The sensor {shown(name)} of agent {shown(agent.name)} is of a class of its own, and so has no array "

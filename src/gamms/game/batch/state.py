@@ -154,14 +154,15 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         for unread in self._unread.values():
             unread += [Emitted.of(game, entry) for entry in entries]
 
-    def new(self, reader: Hashable) -> list[Emitted]:
-        """Return the events since the last call for a reader, at first all so far."""
+    def new(self, reader: Hashable, games: IntArray) -> list[Emitted]:
+        """Return the events of some games since the last call for a reader and these, at first all so far."""
         if reader not in self._unread:
             self._unread[reader] = [
                 Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
             ]
-        found, self._unread[reader] = self._unread[reader], []
-        return found
+        known = [(one, np.isin(one.games, games)) for one in self._unread[reader]]
+        self._unread[reader] = [one.those(~is_new) for one, is_new in known if not is_new.all()]
+        return [one.those(is_new) for one, is_new in known if is_new.any()]
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes back all that is noted from now on."""
@@ -391,7 +392,7 @@ class GameArrays:
             return self._of_maps
         roads = self.roads.of(int(games[0])) if len(games) else None
         if roads is None:
-            return World(self.streets, self.movement, self.shared)
+            return World(self.streets, self.movement.at_start(), self.shared)
         self.roads.use(roads)
         if roads.world is None:
             roads.world = World(roads.streets, self.movement.on(roads), roads.shared)
@@ -513,7 +514,7 @@ class GameArrays:
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
         known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
         over = [*self.over]
-        undo_events = self.events.checkpoint()
+        undo_events, undo_roads = self.events.checkpoint(), self.roads.checkpoint()
         num_errors = [len(errors) for errors in self.errors]
 
         def undo() -> None:
@@ -524,6 +525,8 @@ class GameArrays:
                     del one[key]
             self.over[:] = over
             undo_events()
+            undo_roads()
+            self.movement.roads = self.roads if self.roads.are_closed else None
             for errors, number in zip(self.errors, num_errors, strict=True):
                 del errors[number:]
             self.now.clear()

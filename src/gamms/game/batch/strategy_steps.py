@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterator, Sequence
 from functools import partial
 from itertools import accumulate, chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,10 +12,11 @@ from gamms.core import rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
+from gamms.game.batch.roads import RoadMap, RoadTables
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.conflicts import flat
 from gamms.game.travel import Reach
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
@@ -138,6 +139,28 @@ def _numbers_of(step: CoreStep, known: Any, state: GameArrays) -> tuple[int, ...
     return int(state.streets.rows(target)), as_int(left, "left")
 
 
+class _ThreadWays(NamedTuple):
+    """The ways that a thread has found, and their columns, of which each table is a row; see `strategies.WayTables`."""
+
+    core: strategies.WayTables
+    far: FloatArray
+    following: IntArray
+
+
+def _room(nodes: int, places: int) -> int:
+    """Return for how many tables of ways there is room, of targets at so many places."""
+    return min(places, max(1, _MOST_BYTES // (_BYTES * max(nodes, 1))))
+
+
+def _longer(tables: np.ndarray[Any, Any], room: int) -> np.ndarray[Any, Any]:
+    """Return tables with room for more, if they have less."""
+    if room <= len(tables):
+        return tables
+    found = np.zeros((room, tables.shape[1]), tables.dtype)
+    found[: len(tables)] = tables
+    return found
+
+
 class StrategySteps:
     """What all threads share that play the strategies of a batch by steps.
 
@@ -155,7 +178,8 @@ class StrategySteps:
         for key in self._remembered:
             self._kept(key)
         self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
-        self._ways: list[strategies.WayTables] = []  # of each thread
+        self._ways: list[_ThreadWays] = []  # of each thread
+        self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
     def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.Steps:
         rows, listed = self._state.streets.rows, [step for one in steps for step in one]
@@ -191,17 +215,17 @@ class StrategySteps:
             self._ways.append(self._new_ways())
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self._memory.reshape(-1).data
-        return strategies.Strategies(games, self._steps, self._ways[thread], self._looks, keys, memory)
+        return strategies.Strategies(games, self._steps, self._ways[thread].core, self._looks, keys, memory)
 
-    def _new_ways(self) -> strategies.WayTables:
+    def _new_ways(self) -> _ThreadWays:
         streets = self._state.streets
-        arcs, nodes = streets.ways_to("length"), streets.num_nodes
-        tables = min(nodes, max(1, _MOST_BYTES // (_BYTES * max(nodes, 1))))
-        far: Any = np.zeros(tables * nodes).data
-        following: Any = np.zeros(tables * nodes, np.int64).data
-        ints = [_column(column, np.int64) for column in (streets.columns.node_ids, arcs.offsets, arcs.ends)]
-        columns = [*ints, _column(arcs.weights, np.float64), Reach(nodes).core, far, following]
-        return strategies.WayTables(*columns)
+        nodes = streets.num_nodes
+        arcs = self._state.roads.arcs_of(self._maps)
+        room = _room(nodes, len(arcs[0]) - 1)
+        far, following = np.zeros((room, nodes)), np.zeros((room, nodes), np.int64)
+        ids = _column(streets.columns.node_ids, np.int64)
+        tables: Any = far.reshape(-1).data, following.reshape(-1).data
+        return _ThreadWays(strategies.WayTables(ids, *arcs, Reach(nodes).core, *tables), far, following)
 
     def take_memories(self, games: IntArray) -> None:
         """Take what agents remember in some games from the state of the batch."""
@@ -221,6 +245,19 @@ class StrategySteps:
     def _kept(self, key: str) -> Arrays:
         make = partial(_unremembered, self._remembered[key].kind, len(self._state.roster.names))
         return self._state.keep(("memory", key), make)
+
+    def take_roads(self, tables: RoadTables) -> None:
+        """Let agents find ways on the roads that are open in each game."""
+        nodes, roads = self._state.streets.num_nodes, self._state.roads
+        first = {id(one): nodes * slot for slot, one in enumerate(tables.maps)}
+        moved = _column([first.get(id(one), -1) for one in self._maps], np.int64)
+        self._maps = tables.maps
+        arcs = roads.arcs_of(self._maps)
+        room = _room(nodes, len(arcs[0]) - 1)
+        for number, known in enumerate(self._ways):
+            far, following = _longer(known.far, room), _longer(known.following, room)
+            known.core.take(*arcs, far.reshape(-1).data, following.reshape(-1).data, moved)
+            self._ways[number] = _ThreadWays(known.core, far, following)
 
 
 def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable

@@ -247,8 +247,8 @@ class ArrayTurn:
         if self._state.has_begun and not self._state.events.is_read_by(reader):
             raise NotTakenUp(f"it is not known which events of the turns before the batch were read by {shown(reader)}")
         number = places_of(self.games, len(self._state))
-        found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader)]
-        return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]
+        new = self._state.events.new(reader, self.games)
+        return [emitted._replace(games=number[emitted.games]) for emitted in new]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
         """Add points to the score of a key, once for each of `at`, in their order: the same, or those of each.

@@ -14,6 +14,7 @@ from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Movement, Places
+from gamms.game.batch.roads import OpenRoads
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sensing import SHOWING_AGENTS, SHOWING_NODES, Seen, SeenNodes, covered, names_of, seen, seen_nodes
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
@@ -517,7 +518,7 @@ def observers_in(view: ArrayView) -> observe.Observers:
 
 def lasting_in(
     view: ArrayView, agents: IntArray, others: int, mask: BoolArray
-) -> tuple[Encoder, observe.Observers, BoolArray] | None:
+) -> tuple[Encoder, observe.Observers, BoolArray, OpenRoads] | None:
     """Return what writes the vectors of agents after any turn, as long as the games are on their map.
 
     Args:
@@ -527,13 +528,18 @@ def lasting_in(
         mask: (all games, agents) which are alive, in whose rows vectors are written; it may change.
 
     Returns:
-        And (all games, all agents) who is alive. None: turns change what agents see, or where they may go, in other
-        columns than these.
+        And (all games, all agents) who is alive, and which roads are open. None: turns change what agents see, or where
+        they may go, in other columns than these.
     """
     those = view.of(agents)
     if not those._movement.are_plain(agents) or those._plain_looks() is None:
         return None
-    return those._encoder(others), those._observers(mask, view.games * len(agents)), view._state.alive
+    return (
+        those._encoder(others),
+        those._observers(mask, view.games * len(agents)),
+        view._state.alive,
+        view._state.roads,
+    )
 
 
 class _ByName(Mapping[str, T]):

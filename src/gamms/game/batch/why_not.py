@@ -5,7 +5,7 @@ from itertools import chain
 from typing import Any
 
 from gamms.core import moves
-from gamms.game.batch.begun import may_forget, movement_type, why_not_begun
+from gamms.game.batch.begun import may_forget, movement_of, movement_type, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
 from gamms.game.batch.cursor import asked_of, is_plain_rule, keep_in_columns
 from gamms.game.batch.forms import strategy_spec_of
@@ -38,6 +38,12 @@ def first_called(game: PlayedGame, roster: Roster) -> str | None:
     deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
     return next(chain(rules, deciders, collectors), None)
+
+
+def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
+    """Return how the agents of a game go that the core plays, where plain functions may close roads and open them."""
+    may_change = _are_plain(game, roster) and first_called(game, roster) is not None
+    return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
 
 
 def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
