@@ -54,7 +54,7 @@ def test_nodes_that_can_be_reached_are_drawn_in_one_colour(make_ctx, add):
 
 def test_a_recording_shows_what_was_drawn(make_ctx, add, tmp_path):
     ctx = watched(make_ctx, add)
-    ctx.record.start(tmp_path / "g.ggr", drawings=True)
+    ctx.record.start(tmp_path / "g.ggr")
     ctx.game.run(4)
     expected = drawn(ctx)
     ctx.record.stop()

@@ -72,7 +72,7 @@ def test_two_games_with_simulated_robots_are_the_same(tmp_path):
 
 def test_a_recording_with_a_robot_replays_without_it(ctx, tmp_path):
     ctx.game.add(drive("anna", SimulatedRobot(ctx, "anna", speed=10.0)))
-    ctx.record.start(tmp_path / "game", drawings=True)
+    ctx.record.start(tmp_path / "game")
     ctx.game.run(3)
     ctx.record.stop()
     noted = ctx.game.data["robots"]["anna"]

@@ -87,7 +87,7 @@ def test_a_replay_without_the_program_shows_the_same_pictures(declares, tmp_path
             ctx.visual.set_graph_visual(node_size=1.0)
             ctx.visual.set_agent_visual("b", size=2.0)
         ctx.visual.after_turn.append(lambda: pictures.append(ctx.visual.picture(".svg")))
-        ctx.record.start(path, drawings=True)
+        ctx.record.start(path)
         play(ctx)
         ctx.record.stop()
     shown = subprocess.run([sys.executable, "-c", REPLAY, str(path)], capture_output=True, check=True).stdout
@@ -100,7 +100,7 @@ def test_a_replay_without_the_program_shows_the_same_pictures(declares, tmp_path
 
 
 def test_a_film_of_a_replay_shows_them():
-    data = recorded(play, drawings=True)
+    data = recorded(play)
     again = empty_context(seed=2)
     frames = []
     again.visual.after_turn.append(lambda: frames.append(again.visual.frame(320, 200)))
@@ -121,7 +121,7 @@ def test_what_has_not_changed_is_written_once(ctx):
 
     ctx.agent.create_agent("a", start_node_id=0)
     ctx.visual.add_artist("mine", {"drawer": draw})
-    with gamms.recorder.open(io.BytesIO(recorded(play, ctx, drawings=True))) as rec:
+    with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec:
         assert "VISUAL_COMMANDS" not in rec.counts()
         assert [one["artist"] for one in rec.header["drawings"]] == ["mine"]
     assert calls == [0, 1, 2, 3, 4, 5]  # nothing moves
@@ -146,7 +146,7 @@ def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
             act(ctx, "a", 1)
             ctx.visual.simulate()
 
-        data = recorded(play, ctx, drawings=True)
+        data = recorded(play, ctx)
     again, places = empty_context(seed=2), []
     again.visual.after_turn.append(lambda: places.append([place(again, share) for share in (0.0, 0.25, 1.0)]))
     replayed(data, again)
@@ -156,25 +156,18 @@ def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
     assert copied(data) == data
 
 
-def test_drawers_are_not_called_for_recordings_without_a_visual_engine_unless_asked(ctx):
+@pytest.mark.parametrize("engine", ["NO_VIS", "OFFSCREEN"])
+def test_they_are_recorded_with_any_visual_engine_unless_they_are_left_out(engine):
     calls = []
-    ctx.agent.create_agent("a", start_node_id=0)
-    ctx.visual.add_artist("mine", {"drawer": lambda ctx, data: calls.append(1)})
-    data = recorded(lambda ctx: ctx.game.step(), ctx)
-    assert not calls
-    assert not replayed(data)[0].visual.artists.declared
-
-
-def test_they_are_recorded_where_there_is_a_visual_engine():
-    calls = []
-    with grid_context(vis_engine=gamms.visual.Engine.OFFSCREEN) as ctx:
+    with grid_context(vis_engine=gamms.visual.Engine[engine]) as ctx:
         ctx.agent.create_agent("a", start_node_id=0)
         ctx.visual.add_artist("mine", {"drawer": lambda ctx, data: calls.append(1)})
         recorded(lambda ctx: ctx.game.step(), ctx)
         assert len(calls) == 2
-        recorded(lambda ctx: ctx.game.step(), ctx, drawings=False)
+        data = recorded(lambda ctx: ctx.game.step(), ctx, drawings=False)
         recorded(lambda ctx: ctx.game.step(), ctx, version=2)
         assert len(calls) == 2
+    assert not replayed(data)[0].visual.artists.declared
 
 
 def test_a_drawer_or_legend_that_fails_is_logged_and_the_game_goes_on(ctx, monkeypatch):
@@ -189,7 +182,7 @@ def test_a_drawer_or_legend_that_fails_is_logged_and_the_game_goes_on(ctx, monke
     ctx.agent.create_agent("a", start_node_id=0)
     ctx.visual.add_artist("mine", {"drawer": fail})
     ctx.visual.add_artist("other", {"drawer": lambda ctx, data: ctx.visual.render_circle(1, 1, 1), "legend": fail})
-    data = recorded(lambda ctx: ctx.game.step(), ctx, drawings=True)
+    data = recorded(lambda ctx: ctx.game.step(), ctx)
     assert "Artist 'mine' could not be drawn: OSError: no such thing" in said
     assert "The legend of artist 'other' failed: OSError: no such thing" in said
     assert b"<circle" in replayed(data)[0].visual.picture(".svg")
@@ -201,7 +194,7 @@ def test_what_is_too_much_for_a_recording_is_left_out_with_a_warning(ctx, monkey
     monkeypatch.setattr("gamms.ir.draw.MOST_POINTS", 3)
     ctx.agent.create_agent("a", start_node_id=0)
     ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.render_circles([(0, 0)] * 4, 1.0)})
-    recorded(lambda ctx: [ctx.game.step() for _ in range(3)], ctx, drawings=True)
+    recorded(lambda ctx: [ctx.game.step() for _ in range(3)], ctx)
     assert said == ["Artist 'mine': A drawing of 4 points cannot be recorded; at most 3 points can."]
 
 
@@ -216,7 +209,7 @@ def test_images_are_left_out_for_they_are_files(ctx, tmp_path):
 
     ctx.visual.add_artist("mine", {"drawer": draw})
     ctx.agent.create_agent("a", start_node_id=0)
-    data = recorded(lambda ctx: ctx.game.step(), ctx, drawings=True)
+    data = recorded(lambda ctx: ctx.game.step(), ctx)
     picture = replayed(data)[0].visual.picture(".svg")
     assert b"seen" in picture
     assert b"<image" not in picture
@@ -225,7 +218,7 @@ def test_images_are_left_out_for_they_are_files(ctx, tmp_path):
 
 
 def test_a_game_that_is_resumed_shows_them_until_its_next_turn():
-    with gamms.recorder.open(io.BytesIO(recorded(play, drawings=True))) as rec, rec.resume(2) as again:
+    with gamms.recorder.open(io.BytesIO(recorded(play))) as rec, rec.resume(2) as again:
         assert b"turn 2" in again.visual.picture(".svg")
         again.game.step()
         assert b"turn 2" not in again.visual.picture(".svg")
@@ -234,7 +227,7 @@ def test_a_game_that_is_resumed_shows_them_until_its_next_turn():
 def test_an_artist_of_the_context_takes_the_place_of_a_recorded_one():
     again = empty_context()
     again.visual.add_artist("around", {"drawer": lambda ctx, _: ctx.visual.render_text("mine", 0, 0)})
-    replayed(recorded(play, drawings=True), again)
+    replayed(recorded(play), again)
     picture = again.visual.picture(".svg")
     assert b"mine" in picture
     assert b"turn 6" not in picture
@@ -242,7 +235,7 @@ def test_an_artist_of_the_context_takes_the_place_of_a_recorded_one():
 
 def test_a_recording_of_a_context_that_has_replayed_another_has_its_drawings(ctx):
     ctx.agent.create_agent("c", start_node_id=3)
-    data = recorded(play, drawings=True)
+    data = recorded(play)
     again, _ = replayed(recorded(lambda ctx: replayed(data, ctx), ctx))
     assert b"turn 6" in again.visual.picture(".svg")
 

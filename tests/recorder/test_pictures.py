@@ -27,7 +27,7 @@ def played(path, declare):
             ctx.visual.set_graph_visual(edge_color=(200, 0, 0))
             ctx.visual.set_agent_visual("a", color=(0, 0, 200), size=9)
             ctx.visual.add_artist("ring", {"drawer": ring})
-        ctx.record.start(path, drawings=True)
+        ctx.record.start(path)
         pictures = [ctx.visual.picture(".svg")]
         for _ in range(TURNS):
             ctx.game.step()

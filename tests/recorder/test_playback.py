@@ -48,7 +48,7 @@ def recorded():
             if turn == TURNS:
                 ctx.game.end("enough", winner="a")
 
-        ctx.record.start(stream, drawings=True)
+        ctx.record.start(stream)
         ctx.game.run(max_turns=20)
     return stream.getvalue()
 

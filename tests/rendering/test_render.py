@@ -56,7 +56,7 @@ def test_what_artists_draw_is_rendered_but_not_in_fog_for_it_may_tell_too_much(t
         ctx.sensor.create_sensor("near", SensorType.RANGE, sensor_range=25.0)
         ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["near"], strategy=east)
         ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.render_text("where blue is", 5.0, 0.0)})
-        ctx.record.start(tmp_path / "game.ggr", drawings=True)
+        ctx.record.start(tmp_path / "game.ggr")
         ctx.game.run(max_turns=2)
     for options, is_shown in (([], True), (["--fog", "red"], False)):
         run(tmp_path / "game.ggr", tmp_path / "game.svg", *options)

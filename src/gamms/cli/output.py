@@ -195,7 +195,7 @@ def recorded(ctx: "Context", folder: Path, *, sensed: bool = False) -> Iterator[
     path = folder / RECORDING
     with made_folder(folder):
         path.unlink(missing_ok=True)
-        ctx.record.start(path, drawings=True, sensed=sensed)
+        ctx.record.start(path, sensed=sensed)
         try:
             yield path
         finally:

@@ -83,7 +83,7 @@ class Recorder(Guarded, IRecorder):
         created: int | None = None,
         provenance: Plain = None,
         sensed: bool = False,
-        drawings: bool | None = None,
+        drawings: bool = True,
         embed_graph: bool = True,
         overwrite: bool = False,
     ) -> None:
@@ -95,8 +95,8 @@ class Recorder(Guarded, IRecorder):
             created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
             provenance: plain values to be kept in the header.
             sensed: write down what agents sense in the turns of `ctx.game`, too, for `Recording.observation`.
-            drawings: write down what artists with drawers of the program's own draw at the end of each turn, too, which
-                calls these drawers; None: where there is a visual engine other than `NO_VIS`.
+            drawings: write down what artists and rules with drawers of the program's own draw at the end of each turn,
+                too, which calls these drawers.
             embed_graph: whether the recording holds the map; else only its SHA-256, and who replays it needs the map.
             overwrite: whether it may take the place of a file, once it has begun well.
 
@@ -120,8 +120,6 @@ class Recorder(Guarded, IRecorder):
             found = header_of(self.ctx, session, options) if session.header is None else session.header
             return found if embed_graph else without_map(found)
 
-        if drawings is None:  # whether drawers are called without this recording, too
-            drawings = bool(getattr(self.ctx.visual, "calls_drawers", True))
         self._end_watch()
         session = RecordingSession(
             self.ctx,
@@ -235,8 +233,7 @@ class Recorder(Guarded, IRecorder):
         self._end_watch()
         session = self._recording()
         if session is None and self._followers and not self.ctx.is_terminated():
-            drawings = bool(getattr(self.ctx.visual, "calls_drawers", True))
-            session = self._watch = RecordingSession(self.ctx, with_sensed=True, with_drawings=drawings)
+            session = self._watch = RecordingSession(self.ctx, with_sensed=True, with_drawings=True)
             session.write_to(NoEncoder(), in_background=False)
         if session is not None:
             session.follow(self._followers, lambda session: header_of(self.ctx, session, {}))

@@ -74,11 +74,9 @@ class PictureEngine(Guarded, IVisualizationEngine):
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
         team_colors: team -> its colour, for those that are not to have the usual one.
         width, height: of a frame, pixels.
-        calls_drawers: whether drawers are called in every turn, and not only for pictures.
     """
 
     _called = "ctx.visual"
-    calls_drawers = True
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(artists=[{', '.join(map(shown, self.artists.declared))}])"
@@ -238,8 +236,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
 class NoEngine(PictureEngine):
     """Takes every call of an engine with a window, and shows nothing."""
-
-    calls_drawers = False
 
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
