@@ -3,9 +3,10 @@
 This is the visualization IR that the paper leaves as future work: no objects, only columns.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +40,18 @@ class DrawSpace(IntEnum):
     SCREEN = 1  # pixels
 
 
+class Owner(NamedTuple):
+    """The agent or the teams that a command belongs to.
+
+    Attributes:
+        agent: the name of the agent that the command shows or goes with; "": none.
+        sides: the teams that know of it, by their texts; None: everybody does.
+    """
+
+    agent: str = ""
+    sides: tuple[str, ...] | None = None
+
+
 @dataclass(slots=True, frozen=True, eq=False)
 class DrawCommands:
     """One row per command, in painting order within a layer; lower layers are painted first.
@@ -56,6 +69,7 @@ class DrawCommands:
     offsets: IntArray  # (commands + 1,)
     points: FloatArray  # (points, 2)
     text: tuple[str, ...]  # (commands,)  "" where it does not apply
+    owners: Mapping[int, Owner] = field(default_factory=dict)  # row -> owner, of the commands that have one
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -80,8 +94,13 @@ class DrawCommands:
         columns: dict[str, Any] = {name: getattr(self, name)[is_kept].astype(np.uint8) for name in ("kind", "space")}
         columns |= {name: getattr(self, name)[is_kept] for name in ("size", "width", "angle", "color")}
         columns |= {"counts": counts[is_kept], "points": self.points[np.repeat(is_kept, counts)]}
+        rows = np.flatnonzero(is_kept).tolist()
         if any(self.text):
-            columns["text"] = [self.text[row] for row in np.flatnonzero(is_kept).tolist()]
+            columns["text"] = [self.text[row] for row in rows]
+        if self.owners:
+            owners = [self.owners.get(row, Owner()) for row in rows]
+            columns["agents"] = [one.agent for one in owners]
+            columns["sides"] = [None if one.sides is None else list(one.sides) for one in owners]
         return columns
 
     @classmethod
@@ -98,6 +117,7 @@ class DrawCommands:
         text = columns.get("text") or [""] * len(counts)
         if not isinstance(text, list) or not all(isinstance(one, str) for one in text):
             raise BadType("The texts of a recorded drawing must be a list of str.")
+        owners = _owners_in(columns, len(counts))
         if {len(text), *(len(column) for name, column in found.items() if name != "points")} != {len(counts)}:
             raise BadValue("The columns of a recorded drawing have different lengths.")
         _check_kinds(kind, found["space"], counts, len(points))
@@ -108,7 +128,26 @@ class DrawCommands:
         extents = points[offsets[:-1][kind == DrawKind.RECTANGLE] + 1]
         if any((values < 0.0).any() for values in (found["size"], found["width"], extents)):
             raise BadValue("A size in a recorded drawing is negative.")
-        return cls(layer=np.zeros(len(kind), np.int64), offsets=offsets, text=tuple(text), **found)
+        return cls(layer=np.zeros(len(kind), np.int64), offsets=offsets, text=tuple(text), owners=owners, **found)
+
+
+def _owners_in(columns: dict[str, Any], count: int) -> dict[int, Owner]:
+    """Return the owners of the commands of a recorded drawing by row.
+
+    Raises:
+        BadType, BadValue: they are not right.
+    """
+    agents, sides = columns.get("agents") or [""] * count, columns.get("sides") or [None] * count
+    are_lists = isinstance(agents, list) and isinstance(sides, list)
+    if not are_lists or not all(isinstance(one, str) for one in agents):
+        raise BadType("The agents of a recorded drawing must be a list of str.")
+    known = [one for one in sides if one is not None]
+    if not all(isinstance(one, list) and all(isinstance(side, str) for side in one) for one in known):
+        raise BadType("The sides of a recorded drawing must be a list with lists of str, or None.")
+    if {len(agents), len(sides)} != {count}:
+        raise BadValue("The columns of a recorded drawing have different lengths.")
+    owners = (Owner(agent, None if one is None else tuple(one)) for agent, one in zip(agents, sides, strict=True))
+    return {row: owner for row, owner in enumerate(owners) if owner != Owner()}
 
 
 _FORMS: dict[str, tuple[str, tuple[int, ...], type]] = {  # kinds of numbers, shape of a row, type

@@ -12,7 +12,7 @@ import numpy as np
 
 from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
-from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
+from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace, Owner
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
 from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
@@ -60,10 +60,17 @@ class Spread(NamedTuple):
 
 
 class Commands:
-    """An open list of draw commands; what is added is painted on `layer`, above what was added before."""
+    """An open list of draw commands; what is added is painted on `layer`, above what was added before.
+
+    Attributes:
+        layer: of what is added next.
+        owner: of what is added next; None: it has none.
+    """
 
     def __init__(self) -> None:
         self.layer = 0
+        self.owner: Owner | None = None
+        self._owners: dict[int, Owner] = {}  # by row
         self._columns = {name: array(code) for name, code in _COLUMNS.items()}
         self._color, self._text = bytearray(), list[str]()
         self._points: list[FloatArray] = []
@@ -187,6 +194,8 @@ class Commands:
 
     def add_commands(self, commands: DrawCommands) -> None:
         """Draw commands again, all of them on the present layer."""
+        first = len(self._text)
+        self._owners |= {first + row: owner for row, owner in commands.owners.items()}
         values = {name: getattr(commands, name) for name in _COLUMNS} | {"layer": self.layer}
         self._append(len(commands), values, commands.color.tobytes(), "")
         self._text[len(self._text) - len(commands) :] = commands.text
@@ -217,6 +226,9 @@ class Commands:
 
     def _append(self, commands: int, values: Mapping[str, Any], color: bytes, text: str) -> None:
         """Append a value for all commands, or an array with one for each, to every column."""
+        if self.owner is not None:
+            first = len(self._text)
+            self._owners |= dict.fromkeys(range(first, first + commands), self.owner)
         for name, column in self._columns.items():
             value = values[name]
             if isinstance(value, np.ndarray):
@@ -237,6 +249,7 @@ class Commands:
             offsets=read_only(np.concatenate(([0], np.cumsum(np.array(self._counts, np.int64))))),
             points=read_only(np.concatenate([np.empty((0, 2)), *self._points])),
             text=tuple(self._text),
+            owners=self._owners,
         )
 
 
@@ -253,6 +266,7 @@ def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
         layer=np.concatenate([below.layer, np.full(len(above), top)]),
         offsets=np.concatenate([below.offsets, below.offsets[-1] + above.offsets[1:]]),
         text=(*below.text, *above.text),
+        owners={**below.owners, **{len(below) + row: owner for row, owner in above.owners.items()}},
         **arrays,
     )
 
@@ -350,6 +364,20 @@ class Drawing:
             yield
         finally:
             self.theme = before
+
+    @contextmanager
+    def owned(self, agent: str = "", sides: Iterable[str] | None = None) -> Iterator[None]:
+        """Say to whom the commands of a `with` block belong; see `gamms.ir.draw.Owner`."""
+        commands = self.commands
+        if commands is None:
+            yield
+            return
+        before = commands.owner
+        commands.owner = Owner(agent, None if sides is None else tuple(sides))
+        try:
+            yield
+        finally:
+            commands.owner = before
 
     def record(self, draw: "Callable[[Commands], None]") -> DrawCommands:
         """Return what is drawn while a function runs, as draw commands."""

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.visual.appearance import AgentData, AnyColor, Rgba, color_group, rgba
@@ -42,6 +43,7 @@ class _Mark(NamedTuple):
     place: tuple[float, float]
     number: int  # in the row of its place
     signs: tuple[FloatArray, ...]
+    owner: Owner
 
 
 def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
@@ -56,9 +58,11 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     for node, tags in _tags(ctx, data.get("of"), out).items():
         at = ctx.graph.graph.get_node(node)
         for number, (name, tag) in enumerate(sorted(tags.items()), taken[at.x, at.y]):
-            side = color_group(ctx.agent.agents[name])
+            agents, side = ctx.agent.agents, color_group(ctx.agent.agents[name])
             color = _aged(colors.get(side, colors[str(side)]), is_new=tag in new)
-            marks.append(_Mark(name, color, (at.x, at.y), number, (_RING, 0.6 * _CROSS)))
+            witnesses = {str(color_group(agents[one])) for one in (name, tag.get("agent")) if one in agents}
+            owner = Owner(sides=tuple(sorted(witnesses)))
+            marks.append(_Mark(name, color, (at.x, at.y), number, (_RING, 0.6 * _CROSS), owner))
     _draw(ctx, marks, data)
 
 
@@ -83,7 +87,7 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     for name, has_arrived in data["out"].items():
         color, place = data["colors"][name], visual.position_of(name)
         color = _aged(color, is_new=name in visual.events.eliminated())
-        marks.append(_Mark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,)))
+        marks.append(_Mark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,), Owner(name)))
         taken[place] += 1
     _draw(ctx, marks, data)
 
@@ -112,8 +116,9 @@ def _draw(ctx: IContext, marks: Sequence[_Mark], data: dict[str, Any]) -> None:
     for more_px in (_EDGE_PX, 0.0):
         for mark, place, shift in zip(marks, places, shifts, strict=True):
             ink = visual.theme.background if more_px else mark.color
-            for sign in mark.signs:
-                visual.render_symbols([place], sign + shift, ink, _LINE_PX + more_px)
+            with visual.owned(*mark.owner):
+                for sign in mark.signs:
+                    visual.render_symbols([place], sign + shift, ink, _LINE_PX + more_px)
     data[_MARKS] = [
         AgentData(mark.name, mark.color, 0.0, None, place, _LABEL_PX, (right / _LABEL_PX, down / _LABEL_PX))
         for mark, place, (right, down) in zip(marks, places, shifts, strict=True)
@@ -138,3 +143,4 @@ _DRAWERS: tuple[Callable[..., None], ...] = render_tags, render_eliminated
 for _drawer in _DRAWERS:
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
     _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
+    _drawer.is_in_fog = True  # type: ignore[attr-defined] # teams that see little know of it

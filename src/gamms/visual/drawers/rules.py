@@ -99,7 +99,8 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
         if home is not None:
             visual.render_circles([(home.x, home.y)], _BASE_PX, color, 2.5, in_pixels=True)
         if carrier in ctx.agent.agents:
-            _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
+            with visual.owned(agent=carrier):
+                _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
         elif home is not None:
             visual.render_circles([(home.x, home.y)], _DOT_PX, color, in_pixels=True)
             _pennant(ctx, home.x, home.y, color)
@@ -129,7 +130,7 @@ class FlagsDrawer(KeyedDrawer):
 
     layer = Layer.FLAGS
     legend = _FLAGS
-    is_mark = True
+    is_mark = is_in_fog = True
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
         """Draw them."""
@@ -250,3 +251,4 @@ render_flags.__dict__["legend"] = _FLAGS
 render_goals.__dict__.update(artist="goals", layer=Layer.GOALS, legend=_GOALS, once_a_turn=True)
 for _drawer in (render_flags, render_goals):
     _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
+    _drawer.is_in_fog = True  # type: ignore[attr-defined] # teams that see little know of it

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from gamms.ir.draw import Owner
 from gamms.ir.graph import FloatArray
+from gamms.text import as_text as text_of
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import color_group
 from gamms.visual.constants import Layer
@@ -81,10 +83,12 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
     for state in counted_in(ctx, DISCOVERED).values():
         by = dict(islice(state["by"].items(), _MOST))
         nodes = columns.xy[in_text(state["nodes"], columns.node_ids)]
-        visual.render_symbols(nodes, _PLACE_PX * _SQUARE, SIGN, _THIN_PX)
+        with visual.owned(sides=()):
+            visual.render_symbols(nodes, _PLACE_PX * _SQUARE, SIGN, _THIN_PX)
         for number, (team, color) in enumerate(team_colors_of(ctx, by, data.get("colors")).items()):
             found = columns.xy[np.isin(columns.node_ids, by[team])]
-            visual.render_symbols(found, (_PLACE_PX + number * _WIDER_PX) * _SQUARE, color, _FOUND_PX)
+            with visual.owned(sides=[text_of(team)]):
+                visual.render_symbols(found, (_PLACE_PX + number * _WIDER_PX) * _SQUARE, color, _FOUND_PX)
 
 
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
@@ -96,18 +100,42 @@ def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
             ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, colors[str(color_group(agent))], 0.0))
             for length, color, more_px in ends:
-                if length > 0.0:
-                    line = [(left, down), (left + length * _BAR_PX, down)]
-                    visual.render_symbols([place], line, color, _THICK_PX + more_px)
+                line = [(left, down), (left + length * _BAR_PX, down)]
+                with visual.owned(*_owner_of(agent)):
+                    visual.render_symbols([place] if length > 0.0 else [], line, color, _THICK_PX + more_px)
 
 
 def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw around each agent how long it cannot do a deed again, by the rule `cooldown`: an arc that gets shorter."""
     visual = drawing_of(ctx)
     for number, state in enumerate(counted_in(ctx, COOLDOWNS).values()):
-        for _, place, turns in _marked(ctx, state["left"], data):
+        for agent, place, turns in _marked(ctx, state["left"], data):
             share = min(1.0, max(0.0, turns / (state["of"] or 1)))
-            visual.render_symbols([place], _arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
+            with visual.owned(*_owner_of(agent)):
+                visual.render_symbols([place], _arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
+
+
+def _owner_of(agent: IAgent) -> Owner:
+    """Return the owner of a sign that goes with an agent and that its own team alone knows of."""
+    return Owner(agent.name, (str(color_group(agent)),))
+
+
+def _facts_of_amounts(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
+    """Return agent -> what it has left, in words, with the amount."""
+    found: dict[str, list[tuple[str, Any]]] = {}
+    for resource, state in counted_in(ctx, RESOURCES).items():
+        for name, amount in islice(state["amounts"].items(), _MOST):
+            found.setdefault(str(name), []).append((f"{resource} left", amount))
+    return found
+
+
+def _facts_of_cooldowns(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
+    """Return agent -> the deeds that it cannot do yet, in words, with the number of turns."""
+    found: dict[str, list[tuple[str, Any]]] = {}
+    for deed, state in counted_in(ctx, COOLDOWNS).items():
+        for name, turns in islice(state["left"].items(), _MOST):
+            found.setdefault(str(name), []).append((f"{deed} not ready", f"{turns} turns"))
+    return found
 
 
 def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:
@@ -139,5 +167,11 @@ render_discovered.__dict__.update(
     once_a_turn=True,
     legend=Rows("", (Row(SIGN, "discovered", sign="square"),)),
 )
-render_amounts.__dict__.update(artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts)
-render_cooldowns.__dict__.update(artist="cooldowns", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_cooldowns)
+render_amounts.__dict__.update(
+    artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts, facts=_facts_of_amounts
+)
+render_cooldowns.__dict__.update(
+    artist="cooldowns", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_cooldowns, facts=_facts_of_cooldowns
+)
+for _drawer in (render_held, render_discovered, render_amounts, render_cooldowns):
+    _drawer.__dict__["is_in_fog"] = True  # teams that see little know of it
