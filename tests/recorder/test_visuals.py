@@ -113,7 +113,8 @@ def test_a_game_that_is_resumed_looks_as_it_did_then(ctx):
         for turn, size in ((3, 3), (4, 9.0)):
             with rec.resume(turn) as again:
                 assert again.visual.artists.declared["a"].data["agent_data"].size == size
-                assert list(again.visual.artists.declared) == ["graph", "obstacles", "a", "sensor_near", "disc", "box"]
+                named = ["graph", "obstacles", "a", "sensor_near", "disc", "box", "mine"]
+                assert list(again.visual.artists.declared) == named
 
 
 def test_no_path_of_a_picture_is_recorded(ctx):

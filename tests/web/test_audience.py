@@ -10,6 +10,8 @@ from test_pages import recording_in
 import gamms
 from gamms import recorder, web
 from gamms.errors import BadValue, UnknownName
+from gamms.ir.events import events_of
+from gamms.web.painter import SHOWN
 
 SECRET = "the plan is to wait"
 
@@ -90,17 +92,22 @@ def test_no_byte_says_what_others_keep_for_themselves(hunt):
 
 
 def test_flags_say_that_one_is_carried_but_not_by_whom_out_of_sight(hunt):
+    seen = []
     with recording_in(web.page(hunt, audience="red")) as cut:
-        for state in cut:
-            is_seen = "blue_2" in state.agents["name"]
-            assert state.data["flags"]["carriers"]["red"] == ("blue_2" if is_seen else "")
-            assert state.data.keys() == {"flags"}
+        drawings = {one["artist"]: one for one in cut.header["shown"]["drawings"]}
+        for state, log in zip(cut, [[], *cut.logs()], strict=True):
+            changes = dict(events_of(log)).get(SHOWN, {})
+            drawings |= {one["artist"]: one for one in changes.get("drawings", [])}
+            seen.append("blue_2" in state.agents["name"])
+            assert ("blue_2" in drawings["flags"]["commands"].get("agents", [])) == seen[-1]
+            assert state.data == {}
+    assert set(seen) == {False, True}
 
 
 def test_seeds_that_would_play_the_game_again_are_left_out(hunt):
     with recording_in(web.page(hunt, audience="red")) as cut:
         assert cut.seed is None
-        assert cut.header.keys() <= {"format", "package", "visuals", "audience", "sides"}
+        assert cut.header.keys() <= {"format", "package", "shown", "audience", "sides"}
 
 
 @pytest.fixture(scope="module")

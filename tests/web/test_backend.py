@@ -9,11 +9,16 @@ import pytest
 import gamms
 from gamms import recorder
 from gamms.testing import check_backend
+from gamms.web.painter import painted
 
 PAINT = """
 (() => {
   const {scene, replay} = gamms.views[0], {camera} = scene, layers = JSON.parse(%s);
-  const drawing = ([layer, commands]) => new Map([["layer", layer], ["commands", new Map(Object.entries(commands))]]);
+  const drawing = ([layer, {commands, colors}]) => {
+    const points = Uint8Array.from(commands.points), columns = new Map(Object.entries({...commands, points}));
+    const inks = new Map([["light", Uint8Array.from(colors.light)]]);
+    return new Map([["layer", layer], ["commands", columns], ["colors", inks]]);
+  };
   replay.state.drawings = new Map(layers.map((one) => [`artist ${one[0]}`, drawing(one)]));
   scene.ratio = 1;
   scene.canvas.width = camera.width = 200;
@@ -42,21 +47,25 @@ def empty(chromium, tmp_path_factory):
 
 
 def plain(value):
-    return value.ravel().tolist() if isinstance(value, np.ndarray) else value
+    """Return what JSON holds of arrays and bytes."""
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    return (
+        value.ravel().tolist() if isinstance(value, np.ndarray) else list(value) if isinstance(value, bytes) else value
+    )
 
 
 def test_the_viewer_passes_the_check_of_picture_formats(empty):
     def backend(commands, camera, *, title, background, dpi):
-        columns = {name: plain(value) for name, value in commands.to_plain().items()}
-        counts = np.cumsum([0, *columns["counts"]])
-        layers = {}
-        for row, layer in enumerate(commands.layer.tolist()):
-            one = layers.setdefault(layer, {name: [] for name in columns})
-            for name in columns:
-                width = {"color": 4, "points": 2}.get(name, 1)
-                begin, end = counts[[row, row + 1]] if name == "points" else (row, row + 1)
-                one[name] += columns[name][width * begin : width * end]
-        data = empty.value(PAINT % json.dumps(json.dumps(list(layers.items()))))
+        columns, layers = commands.to_plain(), []
+        for layer in np.unique(commands.layer):
+            rows = commands.layer == layer
+            points = columns["points"][np.repeat(rows, columns["counts"])]
+            text = [columns["text"][row] for row in np.flatnonzero(rows)] if "text" in columns else []
+            chosen = {name: column[rows] for name, column in columns.items() if name not in ("points", "text")}
+            chosen |= {"points": points, "text": text}
+            layers.append((int(layer), plain(painted(chosen, chosen, 2.0**-20))))
+        data = empty.value(PAINT % json.dumps(json.dumps(layers)))
         return base64.b64decode(data.partition(",")[2])
 
     check_backend(backend)

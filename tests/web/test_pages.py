@@ -12,7 +12,9 @@ import pytest
 import gamms
 from gamms import recorder, rendering, web
 from gamms.errors import BadValue, MissingFolder
+from gamms.ir.events import events_of
 from gamms.web import bundle
+from gamms.web.painter import SHOWN
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 
@@ -65,7 +67,15 @@ def test_a_page_holds_every_state_of_the_game(game, tmp_path):
             assert before.scores == after.scores
             for name in ("name", "node", "previous", "alive"):
                 assert np.array_equal(before.agents[name], after.agents[name]), name
-        assert list(found.events()) == [{"turn": 12, "kind": "storm", "agent": "red_0"}]
+        said = [
+            (turn, data) for turn, log in enumerate(found.logs(), 1) for kind, data in events_of(log) if kind == SHOWN
+        ]
+        assert said[0][0] == 10
+        assert said[0][1]["captions"] == [{"words": "red 1", "agent": "red", "major": True, "marked": True}]
+        assert said[1] == (
+            12,
+            {"captions": [{"words": "red_0: storm", "agent": "red_0", "major": False, "marked": True}]},
+        )
 
 
 def test_the_same_recording_gives_the_same_bytes(game):

@@ -396,7 +396,7 @@ def test_what_rules_keep_is_shown(chromium, walled, tmp_path):
     before = pixels_of(page.picture())
     page.value("gamms.select('past')")
     assert "fuel left2" in page.value("document.querySelector('.panel').textContent")
-    page.value("gamms.select(null), gamms.panel.close(), gamms.views[0].replay.state.data.clear()")
+    page.value("gamms.select(null), gamms.panel.close(), gamms.views[0].replay.state.drawings.clear()")
     page.settle()
     page.value("gamms.needsPaint = true")
     page.settle()

@@ -408,14 +408,26 @@ class Replayer:
         Raises:
             RecordingError: it is damaged, or does not fit the context.
         """
-        maps.attach(self._ctx, reader.header)
-        self.show(reader.header.get("visuals"), reader.header.get("drawings", []))
-        self.state.order_sides(_sides_in(reader.header))
+        self._declare(reader.header)
         begin = reader.keyframe(0)
         if begin is not None:
             self._begin(reader.header, begin[1])
         elif reader.turns or not reader.warning:  # else it was cut off behind its map
             raise RecordingError("This recording does not say how it begins.")
+
+    def begin_with(self, header: dict[str, Any], snapshot: Keyframe) -> None:
+        """Become what a snapshot says of a game whose recording has this header.
+
+        Raises:
+            RecordingError: it does not fit the context.
+        """
+        self._declare(header)
+        self._begin(header, snapshot)
+
+    def _declare(self, header: dict[str, Any]) -> None:
+        maps.attach(self._ctx, header)
+        self.show(header.get("visuals"), header.get("drawings", []))
+        self.state.order_sides(_sides_in(header))
 
     def play(self, reader: Reader) -> Iterator[Record]:
         """Apply the turns of a recording from the present one on, and yield their records.
@@ -433,6 +445,12 @@ class Replayer:
         """Apply the next turn, and yield its records; where another turn is asked for meanwhile, that is the next."""
         self.turn += 1
         return self._turn(self.turn - 1, reader.log(self.turn - 1))
+
+    def play_log(self, log: kinds.Log) -> None:
+        """Apply the log of the next turn."""
+        self.turn += 1
+        for _ in self._turn(self.turn - 1, log):
+            pass
 
     def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:
         """Apply a turn as far as an agent senses, and return what was sensed then; None: it does not."""

@@ -29,10 +29,15 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
+from gamms.visual.drawers.agents import render_looks
+from gamms.visual.drawers.graph import render_base_map
 from gamms.visual.drawers.marks import render_eliminated, render_tags, rows_of_eliminated
+from gamms.visual.drawers.messages import render_messages
 from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_goals, teams_of_rules
 from gamms.visual.drawers.standings import render_amounts, render_cooldowns, render_discovered, render_held
+from gamms.visual.drawers.streets import render_tunnels
 from gamms.visual.drawing import Drawing
+from gamms.visual.legend import legend_only
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
 from gamms.visual.themes import Theme
 
@@ -95,6 +100,18 @@ _KEYWORDS = {  # of `set_…_visual`
     "agent": AgentVisual.__optional_keys__,
     "sensor": SensorVisual.__optional_keys__,
 }
+_GROUND = (  # drawers of map, agents, messages and what sensors see
+    render_graph,
+    render_base_map,
+    render_tunnels,
+    render_obstacles,
+    render_agent,
+    render_looks,
+    render_sensor,
+    render_messages,
+    render_input_overlay,
+    legend_only,
+)
 _DRAWING = "drawing"  # the kind of an artist whose commands are recorded
 
 
@@ -211,6 +228,11 @@ class Artists(Guarded):
 
             artists |= artists_of_trails(self._ctx, artists, trails)
         return self._eliminated(artists) | artists
+
+    def signs(self) -> dict[str, IArtist]:
+        """Return the artists that draw but for those of map, agents, messages and what sensors see, by name."""
+        artists = self.shown(sensors=False)
+        return {name: one for name, one in artists.items() if one.get_drawer() not in _GROUND}
 
     def _eliminated(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return the artist that marks agents that are out; marks stand beside the largest disc of these artists."""

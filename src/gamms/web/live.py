@@ -289,6 +289,7 @@ class Live(Handle):
         if self.scenario is None and self.ctx is not None and not self.ctx.is_terminated():
             self.ctx.record.unfollow(self)
         self._server.close()
+        self.streams.close()
 
     def __repr__(self) -> str:
         """Show where it is, without a token."""

@@ -1,7 +1,8 @@
-"""A recording as one HTML page: the viewer, and behind it the recording itself in its own format, in base64.
+"""A recording as one HTML page: the viewer, and behind it what the viewer reads of the recording, in base64.
 
-What the viewer does not read is left out: random streams, facts, components, attributes of streets. The scenery of the
-map, which recordings name, is put in. So the file needs nothing else, and no server.
+`painter.py` adds what rules, artists and captions show; `docs/page-format.md` describes the bytes. What the viewer does
+not read is left out: random streams, facts, what rules keep, components, attributes of streets. The scenery of the map,
+which recordings name, is put in. So the file needs nothing else, and no server.
 """
 
 import base64
@@ -28,6 +29,7 @@ from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
 from gamms.web.bundle import page_called
+from gamms.web.painter import Painter
 
 __all__ = ["page", "page_of_two"]
 
@@ -35,7 +37,7 @@ _OPTIONS = PageOptions.__annotations__.keys()
 _MOST_TRAILS = 200
 _KEYFRAME_MOVES = 1 << 14  # between two keyframes, which the viewer reads in some milliseconds
 _FEWEST_TURNS, _MOST_TURNS = 8, 64  # between them
-_UNREAD = {  # kinds of events that the viewer does not read
+_UNREAD = {  # kinds of events that neither the viewer nor what paints for it reads
     kinds.GAME_FACTS,
     kinds.GAME_CHANCE,
     kinds.GAME_PRIVATE_FACTS,
@@ -44,8 +46,15 @@ _UNREAD = {  # kinds of events that the viewer does not read
     kinds.DELAYED_LOOKS,
     *kinds.COMPONENTS,
 }
+_PAINTED = {  # kinds of events that a page has as what they make it show
+    kinds.GAME_DATA,
+    kinds.GAME_EVENT,
+    kinds.USER_EVENT,
+    kinds.VISUALS,
+    kinds.VISUAL_COMMANDS,
+}
 _UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_facts")  # of keyframes
-_HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audience", "sides")
+_HEADER = ("format", "package", "seed", "created", "audience", "sides")
 _ATTRIBUTES = {"highway", "name", "tunnel", "z", "underground"}
 _STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
 _LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
@@ -179,12 +188,13 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
     every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
     stream = BytesIO()
     sides = recording.header.get("sides") or sides_of(recording.header, recording.detached(0).keyframe(0))
-    header = drawn_header({**recording.header, "world": recording.graph.packed, "sides": sides})
-    writer = Writer(stream, header, seconds=None)
-    for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
-        if turn % every == 0:
-            writer.keyframe(drawn_keyframe(recording.detached(turn).keyframe(turn)))
-        writer.add_turn(drawn_log(log))
+    whole = {**recording.header, "world": recording.graph.packed, "sides": sides}
+    with Painter(whole, recording.detached(0).keyframe(0)) as painter:
+        writer = Writer(stream, {**drawn_header(whole), "shown": painter.present()}, seconds=None)
+        for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
+            if turn % every == 0:
+                writer.keyframe(drawn_keyframe(recording.detached(turn).keyframe(turn)))
+            writer.add_turn(drawn_log(log, painter))
     if not recording.turns:
         writer.keyframe(drawn_keyframe(recording.detached(0).keyframe(0)))
     writer.close()
@@ -197,14 +207,16 @@ def drawn_header(header: Mapping[str, Plain]) -> dict[str, Plain]:
     return {**chosen, "world": _map_for_viewer(header["world"])}
 
 
-def drawn_log(log: Log) -> Log:
-    """Return what the viewer reads of the log of a turn."""
-    return [_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD]
+def drawn_log(log: Log, painter: Painter) -> Log:
+    """Return what the viewer reads of the log of a turn, which the painter plays."""
+    read = [entry for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD]
+    kept = [_drawn_event(entry) for entry in read if type(entry) is not tuple or entry[0] not in _PAINTED]
+    return kept + painter.turn(read)
 
 
 def drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
     """Return what the viewer reads of a keyframe."""
-    return {name: value for name, value in state.items() if name not in _UNREAD_STATE}
+    return {name: value for name, value in state.items() if name not in _UNREAD_STATE} | {"data": {}}
 
 
 def _drawn_event(entry: Any) -> Any:

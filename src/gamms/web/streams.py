@@ -17,7 +17,8 @@ from itertools import islice
 from threading import Lock
 from typing import Any, NamedTuple
 
-from gamms.ir.events import Log
+from gamms.ir import events as kinds
+from gamms.ir.events import Log, events_of
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Writer
 from gamms.recorder.cut import Cut, cut_header, sides_of
@@ -25,6 +26,7 @@ from gamms.recorder.detached import DetachedState
 from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.links import Audience
 from gamms.web.pages import drawn_header, drawn_keyframe, drawn_log
+from gamms.web.painter import Painter
 from gamms.web.server import Connection
 
 _KEYFRAME_TURNS = 64
@@ -70,7 +72,7 @@ class Stream:
 
     Args:
         audience: whose knowledge it is.
-        header: of the game, as the viewer reads it.
+        header: of the game.
         state: the whole state, which is the first keyframe; not kept.
         turns: how many were played before.
         nearest: the id of the node below a place, (x, y).
@@ -86,11 +88,12 @@ class Stream:
         if self._cut is not None:
             state = self._cut.keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
+        self._painter = Painter(header, state)
         self._turns = turns  # that were given out
         self._begun_at = turns
         self._is_seen = False  # whether a keyframe or a turn says what is seen at the beginning
         self._sink = _Parts()
-        self._writer = Writer(self._sink, header, turns=_KEYFRAME_TURNS, seconds=None, first=turns)  # type: ignore[arg-type]
+        self._writer = Writer(self._sink, drawn_header(header), turns=_KEYFRAME_TURNS, seconds=None, first=turns)  # type: ignore[arg-type]
         self.opening = self._sink.taken()
         self._lock = Lock()
         self._parts: deque[tuple[bytes, int]] = deque()  # and how many turns are over behind each
@@ -116,7 +119,9 @@ class Stream:
         for given in cut.add(log, is_end=is_over):
             self._add_turn(given, self._known)
         if not self._is_seen and (cut.is_shown or is_over):  # what is seen before the first turn is in none
-            self._add_keyframe(self._known())
+            known = self._known()
+            self._painter.restore(known)
+            self._add_keyframe(known)
             self._is_seen = True
 
     def write(self) -> None:
@@ -124,6 +129,10 @@ class Stream:
         self._writer.end_block()
         if part := self._sink.taken():
             self._add(part)
+
+    def close(self) -> None:
+        """Follow the game no longer."""
+        self._painter.close()
 
     def end(self) -> None:
         """Give out the last turn, behind which nothing is sensed."""
@@ -137,14 +146,14 @@ class Stream:
         return self._cut.keyframe(self._turns - self._begun_at)
 
     def _add_turn(self, log: Log, state: Callable[[], Keyframe]) -> None:
-        self._writer.add_turn(drawn_log(log))
+        self._writer.add_turn(drawn_log(log, self._painter))
         self._turns += 1
         if (self._turns - self._begun_at) % _KEYFRAME_TURNS == 0 or self._since_keyframe > _KEYFRAME_BYTES:
             self._add_keyframe(state())
 
     def _add_keyframe(self, state: Keyframe) -> None:
         self.write()
-        self._writer.keyframe(drawn_keyframe(state))
+        self._writer.keyframe(drawn_keyframe(state) | {"shown": self._painter.present()})
         self._add(self._sink.taken(), is_keyframe=True)
 
     def _add(self, part: bytes, *, is_keyframe: bool = False) -> None:
@@ -193,6 +202,7 @@ class Streams:
         self._turns = 0  # of that
         self._since: Log = []  # what has happened since then
         self._header: Keyframe = {}
+        self._drawings: dict[str, Any] = {}  # what artists draw now, by their names
         self._sides: Callable[[Callable[[str, Any], bool]], Any]  # that are known to agents
         self._streams: dict[Audience, Stream | None] = {}  # of those who follow; None before there is a game
 
@@ -201,9 +211,11 @@ class Streams:
         with self._lock:
             self._waiting.clear()
             self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
-            self._header, self._since, self.turns, self._turns = drawn_header(header), [], 0, 0
+            self._header, self._since, self.turns, self._turns = header, [], 0, 0
+            self._drawings = {one["artist"]: one for one in header.get("drawings", [])}
             self._sides = partial(sides_of, header, {name: state[name] for name in ("names", "teams")})
             self._state, self._error = DetachedState(deepcopy(state)), None
+            self._close()
             self._streams = {audience: self._begun(audience) for audience in self._streams}
 
     def hear(self, log: Log, *, is_over: bool) -> None:
@@ -229,6 +241,7 @@ class Streams:
             while self._waiting:
                 self._add(self._state, streams, *self._waiting.popleft())
         except Exception as error:
+            self._close()
             self._error, self._state, self._streams = error, None, dict.fromkeys(self._streams)
             raise
         for stream in streams:
@@ -239,6 +252,11 @@ class Streams:
         if is_over:
             state.apply(self._since)
             self._turns += 1
+            for kind, data in events_of(self._since):
+                if kind == kinds.VISUALS:
+                    self._header = self._header | {"visuals": data}
+                elif kind == kinds.VISUAL_COMMANDS:
+                    self._drawings[data["artist"]] = data
         for stream in streams:
             stream.hear(log, self._since, is_over=is_over, state=lambda: state.keyframe(self._turns))
         if is_over:
@@ -267,13 +285,26 @@ class Streams:
     def drop(self, audience: Audience) -> None:
         """Write no stream for an audience until it is asked for again."""
         with self._lock:
-            self._streams.pop(audience, None)
+            stream = self._streams.pop(audience, None)
+            if stream is not None:
+                stream.close()
+
+    def close(self) -> None:
+        """Write no stream any more."""
+        with self._lock:
+            self._close()
+            self._streams, self._state = {}, None
+
+    def _close(self) -> None:
+        for stream in filter(None, self._streams.values()):
+            stream.close()
 
     def _begun(self, audience: Audience) -> Stream:
         assert self._state is not None  # noqa: S101 - callers look
         state = self._state.keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
-        stream = Stream(audience, self._header | {"sides": sides}, state, self._turns, nearest_on(self._columns))
+        header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
+        stream = Stream(audience, header, state, self._turns, nearest_on(self._columns))
         if self._since:
             stream.hear(self._since, self._since, is_over=False, state=dict)
             stream.write()

@@ -100,7 +100,6 @@ export class App {
       setTimeout(() => this.readOn(), 0);
       return;
     }
-    for (const { scene } of this.views) scene.known = undefined;
     const position = this.position; // drawings and what was sensed are known only now
     for (const view of this.views) {
       view.replay.show(Math.min(Math.ceil(position), view.replay.turns));
@@ -126,7 +125,6 @@ export class App {
     const offered = [overview.hasSensed, overview.hasMessages, overview.sides.size].join();
     while (overview.readOn(replay.recording));
     if (offered !== [overview.hasSensed, overview.hasMessages, overview.sides.size].join()) {
-      scene.known = undefined;
       this.settings.renew();
     }
     scene.sightKey = "";

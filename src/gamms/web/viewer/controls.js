@@ -1,6 +1,6 @@
 // What stands above and below the map: the title, teams with scores, what happens, and the timeline.
 import { dot, element, icon, iconButton, refill } from "./dom.js";
-import { wordsOf } from "./captions.js";
+import { wordsOf } from "./words.js";
 import { THEMES } from "./themes.js";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16, 32, 64];
@@ -109,7 +109,7 @@ export class Controls {
       const score = hasScores ? Number((scores.get(name) ?? 0).toPrecision?.(5) ?? 0) : "";
       return element("div", { class: "team" }, dot(colors.get(name)), element("span", { class: "who", text: name }), element("span", { class: "count", text: count }), element("span", { class: "score", text: score }));
     }));
-    const ending = replay.overview.happenings.filter((one) => one.isMajor).pop();
+    const ending = replay.overview.captions.filter((one) => one.isMajor).pop();
     this.end.textContent = over !== null && ending !== undefined && ending.turn === replay.state.turn ? ending.words : "";
   }
 
@@ -117,18 +117,18 @@ export class Controls {
     const { app } = this;
     const [{ replay, scene }] = app.views;
     const colors = scene.colors(app.look);
-    const now = replay.overview.happenings.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
+    const now = replay.overview.captions.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
     refill(this.captions, ...now.map((one) => {
       const color = colors.get(replay.sideOf(one.agent ?? ""));
       return element("p", { class: one.turn === app.turn ? "now" : "" }, dot(color), element("span", { text: one.words }));
     }));
   }
 
-  /** Whether a team that looks on knows of what happened. @param {import("./replay.js").Happening} happening */
-  #isOpen(happening) {
+  /** Whether a team that looks on knows of what happened. @param {import("./replay.js").Caption} caption */
+  #isOpen(caption) {
     const [{ replay, scene }] = this.app.views;
-    if (this.app.look.fog === null || happening.agent === null) return true;
-    const agent = replay.state.byName.get(happening.agent);
+    if (this.app.look.fog === null || caption.agent === null) return true;
+    const agent = replay.state.byName.get(caption.agent);
     return agent === undefined || scene.visible === null || scene.visible.has(agent.number);
   }
 
@@ -144,7 +144,7 @@ export class Controls {
     to.clearRect(0, 0, width, height);
     app.views.forEach(({ replay, scene }) => {
       const colors = scene.colors(app.look);
-      for (const one of replay.overview.happenings) {
+      for (const one of replay.overview.captions) {
         if (!one.isMarked) continue;
         to.fillStyle = colors.get(replay.sideOf(one.agent ?? "")) ?? theme.faint;
         const x = this.#share(one.turn) * width, high = one.isMajor ? 16 : 9;
@@ -172,7 +172,7 @@ export class Controls {
     const box = this.marks.getBoundingClientRect();
     const share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
     const at = app.first + share * (app.turns - app.first), turn = Math.round(at), far = Math.max((4 / box.width) * (app.turns - app.first), 0.5);
-    const near = app.views[0].replay.overview.happenings.filter((one) => one.isMarked && Math.abs(one.turn - at) <= far && this.#isOpen(one)).slice(0, 4);
+    const near = app.views[0].replay.overview.captions.filter((one) => one.isMarked && Math.abs(one.turn - at) <= far && this.#isOpen(one)).slice(0, 4);
     const parts = app.options.parts && Math.abs(app.options.parts - at) <= far ? ["here the games part"] : [];
     this.tip.textContent = [`Turn ${near.length ? near[0].turn : turn}`, ...near.map((one) => one.words), ...parts].join(" · ");
     this.tip.style.left = `${share * 100}%`;

@@ -1,6 +1,7 @@
-// Paint draw commands (ir/draw.py) on a canvas: what artists of a program's own drew, in any order and unit.
+// Paint draw commands (ir/draw.py) on a canvas: signs of rules, and what artists of a program drew.
 import { Camera } from "./camera.js";
 import { rgba } from "./themes.js";
+import { ByteReader } from "./values.js";
 
 const CIRCLE = 1, RECTANGLE = 2, LINE = 3, POLYGON = 4, TEXT = 5;
 const SCREEN = 1;
@@ -9,35 +10,50 @@ const FARTHEST = 1e5; // pixels from the view: what is all beyond is not painted
 
 /**
  * @typedef {{kind: ArrayLike<number>, space: ArrayLike<number>, size: ArrayLike<number>, width: ArrayLike<number>,
- *   angle: ArrayLike<number>, color: ArrayLike<number>, counts: ArrayLike<number>, points: ArrayLike<number>, text: string[]}} Commands
+ *   angle: ArrayLike<number>, style: ArrayLike<number>, counts: ArrayLike<number>, points: ArrayLike<number>, text: string[],
+ *   agents: string[], sides: (string[] | null)[], inks: string[]}} Commands `inks` are the colours of the styles
+ * @typedef {(agent: string | undefined, sides: string[] | null | undefined, x: number, y: number) => [number, number] | null} Shift
+ *   by how many pixels a command is moved that belongs to an agent or to some sides and is at a place; null: it is not shown
  */
 
-/** Return the columns of recorded commands. @param {Map<string, any>} recorded @returns {Commands} */
-export function commandsOf(recorded) {
-  const columns = Object.fromEntries(["kind", "space", "size", "width", "angle", "color", "counts", "points"].map((name) => [name, recorded.get(name)]));
-  return /** @type {Commands} */ ({ ...columns, text: recorded.get("text") ?? [] });
+/** Return the commands of a drawing in the colours of a theme. @param {Map<string, any>} drawing @param {string} theme @returns {Commands} */
+export function commandsOf(drawing, theme) {
+  const recorded = drawing.get("commands"), colors = drawing.get("colors").get(theme);
+  const columns = Object.fromEntries(["kind", "space", "size", "width", "angle", "style", "counts"].map((name) => [name, recorded.get(name)]));
+  const inks = Array.from({ length: colors.length / 4 }, (_, i) => rgba(colors.subarray(4 * i, 4 * i + 4)));
+  return /** @type {Commands} */ ({ ...columns, inks, points: pointsOf(drawing, recorded.get("points")), text: recorded.get("text") ?? [], agents: recorded.get("agents") ?? [], sides: recorded.get("sides") ?? [] });
+}
+
+/** Return the points of a drawing as x, y, x, y, … @param {Map<string, any>} drawing @param {Uint8Array} bytes a column of x and one of y */
+export function pointsOf(drawing, bytes) {
+  const commands = drawing.get("commands"), step = commands.get("step"), reader = new ByteReader(bytes);
+  const count = commands.get("counts").reduce((/** @type {number} */ sum, /** @type {number} */ one) => sum + one, 0);
+  const columns = [reader.sums(count), reader.sums(count)];
+  return Float64Array.from({ length: 2 * count }, (_, i) => step * columns[i % 2][i >> 1]);
 }
 
 /**
  * Paint commands from back to front.
- * @param {CanvasRenderingContext2D} to @param {Commands} commands @param {Camera} camera
+ * @param {CanvasRenderingContext2D} to @param {Commands} commands @param {Camera} camera @param {Shift} shift of those that belong to somebody
  */
-export function paintCommands(to, commands, camera) {
-  const { kind, counts } = commands;
+export function paintCommands(to, commands, camera, shift) {
+  const { kind, counts, agents, sides, points } = commands;
   to.lineCap = to.lineJoin = "round";
   for (let row = 0, at = 0; row < kind.length; ) {
     const end = kind[row] === LINE ? endOfStroke(commands, row) : row + 1;
-    let points = 0;
-    for (let i = row; i < end; i++) points += counts[i];
-    paintAlike(to, commands, camera, row, end, at);
-    at += points;
-    row = end;
+    const moved = agents[row] || sides[row] ? shift(agents[row], sides[row], points[2 * at], points[2 * at + 1]) : [0, 0];
+    if (moved !== null) {
+      to.translate(moved[0], moved[1]);
+      paintAlike(to, commands, camera, row, end, at);
+      to.translate(-moved[0], -moved[1]);
+    }
+    for (; row < end; row++) at += counts[row];
   }
 }
 
 /** Return the row behind the lines of one look that begin in a row: they are one stroke, blended once. */
-function endOfStroke(/** @type {Commands} */ { kind, space, width, color }, /** @type {number} */ row) {
-  const same = (/** @type {number} */ i) => kind[i] === LINE && space[i] === space[row] && width[i] === width[row] && [0, 1, 2, 3].every((k) => color[4 * i + k] === color[4 * row + k]);
+function endOfStroke(/** @type {Commands} */ { kind, space, width, style, agents, sides }, /** @type {number} */ row) {
+  const same = (/** @type {number} */ i) => kind[i] === LINE && space[i] === space[row] && width[i] === width[row] && style[i] === style[row] && agents[i] === agents[row] && sides[i] === sides[row];
   let end = row + 1;
   while (end < kind.length && same(end)) end++;
   return end;
@@ -45,11 +61,10 @@ function endOfStroke(/** @type {Commands} */ { kind, space, width, color }, /** 
 
 /** Paint commands of one look. */
 function paintAlike(/** @type {CanvasRenderingContext2D} */ to, /** @type {Commands} */ commands, /** @type {Camera} */ camera, /** @type {number} */ row, /** @type {number} */ end, /** @type {number} */ at) {
-  const { kind, space, size, width, color, counts, points, text } = commands;
-  const ink = rgba([0, 1, 2, 3].map((k) => color[4 * row + k]));
+  const { kind, space, size, width, style, counts, points, text } = commands;
   const unit = space[row] === SCREEN ? 1 : camera.scale;
   const [x, y] = camera.toScreen(points[2 * at], points[2 * at + 1]);
-  to.fillStyle = to.strokeStyle = ink;
+  to.fillStyle = to.strokeStyle = commands.inks[style[row]];
   to.lineWidth = width[row] * (kind[row] === LINE ? unit : 1);
   if (kind[row] === LINE) {
     to.beginPath();

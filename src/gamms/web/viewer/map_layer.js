@@ -10,14 +10,14 @@ const STEPS = 6; // tones of buildings
 const MARGIN = 0.5; // of the painted area around the view, in views
 
 /** @typedef {import("./themes.js").Theme} Theme */
-/** @typedef {{path: Path2D, width: number}} Stroke @typedef {{path: Path2D, width: number, color: string}} Tint */
+/** @typedef {{path: Path2D, width: number}} Stroke */
 
 export class MapLayer {
   /** @param {World} world */
   constructor(world) {
     this.world = world;
     this.canvas = document.createElement("canvas");
-    /** @type {{x: number, y: number, scale: number, theme: string, ratio: number, tints: Tint[]} | null} */
+    /** @type {{x: number, y: number, scale: number, theme: string, ratio: number} | null} */
     this.painted = null;
     this.origin = [(world.box.left + world.box.right) / 2, (world.box.bottom + world.box.top) / 2];
     this.roads = this.#roads();
@@ -30,15 +30,14 @@ export class MapLayer {
    * Show the map as the camera sees it.
    * @param {CanvasRenderingContext2D} to @param {Camera} camera @param {Theme} theme @param {number} ratio device pixels per CSS pixel
    * @param {boolean} isMoving whether a coarse picture will do for now
-   * @param {Tint[]} tints what lies on it and seldom changes
    * @returns {boolean} whether the picture is as sharp as it can be
    */
-  show(to, camera, theme, ratio, isMoving, tints) {
+  show(to, camera, theme, ratio, isMoving) {
     const was = this.painted;
-    const isStale = was === null || was.theme !== theme.name || was.ratio !== ratio || !areSame(was.tints, tints);
+    const isStale = was === null || was.theme !== theme.name || was.ratio !== ratio;
     const isSharp = !isStale && was.scale === camera.scale && this.#covers(camera);
     const isUsable = !isStale && (isSharp || (isMoving && this.#covers(camera)));
-    if (!isSharp && !isUsable) this.#paint(camera, theme, ratio, tints);
+    if (!isSharp && !isUsable) this.#paint(camera, theme, ratio);
     const { x, y, scale } = /** @type {{x: number, y: number, scale: number}} */ (this.painted);
     const zoom = camera.scale / scale;
     const [px, py] = camera.toScreen(x, y);
@@ -58,12 +57,12 @@ export class MapLayer {
     return Math.abs(camera.x - was.x) + ownWidth <= halfWidth * 1.001 && Math.abs(camera.y - was.y) + ownHeight <= halfHeight * 1.001;
   }
 
-  /** @param {Camera} camera @param {Theme} theme @param {number} ratio @param {Tint[]} tints */
-  #paint(camera, theme, ratio, tints) {
+  /** @param {Camera} camera @param {Theme} theme @param {number} ratio */
+  #paint(camera, theme, ratio) {
     const { canvas, world } = this;
     canvas.width = Math.round(camera.width * (1 + MARGIN) * ratio);
     canvas.height = Math.round(camera.height * (1 + MARGIN) * ratio);
-    this.painted = { x: camera.x, y: camera.y, scale: camera.scale, theme: theme.name, ratio, tints };
+    this.painted = { x: camera.x, y: camera.y, scale: camera.scale, theme: theme.name, ratio };
     const to = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
     to.fillStyle = theme.background;
     to.fillRect(0, 0, canvas.width, canvas.height);
@@ -75,7 +74,6 @@ export class MapLayer {
     this.#paintBuildings(to, theme, camera.scale);
     this.paintStreets(to, theme.streets, camera.scale);
     if (!world.isMetric || camera.scale * world.unit > 14) this.#paintNodes(to, theme, camera.scale);
-    for (const { path, color, width } of tints) this.#stroke(to, path, width, color);
   }
 
   /** @param {CanvasRenderingContext2D} to @param {Theme} theme @param {number} pixel */
@@ -175,9 +173,4 @@ export class MapLayer {
     for (let i = 2; i < points.length; i += 2) path.lineTo(points[i] - x, points[i + 1] - y);
     if (isClosed) path.closePath();
   }
-}
-
-/** Return whether two lists of tints look alike. @param {Tint[]} some @param {Tint[]} others */
-function areSame(some, others) {
-  return some.length === others.length && some.every((one, i) => one.path === others[i].path && one.color === others[i].color);
 }

@@ -1,7 +1,6 @@
 // The panel at the side: the game with its scores, events and agents; or one agent with what it knew and did.
-import { wordsOf } from "./captions.js";
+import { wordsOf } from "./words.js";
 import { dot, element, iconButton, refill } from "./dom.js";
-import { amountsOf } from "./rules.js";
 import { sideOf } from "./sensed.js";
 import { THEMES } from "./themes.js";
 
@@ -70,15 +69,16 @@ export class Panel {
   /** @param {Replay} replay */
   #renewGame(replay) {
     const chart = replay.overview.scores.length ? element("canvas", { class: "chart", role: "img", "aria-label": "Scores over the turns" }) : null;
-    const legends = [...replay.state.drawings.values()].flatMap((drawing) => drawing.get("legend") ?? []);
-    refill(this.body, ...(chart ? [element("h3", { text: "Scores" }), chart] : []), ...(this.app.look.fog === null ? legends.map(legendOf) : []), ...signs(replay), ...this.#events(replay), ...this.#agents(replay), ...this.#about(replay));
+    const { fog } = this.app.look;
+    const blocks = [...replay.state.drawings.values()].filter((one) => fog === null || one.get("in_fog")).flatMap((one) => one.get("legend") ?? []);
+    refill(this.body, ...(chart ? [element("h3", { text: "Scores" }), chart] : []), ...blocks.filter((one) => one.get("title") || one.get("ends")).map(legendOf), ...signs(replay, blocks), ...this.#events(replay), ...this.#agents(replay), ...this.#about(replay));
     if (chart) paintScores(chart, replay, this.app);
   }
 
   /** @param {Replay} replay */
   #events(replay) {
     const { app } = this;
-    const all = replay.overview.happenings;
+    const all = replay.overview.captions;
     if (all.length === 0 || app.look.fog !== null) return [];
     const shown = all.length > MOST_ROWS ? all.filter((one) => one.isMarked).slice(0, MOST_ROWS) : all;
     const rows = shown.map((one) => element("li", {}, element("button", { type: "button", class: one.turn === app.turn ? "row now" : "row", on: { click: () => { app.pause(); app.seek(one.turn); } } },
@@ -115,7 +115,7 @@ export class Panel {
     const isHidden = app.look.fog !== null && sideOf(agent) !== app.look.fog; // of whom the team knows only where it is
     const facts = [["team", agent.team], ["state", agent.alive ? null : "out of the game"], ["node", agent.node], ["street", street], ["before", agent.previous === agent.node ? null : agent.previous],
       ["on an edge", agent.share > 0 ? `${Math.round(agent.share * 100)} % from ${agent.source} to ${agent.target}` : null],
-      ["position", agent.flies ? Array.from(agent.position, (one) => one.toFixed(1)).join(", ") : null], ["speed", agent.speed], ["strategy", agent.strategy], ...(isHidden ? [] : amountsOf(state.data, agent.name))];
+      ["position", agent.flies ? Array.from(agent.position, (one) => one.toFixed(1)).join(", ") : null], ["speed", agent.speed], ["strategy", agent.strategy], ...(isHidden ? [] : factsOf(state, agent.name))];
     const parts = [element("div", { class: "actions" }, follow, back), table(facts.filter((pair) => pair[1] !== null && pair[1] !== undefined))];
     if (isHidden) return [...parts, element("p", { class: "faint", text: `What ${app.look.fog} does not know of it is not shown.` })];
     return [...parts, ...this.#decision(replay, agent), ...this.#sensors(replay, agent), ...section("Memory", state.memories.get(agent.name)), ...section("Memory of the team", teamMemory(state, agent)), ...this.#messages(replay, agent), ...section("Attributes", agent.attributes)];
@@ -193,30 +193,40 @@ function table(rows) {
   return element("dl", {}, ...rows.flatMap(([key, value]) => [element("dt", { text: key }), element("dd", { text: wordsOf(value) })]));
 }
 
-/** What the signs on the map mean that this game has. @param {Replay} replay @returns {Node[]} */
-function signs(replay) {
-  const { data } = replay.state;
-  const has = (/** @type {string} */ key) => data.get(key) instanceof Map && data.get(key).size > 0;
-  const hasFlags = [...data.values()].some((kept) => kept instanceof Map && kept.get("carriers") instanceof Map);
-  const kinds = new Set(replay.overview.kinds);
-  const rows = [
-    [hasFlags, "⚑", "a flag; a ring is its home"], [has("territories"), "▒", "streets of a territory"], [has("goals of reach"), "◎", "a goal"], [has("held"), "◔", "a place to hold, and how long it was held"],
-    [has("discovered"), "◇", "a node to find, and who has found it"], [has("resources"), "▬", `${[...(data.get("resources")?.keys?.() ?? [])].map(String).join(", ")} left`], [has("cooldowns"), "◜", "a deed that is not ready"],
-    [kinds.has("tag"), "⊗", "tagged"], [kinds.has("died"), "✕", "out of the game"], [kinds.has("arrived"), "✓", "arrived"], [replay.overview.hasMessages, "⌒", "a message; dashed: overheard; crossed: lost"],
-  ].filter(([isThere]) => isThere);
-  if (rows.length === 0) return [];
-  return [element("details", { open: true }, element("summary", { text: "Signs" }), ...rows.map(([, sign, words]) => element("div", { class: "team" }, element("span", { class: "sign", "aria-hidden": "true", text: sign }), element("span", { text: words }))))];
+/** Return what drawings say of an agent. @param {import("./state.js").State} state @param {string} name @returns {[string, any][]} */
+function factsOf(state, name) {
+  return [...state.drawings.values()].flatMap((drawing) => drawing.get("facts")?.get(name) ?? []);
+}
+
+/** What the signs on the map mean. @param {Replay} replay @param {Map<string, any>[]} blocks @returns {Node[]} */
+function signs(replay, blocks) {
+  const rows = blocks.filter((one) => !one.get("title")).flatMap(rowsOf);
+  if (replay.overview.hasMessages) rows.push(rowOf([undefined, "a message; dashed: overheard; crossed: lost", "", "⌒"]));
+  return rows.length ? [element("details", { open: true }, element("summary", { text: "Signs" }), ...rows)] : [];
+}
+
+/** @param {any} color @returns {string | undefined} */
+function cssOf(color) {
+  return Array.isArray(color) || ArrayBuffer.isView(color) ? `rgb(${Array.from(/** @type {any} */ (color)).slice(0, 3).join(",")})` : undefined;
+}
+
+/** @param {any[]} row a colour, its name, a value, and a letter instead of a dot */
+function rowOf([color, name, value, sign]) {
+  const first = sign ? element("span", { class: "sign", "aria-hidden": "true", text: sign }) : dot(cssOf(color));
+  return element("div", { class: "team" }, first, element("span", { class: "who", text: wordsOf(name) }), element("span", { class: "score", text: value === undefined || value === null ? "" : wordsOf(value) }));
+}
+
+/** @param {Map<string, any>} block of a legend */
+function rowsOf(block) {
+  return (block.get("rows") ?? []).slice(0, 50).map(rowOf);
 }
 
 /** What an artist says of its colours. @param {Map<string, any>} block */
 function legendOf(block) {
-  const rows = (block.get("rows") ?? []).slice(0, 50).map((/** @type {any[]} */ [color, name, value]) =>
-    element("div", { class: "team" }, dot(Array.isArray(color) || ArrayBuffer.isView(color) ? `rgb(${Array.from(/** @type {any} */ (color)).slice(0, 3).join(",")})` : undefined), element("span", { class: "who", text: wordsOf(name) }), element("span", { class: "score", text: value === undefined || value === null ? "" : wordsOf(value) })));
-  const colors = block.get("colors");
-  const parts = Array.from(colors ?? []).flatMap((/** @type {any} */ one) => (typeof one === "number" ? [one] : Array.from(one).slice(0, 3)));
-  const steps = Array.from({ length: Math.min(Math.floor(parts.length / 3), 64) }, (_, i) => `rgb(${[0, 1, 2].map((k) => Number(parts[3 * i + k]) | 0).join(",")})`);
+  const steps = Array.from(block.get("colors") ?? []).slice(0, 64).map(cssOf);
   const bar = steps.length > 1 ? [element("div", { class: "gradient", style: { background: `linear-gradient(to right, ${steps.join(",")})` } }), element("div", { class: "ends" }, ...(block.get("ends") ?? []).map((/** @type {any} */ one) => element("span", { text: wordsOf(one) })))] : [];
-  return element("section", { class: "legend" }, element("h3", { text: wordsOf(block.get("title") ?? "") }), ...bar, ...rows);
+  const title = wordsOf(block.get("title") ?? "");
+  return element("section", { class: "legend" }, ...(title ? [element("h3", { text: title })] : []), ...bar, ...rowsOf(block));
 }
 
 /** Paint the scores of all teams over the turns. @param {HTMLCanvasElement} chart @param {Replay} replay @param {App} app */

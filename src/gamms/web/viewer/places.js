@@ -305,7 +305,7 @@ export class Places {
     const { to, camera, world } = this;
     const theme = THEMES[this.themeName];
     to.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    const isSharp = this.map.show(to, camera, theme, this.ratio, isMoving, []);
+    const isSharp = this.map.show(to, camera, theme, this.ratio, isMoving);
     this.named = [];
     to.lineCap = to.lineJoin = "round";
     to.beginPath();

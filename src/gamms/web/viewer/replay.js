@@ -1,28 +1,23 @@
 // A recording that is shown: its state at a turn, the ways of agents in it, and what happens over all turns.
-import { captionsOf, endingOf, isMarked } from "./captions.js";
 import { waysOf } from "./motion.js";
 import { FLIGHT, Recording, replayTurn } from "./recording.js";
 import { Knowledge, sensedAt, sideOf } from "./sensed.js";
 import { KINDS, State, stateAt, teamText } from "./state.js";
 import { World } from "./world.js";
 
-const MOST_MARKS = 20000;
+const MOST_CAPTIONS = 20000, MOST_SIDES = 20000;
 
-/** @typedef {{turn: number, words: string, agent: string | null, isMajor: boolean, isMarked: boolean}} Happening */
+/** @typedef {{turn: number, words: string, agent: string | null, isMajor: boolean, isMarked: boolean}} Caption */
 
 /** What happens in all turns, as far as they were read. */
 export class Overview {
   constructor() {
     this.turns = 0; // that were read
-    /** @type {Happening[]} */ this.happenings = [];
+    /** @type {Caption[]} */ this.captions = [];
     /** @type {{turn: number, scores: Map<string, number>}[]} */ this.scores = [];
-    /** @type {{turn: number, artist: string, data: () => any}[]} */ this.drawings = [];
-    /** @type {{turn: number, data: () => any}[]} */ this.visuals = [];
+    /** @type {{turn: number, artists: string[], hasColors: boolean, data: () => any}[]} */ this.shown = []; // changes of it
     /** @type {{turn: number, data: () => any}[]} */ this.worlds = [];
     /** @type {Map<string, string>} */ this.sides = new Map(); // of agents that come during the game, by their names
-    /** @type {Set<string>} */ this.kinds = new Set(); // of what happens
-    /** @type {Map<string, {turn: number, hasArrived: boolean}[]>} */ this.ends = new Map(); // when agents went out, by their names
-    /** @type {{turn: number, node: number, agent: string, other: string}[]} */ this.tags = [];
     this.hasSensed = false;
     this.hasMessages = false;
   }
@@ -34,72 +29,39 @@ export class Overview {
     const chunk = recording.chunk(this.turns);
     for (let i = 0; i < chunk.turns; i++) {
       const turn = chunk.first + i + 1;
-      const events = [], died = [];
       for (let event = chunk.eventEnds[i]; event < chunk.eventEnds[i + 1]; event++) {
         const kind = chunk.kinds[event];
         const data = () => recording.chunk(turn - 1).data(event);
-        if (kind === KINDS.EVENT || kind === KINDS.USER_EVENT) events.push(chunk.data(event));
+        if (kind === KINDS.SHOWN) this.#addShown(turn, data);
         else if (kind === KINDS.SCORES) this.#addScores(turn, chunk.data(event).get("scores"));
-        else if (kind === KINDS.OVER) this.#addEnd(turn, chunk.data(event));
-        else if (kind === KINDS.DRAWING) this.drawings.push({ turn, artist: chunk.data(event).get("artist"), data });
-        else if (kind === KINDS.VISUALS) this.visuals.push({ turn, data });
         else if (kind === KINDS.WORLD) this.worlds.push({ turn, data });
         else if (kind === KINDS.SENSED) this.hasSensed = true;
         else if (kind === KINDS.MESSAGE) this.hasMessages = true;
-        else if (kind === KINDS.ALIVE && !chunk.data(event).get("alive")) died.push(String(chunk.data(event).get("agent_name")));
         else if (kind === KINDS.AGENT_CREATE) this.#addAgent(chunk.data(event));
       }
-      for (const event of events) this.kinds.add(String(event.get("kind")));
-      this.#addMarks(turn, events, died);
-      for (const { words, agent } of captionsOf(events)) this.#add({ turn, words, agent, isMajor: false, isMarked: events.some(isMarked) });
     }
     this.turns = chunk.first + chunk.turns;
     return true;
   }
 
-  /** Note which agents were tagged, and which went out. @param {number} turn @param {Map<string, any>[]} events @param {string[]} died */
-  #addMarks(turn, events, died) {
-    const arrived = new Set(events.filter((event) => event.get("kind") === "arrive").map((event) => event.get("agent")));
-    for (const name of died) {
-      const hasArrived = arrived.has(name);
-      this.kinds.add(hasArrived ? "arrived" : "died");
-      const ends = this.ends.get(name) ?? [];
-      if (ends.length < MOST_MARKS) ends.push({ turn, hasArrived });
-      if (this.ends.size < MOST_MARKS) this.ends.set(name, ends);
-    }
-    for (const event of events) {
-      if (event.get("kind") !== "tag" || this.tags.length >= MOST_MARKS) continue;
-      this.tags.push({ turn, node: event.get("node"), agent: String(event.get("agent")), other: String(event.get("other")) });
-    }
-  }
-
-  /** Return when an agent went out that is out after a turn, and whether it had arrived. @param {string} name @param {number} turn */
-  endOf(name, turn) {
-    return this.ends.get(name)?.filter((one) => one.turn <= turn).pop();
-  }
-
   /** @param {Map<string, any>} data */
   #addAgent(data) {
     const name = String(data.get("name"));
-    if (this.sides.size < MOST_MARKS) this.sides.set(name, teamText(data.get("kwargs")?.get("team")) ?? name);
+    if (this.sides.size < MOST_SIDES) this.sides.set(name, teamText(data.get("kwargs")?.get("team")) ?? name);
   }
 
-  /** @param {Happening} happening */
-  #add(happening) {
-    if (this.happenings.length < MOST_MARKS) this.happenings.push(happening);
+  #addShown(/** @type {number} */ turn, /** @type {() => any} */ data) {
+    const shown = data(), drawings = shown.get("drawings") ?? [];
+    this.shown.push({ turn, artists: drawings.map((/** @type {any} */ one) => one.get("artist")), hasColors: shown.has("colors"), data });
+    for (const one of shown.get("captions") ?? []) {
+      if (this.captions.length >= MOST_CAPTIONS) break;
+      this.captions.push({ turn, words: String(one.get("words")), agent: one.get("agent"), isMajor: one.get("major"), isMarked: one.get("marked") });
+    }
   }
 
   #addScores(/** @type {number} */ turn, /** @type {any} */ given) {
     const scores = new Map([...(given ?? [])].map(([of, score]) => [teamText(of) ?? "", score]).filter((pair) => typeof pair[1] === "number"));
-    const before = this.scores.length ? this.scores[this.scores.length - 1].scores : new Map();
-    for (const [of, score] of scores) {
-      if (score > (before.get(of) ?? 0)) this.#add({ turn, words: `${of} ${Number(score.toPrecision(6))}`, agent: of, isMajor: true, isMarked: true });
-    }
     this.scores.push({ turn, scores });
-  }
-
-  #addEnd(/** @type {number} */ turn, /** @type {Map<string, any>} */ over) {
-    if (over.size) this.#add({ turn, words: endingOf(over), agent: teamText(over.get("winner")), isMajor: true, isMarked: true });
   }
 }
 
@@ -177,16 +139,19 @@ export class Replay {
     this.sensed = this.overview.hasSensed ? sensedAt(this.recording, this.state.turn) : null;
   }
 
-  /** Restore what keyframes do not hold: drawings, declared looks, and another map. @param {number} turn */
+  /** Restore what keyframes may not hold: drawings, colours, and another map. @param {number} turn */
   #restoreLooks(turn) {
     const { state, overview } = this;
-    const last = (/** @type {{turn: number, data: () => any}[]} */ all) => all.filter((one) => one.turn <= turn).pop();
-    const artists = new Map(overview.drawings.filter((one) => one.turn <= turn).map((one) => [one.artist, one]));
-    state.drawings.clear();
-    for (const drawing of this.recording.header.get("drawings") ?? []) if (!artists.has(drawing.get("artist"))) state.draw(drawing);
-    for (const one of artists.values()) state.draw(one.data());
-    state.visuals = last(overview.visuals)?.data() ?? this.recording.header.get("visuals") ?? null;
-    state.world = last(overview.worlds)?.data().get("world") ?? null;
+    /** @type {Map<string, () => any>} */ const last = new Map(); // artist -> what has changed last, up to this turn
+    let colors = () => new Map();
+    for (const one of overview.shown) {
+      if (one.turn > turn) break;
+      for (const artist of one.artists) last.set(artist, one.data);
+      if (one.hasColors) colors = one.data;
+    }
+    for (const [artist, data] of last) state.draw(data().get("drawings").find((/** @type {any} */ one) => one.get("artist") === artist));
+    state.colors = colors().get("colors") ?? state.colors;
+    state.world = overview.worlds.filter((one) => one.turn <= turn).pop()?.data().get("world") ?? null;
   }
 
   /**
@@ -246,11 +211,6 @@ export class Replay {
   sides() {
     const known = new Set([...this.first, ...this.overview.sides.values(), ...[...this.state.agents.values()].map(sideOf)]);
     return this.#inOrder(known).filter((side) => known.has(side));
-  }
-
-  /** Return the sides in the order in which they choose colours, also those of which nothing is known. */
-  sidesWithColors() {
-    return this.#inOrder(new Set(this.sides()));
   }
 
   /** @param {Set<string>} known */

@@ -1,17 +1,17 @@
-// Paint one frame: the map, what teams know, rules, sensors, trails, agents, messages, names and the scale bar.
+// Paint one frame: the map, what teams know, drawings, sensors, trails, agents, messages, names and the scale bar.
 import { Camera } from "./camera.js";
-import { commandsOf, paintCommands } from "./draw_commands.js";
+import { commandsOf, paintCommands, pointsOf } from "./draw_commands.js";
 import { fieldOf } from "./fields.js";
 import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
-import { MARK_PX, paintAmounts, paintDiscovered, paintFlags, paintGoals, paintHeld, paintMarks, territoriesOf } from "./rules.js";
 import { paintMessages } from "./messages.js";
 import { sideOf } from "./sensed.js";
-import { THEMES, faded, isBright, teamColors } from "./themes.js";
+import { THEMES, faded, isBright, rgba } from "./themes.js";
 
 const AGENT_LAYER = 20; // artists below it are behind the agents
+const BELOW_PX = 28; // how far signs reach below a disc
 const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
 const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
 const MOST_PICTURES = 50;
@@ -27,6 +27,7 @@ const VIRIDIS = ["#440154", "#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d
  * @property {"light" | "dark"} theme @property {string | null} fog the team whose eyes are used @property {number} trails turns
  * @property {boolean | "auto"} labels @property {boolean} sensors @property {boolean} messages
  * @property {string | null} heat "" for visits of all, or a team @property {string | null} selected name of an agent @property {string | null} hovered
+ * @typedef {{name: string, px: number, py: number, radius: number}} Mark what has a name, and how much around it is kept clear
  * @typedef {{name: string, number: number, team: string | null, side: string, x: number, y: number, px: number, py: number, radius: number, color: string, way: import("./motion.js").Way}} Disc
  */
 
@@ -39,11 +40,12 @@ export class Scene {
     this.world = replay.world;
     this.map = new MapLayer(replay.world);
     this.camera = new Camera(replay.world.box, replay.world.unit);
-    this.camera.belowPx = MARK_PX;
+    this.camera.belowPx = BELOW_PX;
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
-    /** @type {import("./rules.js").Mark[]} */ this.marks = []; // of agents that are out or were tagged
-    this.discPx = 0; // the radius of agents on the map
+    /** @type {Mark[]} */ this.marks = []; // of agents that are out or were tagged
+    /** @type {WeakMap<object, import("./draw_commands.js").Commands & {theme: string, number: number}>} */ this.commands = new WeakMap(); // of drawings
+    this.drawings = 0; // that were read
     /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
     /** @type {((scene: Scene) => void) | null} */ this.overlay = null; // paints what a person may choose
@@ -61,11 +63,10 @@ export class Scene {
 
   /** Return the colours of all sides. @param {Look} look */
   colors(look) {
-    const { state } = this.replay;
-    if (this.known?.state === state && this.known.turn === state.turn && this.known.theme === look.theme) return this.known.colors;
-    const declared = this.replay.state.visuals?.get("team_colors");
-    const given = declared instanceof Map ? declared : new Map(declared ?? []);
-    this.known = { state, turn: state.turn, theme: look.theme, colors: teamColors(this.replay.sidesWithColors(), THEMES[look.theme], given) };
+    const { colors } = this.replay.state;
+    if (this.known?.of !== colors || this.known.theme !== look.theme) {
+      this.known = { of: colors, theme: look.theme, colors: new Map([...colors].map(([side, inks]) => [side, rgba(inks.get(look.theme))])) };
+    }
     return this.known.colors;
   }
 
@@ -84,22 +85,20 @@ export class Scene {
     this.#place(look, share);
     to.setTransform(ratio, 0, 0, ratio, 0, 0);
     const colors = this.colors(look);
-    const isSharp = this.map.show(to, camera, theme, ratio, isMoving, look.fog === null ? territoriesOf(this, colors) : []);
+    const isSharp = this.map.show(to, camera, theme, ratio, isMoving);
     if (look.fog !== null) this.#cached("fog", `${look.fog} ${replay.state.turn} ${look.theme}`, (into) => this.#paintFog(into, look, theme));
-    const hidden = new Set(this.visible === null ? [] : [...replay.state.agents.values()].filter((agent) => !this.visible?.has(agent.number)).map((agent) => agent.name));
     if (look.heat !== null) this.#cached("heat", `${look.heat} ${replay.state.turn}`, (into) => this.#paintHeat(into, look.heat ?? ""));
-    this.#paintDrawings((layer) => layer < AGENT_LAYER, look, share);
-    paintGoals(to, this, colors, theme);
-    paintHeld(to, this, colors, theme);
-    paintDiscovered(to, this, colors, theme, look);
+    const drawings = this.#drawings(look), below = drawings.filter((one) => one.get("layer") < AGENT_LAYER);
+    const still = below.filter((one) => !one.get("follows") && !one.has("start"));
+    const version = `${still.map((one) => this.#commandsOf(one, look).number)} ${look.fog} ${look.fog === null ? "" : replay.state.turn}`;
+    if (still.length) this.#cached("drawings", version, (into) => this.#paintDrawings(into, still, look, share));
+    this.#paintDrawings(to, below.filter((one) => !still.includes(one)), look, share);
     this.#paintTrails(look);
     this.#paintSights(look, colors);
     if (look.messages) paintMessages(to, this, look);
     this.#paintAgents(look, theme);
-    paintAmounts(to, this, theme, look);
-    paintFlags(to, this, colors, hidden);
-    this.marks = paintMarks(to, this, colors, theme, look);
-    this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
+    this.#paintDrawings(to, drawings.filter((one) => !below.includes(one)), look, share);
+    this.marks = drawings.flatMap((one) => this.#marksOf(one));
     this.#paintNames(look, theme);
     if (this.world.isMetric) paintScaleBar(to, camera, theme);
     this.overlay?.(this);
@@ -160,8 +159,7 @@ export class Scene {
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
     const { box, unit } = replay.world;
     const extent = Math.max(box.right - box.left, box.top - box.bottom) || unit;
-    this.discPx = Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale;
-    const radius = Math.max(this.discPx, least);
+    const radius = Math.max(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, least);
     const starts = spreadOf(ways, (way) => way.before?.node ?? way.agent.node), ends = spreadOf(ways, (way) => way.agent.node);
     this.discs = ways.map((way, i) => {
       const [x, y] = placeOn(way, share);
@@ -215,18 +213,52 @@ export class Scene {
     });
   }
 
-  /** Paint what artists of a program's own drew. @param {(layer: number) => boolean} isChosen @param {Look} look @param {number} share */
-  #paintDrawings(isChosen, look, share) {
-    if (look.fog !== null) return; // what of it a team may see is not recorded
-    const drawings = [...this.replay.state.drawings.values()].filter((one) => isChosen(one.get("layer")));
-    for (const drawing of drawings.sort((a, b) => a.get("layer") - b.get("layer"))) {
-      const commands = commandsOf(drawing.get("commands"));
-      const start = drawing.get("start");
-      if (start !== undefined && share < 1 && start.length === commands.points.length) {
-        commands.points = Float64Array.from(commands.points, (end, i) => start[i] + share * (end - start[i]));
-      }
-      paintCommands(this.to, commands, this.camera);
+  /** Return the drawings that are shown, the lowest first. @param {Look} look @returns {Map<string, any>[]} */
+  #drawings(look) {
+    const all = [...this.replay.state.drawings.values()];
+    return all.filter((one) => look.fog === null || one.get("in_fog")).sort((a, b) => a.get("layer") - b.get("layer"));
+  }
+
+  /** Return the commands of a drawing, read once. @param {Map<string, any>} drawing @param {Look} look */
+  #commandsOf(drawing, look) {
+    let known = this.commands.get(drawing);
+    if (known?.theme !== look.theme) {
+      known = { ...commandsOf(drawing, look.theme), theme: look.theme, number: ++this.drawings };
+      this.commands.set(drawing, known);
     }
+    return known;
+  }
+
+  /** @param {CanvasRenderingContext2D} to @param {Map<string, any>[]} drawings @param {Look} look @param {number} share */
+  #paintDrawings(to, drawings, look, share) {
+    for (const drawing of drawings) {
+      const commands = this.#commandsOf(drawing, look), start = share < 1 && drawing.has("start") ? pointsOf(drawing, drawing.get("start")) : null;
+      const points = start !== null ? Float64Array.from(commands.points, (end, i) => start[i] + share * (end - start[i])) : commands.points;
+      paintCommands(to, { ...commands, points }, this.camera, (agent, sides, x, y) => {
+        if (look.fog !== null && ((sides && !sides.includes(look.fog)) || this.#isHidden(agent))) return null;
+        const disc = agent && drawing.get("follows") ? this.discOf(agent) : undefined;
+        if (disc === undefined) return [0, 0];
+        const [px, py] = this.camera.toScreen(x, y);
+        return [disc.px - px, disc.py - py];
+      });
+    }
+  }
+
+  /** Whether the fog hides an agent. @param {string | undefined} name */
+  #isHidden(name) {
+    const agent = name ? this.replay.state.byName.get(name) : undefined;
+    return agent !== undefined && this.visible !== null && !this.visible.has(agent.number);
+  }
+
+  /** Return the marks of a drawing that have names. @param {Map<string, any>} drawing @returns {Mark[]} */
+  #marksOf(drawing) {
+    const marks = drawing.get("marks");
+    if (marks === undefined) return [];
+    const { camera } = this, [places, shifts] = [marks.get("places"), marks.get("shifts")];
+    return marks.get("names").map((/** @type {string} */ name, /** @type {number} */ i) => {
+      const [px, py] = camera.toScreen(places[2 * i], places[2 * i + 1]);
+      return { name, px: px + shifts[2 * i], py: py + shifts[2 * i + 1], radius: marks.get("radius") };
+    }).filter((/** @type {Mark} */ mark) => !this.#isHidden(mark.name));
   }
 
   /** @param {Look} look */

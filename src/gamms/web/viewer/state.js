@@ -5,9 +5,9 @@ export const KINDS = {
   SNAPSHOT: 0x00000010, AGENT_CREATE: 0x01000000, AGENT_DELETE: 0x01000001, CURRENT_NODE: 0x01100000, PREV_NODE: 0x01100001,
   SENSOR_REGISTER: 0x01100002, SENSOR_DEREGISTER: 0x01100003, ORIENTATION: 0x01100004, POSITION: 0x01100005, QUATERNION: 0x01100006,
   TEAM: 0x01100010, ALIVE: 0x01100011, SPEED: 0x01100012, PROGRESS: 0x01100014, FLYERS_ABOVE: 0x01100030, WORLD: 0x03000000,
-  VISUALS: 0x03000010, DRAWING: 0x03000011, SCORES: 0x04000000, DATA: 0x04000001, EVENT: 0x04000002, OVER: 0x04000003,
+  SCORES: 0x04000000, OVER: 0x04000003,
   GAME_TURN: 0x04000004, MEMORY: 0x04000005, DEED: 0x04000008, BLOCKED: 0x04000009, MESSAGE: 0x0400000a,
-  USER_EVENT: 0x05000000, SENSORS: 0x06000000, SENSED: 0x06000001,
+  SENSORS: 0x06000000, SENSED: 0x06000001, SHOWN: 0x07000000,
 };
 const MOST_AGENTS = 200000;
 const MOST_MESSAGES = 5000; // that are kept: those of the last turns
@@ -35,15 +35,13 @@ const OLDEST_MESSAGE = 200; // turns
  * @property {string | null} strategy
  */
 
-/** What one turn has done, for drawing it: where agents went, and what happened. */
+/** What one turn has done, for drawing it: where agents went, and what they did. */
 export class TurnLog {
   constructor() {
     /** @type {Map<number, number[]>} */ this.moves = new Map(); // number of an agent -> the nodes it went to, in order
-    /** @type {Map<string, any>[]} */ this.events = [];
     /** @type {Map<string, any>[]} */ this.deeds = [];
     /** @type {Map<string, any>[]} */ this.messages = []; // that were sent
     /** @type {Map<string, any> | null} */ this.sensed = null; // at the beginning of the turn
-    /** @type {string[]} */ this.died = [];
   }
 }
 
@@ -54,8 +52,8 @@ export class State {
     this.turn = turn;
     /** @type {Map<number, Agent>} */ this.agents = new Map();
     /** @type {Map<string, Agent>} */ this.byName = new Map();
-    /** @type {Map<string, any>} */ this.drawings = new Map();
-    /** @type {any} */ this.visuals = null;
+    /** @type {Map<string, any>} */ this.drawings = new Map(); // by the names of their artists
+    /** @type {Map<string, any>} */ this.colors = new Map(); // side -> theme -> its colour
     /** @type {Uint8Array | null} */ this.world = null; // another map than that of the header
     /** @type {Map<string, any>[]} */ this.messages = [];
     this.log = new TurnLog();
@@ -91,11 +89,11 @@ export class State {
     });
     this.following = keyframe.get("next") ?? names.length;
     this.scores = new Map((keyframe.get("scores") ?? []).map((/** @type {[any, any]} */ [of, score]) => [teamText(of), score]));
-    /** @type {Map<any, any>} */ this.data = keyframe.get("data") ?? new Map();
     this.over = keyframe.get("over") ?? null;
     this.blocked = keyframe.get("blocked") ?? new Map();
     this.memories = keyframe.get("memories") ?? new Map();
     this.teamMemories = new Map(keyframe.get("team_memories") ?? []);
+    this.show(keyframe.get("shown"));
     this.clock = { turn: keyframe.get("turn") ?? this.turn, at: this.turn, pace: keyframe.get("pace") ?? 1 };
   }
 
@@ -161,9 +159,15 @@ export class State {
     this.byName.delete(name);
   }
 
+  /** Show from now on these drawings and colours. @param {Map<string, any> | undefined} shown */
+  show(shown) {
+    for (const drawing of shown?.get("drawings") ?? []) this.draw(drawing);
+    this.colors = shown?.get("colors") ?? this.colors;
+  }
+
   /** Draw from now on what an artist draws. @param {Map<string, any>} data */
   draw(data) {
-    if (data.get("visible") && data.has("commands")) this.drawings.set(data.get("artist"), data);
+    if (data.has("commands")) this.drawings.set(data.get("artist"), data);
     else this.drawings.delete(data.get("artist"));
   }
 }
@@ -189,10 +193,8 @@ const APPLY = new Map([
   }],
   [KINDS.QUATERNION, (_, data, agent) => { if (agent) agent.quat = [...data.get("quat")]; }],
   [KINDS.TEAM, (_, data, agent) => { if (agent) agent.team = teamText(data.get("team")); }],
-  [KINDS.ALIVE, (state, data, agent) => {
-    if (agent === undefined) return;
-    if (agent.alive && !data.get("alive")) state.log.died.push(agent.name);
-    agent.alive = data.get("alive");
+  [KINDS.ALIVE, (_, data, agent) => {
+    if (agent) agent.alive = data.get("alive");
   }],
   [KINDS.SPEED, (_, data, agent) => { if (agent) agent.speed = data.get("speed"); }],
   [KINDS.PROGRESS, (state, data) => progress(state, data)],
@@ -206,12 +208,8 @@ const APPLY = new Map([
   [KINDS.FLYERS_ABOVE, (state, data) => data.get("names").forEach((/** @type {string} */ name, /** @type {number} */ i) =>
     Object.assign(state.byName.get(name) ?? {}, { node: data.get("node")[i], previous: data.get("previous")[i] }))],
   [KINDS.WORLD, (state, data) => { state.world = data.get("world"); }],
-  [KINDS.VISUALS, (state, data) => { state.visuals = data; }],
-  [KINDS.DRAWING, (state, data) => state.draw(data)],
+  [KINDS.SHOWN, (state, data) => state.show(data)],
   [KINDS.SCORES, (state, data) => { state.scores = new Map([...pairsOf(data.get("scores"))].map(([of, score]) => [teamText(of), score])); }],
-  [KINDS.DATA, (state, data) => change(state.data, data)],
-  [KINDS.EVENT, (state, data) => state.log.events.push(data)],
-  [KINDS.USER_EVENT, (state, data) => state.log.events.push(data)],
   [KINDS.OVER, (state, data) => { state.over = data.size ? data : null; }],
   [KINDS.GAME_TURN, (state, data) => { state.clock = { turn: data.get("turn"), at: state.turn + 1, pace: data.get("pace") }; }],
   [KINDS.MEMORY, (state, data) => remember(state, data)],
@@ -229,8 +227,7 @@ const APPLY = new Map([
 export function stateAt(recording, turn) {
   const { first, state: keyframe } = recording.keyframe(turn);
   const state = new State(keyframe, first);
-  if (first === 0) for (const drawing of recording.header.get("drawings") ?? []) state.draw(drawing);
-  state.visuals = recording.header.get("visuals") ?? null;
+  if (!keyframe.has("shown")) state.show(recording.header.get("shown"));
   while (state.turn < turn) state.advance(recording);
   return state;
 }

@@ -1,5 +1,5 @@
 // Streets by their names, and what is at a node.
-import { wordsOf } from "./captions.js";
+import { wordsOf } from "./words.js";
 import { World } from "./world.js";
 
 const MOST_FOUND = 30;

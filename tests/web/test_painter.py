@@ -1,0 +1,91 @@
+"""What a page shows of rules and artists is what pictures show, in both themes, and in every turn."""
+
+import io
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms import recorder
+from gamms.recorder.cut import sides_of
+from gamms.visual.artist import ArtistGroup
+from gamms.visual.themes import THEMES
+from gamms.web.painter import SHOWN, Painter
+
+
+def ring(ctx, data):
+    """Draw a ring around the agent that comes first, in a color of the theme."""
+    x, y = ctx.visual.position_of("red_0", data.get("_alpha", 1.0))
+    ctx.visual.render_circle(x, y, 4.0, ctx.visual.drawing.theme.ink, 2)
+
+
+def warn(ctx):
+    """Say that a turn is over."""
+    ctx.game.emit("warned", agent="red_0")
+
+
+warn.drawer = ring
+
+
+@pytest.fixture(scope="module")
+def played():
+    """A recorded game with shipped rules and a rule with its own drawer, and what pictures showed in each turn."""
+    stream, shown = io.BytesIO(), []
+    with gamms.create_context(seed=2) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        for number, (team, node) in enumerate((("red", 0), ("red", 4), ("blue", 24), ("blue", 20))):
+            strategy = gamms.strategies.random_walk
+            ctx.agent.create_agent(f"{team}_{number}", start_node_id=node, team=team, strategy=strategy)
+        ctx.game.add(gamms.rules.capture_flag({"red": 0, "blue": 24}))
+        ctx.game.add(gamms.rules.tag("red", "blue", then="eliminate"))
+        ctx.game.add(gamms.rules.resource("fuel", 20))
+        ctx.game.add(gamms.rules.hold([12], 3, ends=False))
+        ctx.game.add(warn)
+        ctx.record.start(stream)
+        for _ in range(12):
+            ctx.game.step()
+            shown.append({theme: drawn(ctx, theme) for theme in ("light", "dark")})
+        ctx.record.stop()
+    return stream.getvalue(), shown
+
+
+def drawn(ctx, theme):
+    """Return what the artists of signs draw in a theme: name -> colors and points."""
+    with ctx.visual.drawing.themed(THEMES[theme]):
+        found = {name: ArtistGroup(ctx, {name: one}).commands() for name, one in ctx.visual.artists.signs().items()}
+    return {name: (one.color, one.points) for name, one in found.items() if len(one)}
+
+
+def test_signs_of_each_turn_are_those_of_pictures_in_both_themes(played):
+    data, expected = played
+    known = {}
+    with recorder.open(io.BytesIO(data)) as recording:
+        state = recording.detached(0).keyframe(0)
+        header = {**recording.header, "world": recording.graph.packed, "sides": sides_of(recording.header, state)}
+        with Painter(header, state) as painter:
+            known |= {one["artist"]: one for one in painter.present()["drawings"]}
+            for log, shown in zip(recording.logs(1, 13), expected, strict=True):
+                for kind, changes in painter.turn(log):
+                    assert kind == SHOWN
+                    for one in changes.get("drawings", []):
+                        known[one["artist"]] = one
+                now = {name: one for name, one in known.items() if "commands" in one}
+                assert {name for name, one in now.items() if len(one["commands"]["kind"])} == shown["light"].keys()
+                for theme, drawings in shown.items():
+                    for name, (colors, points) in drawings.items():
+                        styles = now[name]["commands"]["style"]
+                        assert np.array_equal(now[name]["colors"][theme][styles], colors) or name == "rule_warn"
+                        assert now[name]["commands"]["counts"].sum() == len(points)
+    assert {"flags", "held", "resources", "rule_warn"} <= known.keys()
+    assert known["resources"]["facts"].keys() == {"red_0", "red_1", "blue_2", "blue_3"}
+
+
+def test_a_rule_with_a_drawer_of_its_own_is_painted_and_its_words_are_said(chromium, played, tmp_path):
+    with recorder.open(io.BytesIO(played[0])) as recording:
+        recording.save(tmp_path / "game.html", turn=5)
+    page = chromium.open(tmp_path / "game.html")
+    page.settle()
+    drawings = "gamms.views[0].replay.state.drawings"
+    assert page.value(f"[...{drawings}.get('rule_warn').get('commands').get('kind')]") == [1]
+    assert "red_0: warned" in page.value("document.querySelector('.captions').textContent")
+    assert page.messages == []
