@@ -22,7 +22,7 @@ from gamms.scenario import Scenario
 from gamms.tournament import players
 from gamms.tournament.entries import found_entries
 from gamms.tournament.games import Fixture, play
-from gamms.tournament.players import Allowed, Launcher
+from gamms.tournament.players import Launcher, ResourceLimits
 from gamms.tournament.scratch import remove_folder
 
 if sys.platform != "linux":
@@ -100,7 +100,7 @@ class Arena:
         entries = found_entries({"bad": "attacks.py:decide", "good": "attacks.py:stay"}, folder, self.out, [])
         with self.game("").build(seed=1) as ctx:
             ctx.graph.save(folder / "map.gamms")
-        allowed = Allowed(move_s=20.0, memory_bytes=192 << 20, cpu_s=20)
+        allowed = ResourceLimits(move_s=20.0, memory_bytes=192 << 20, cpu_s=20)
         self.scratch = self.out / "scratch"
         self.copies = set(self.scratch.iterdir())
         with pytest.MonkeyPatch.context() as patch:

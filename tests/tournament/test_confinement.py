@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gamms.tournament import confinement
-from gamms.tournament.scratch import Overfull, check_folder, remove_folder
+from gamms.tournament.scratch import ScratchLimitExceeded, check_folder, remove_folder
 from gamms.tournament.system_calls import ABSENT, BOUND, FREE, MACHINES, STARTING, filter_for
 
 HEADERS = {
@@ -65,7 +65,7 @@ from gamms.tournament import confinement
 for landlock, has_filter in json.loads(sys.argv[1]):
     if (child := os.fork()) == 0:
         with patch.object(confinement, "MACHINES", confinement.MACHINES if has_filter else {}):
-            missing = confinement.confine(confinement.Limits(1 << 30, 5), [], os.getcwd(), landlock)
+            missing = confinement.confine(confinement.ProcessLimits(1 << 30, 5), [], os.getcwd(), landlock)
         os.write(1, json.dumps(missing).encode() + b"\\n")
         os._exit(0)
     os.waitpid(child, 0)
@@ -129,7 +129,7 @@ def test_links_out_of_a_folder_do_not_count(tmp_path):
     os.mkfifo(folder / "pipe")
     check_folder(str(folder), os.getpid())
     (folder / "file").write_bytes(bytes((1 << 24) + 1))
-    with pytest.raises(Overfull, match="more than 16,777,216 bytes"):
+    with pytest.raises(ScratchLimitExceeded, match="more than 16,777,216 bytes"):
         check_folder(str(folder), os.getpid())
 
 

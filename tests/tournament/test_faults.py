@@ -11,7 +11,7 @@ import pytest
 from gamms.scenario import Scenario
 from gamms.tournament.entries import found_entries
 from gamms.tournament.games import Fixture, play
-from gamms.tournament.players import Allowed, Faulty, Launcher, Player
+from gamms.tournament.players import EntryFault, EntryProcess, Launcher, ResourceLimits
 from gamms.tournament.table import points_of
 
 # What each does in its second turn; the scenario says which, so that one launcher serves all tests.
@@ -161,7 +161,7 @@ def launchers(tmp_path_factory):
     entries = found_entries(given, folder, folder / "out", [])
     with stays("").build(seed=1) as ctx:
         ctx.graph.save(folder / "map.gamms")
-    allowed = Allowed(move_s=10.0, memory_bytes=256 << 20, cpu_s=20)
+    allowed = ResourceLimits(move_s=10.0, memory_bytes=256 << 20, cpu_s=20)
     (folder / "scratch").mkdir()
     OTHERS[:] = below(os.getpid())
     made = {one.name: Launcher(one, allowed, folder / "map.gamms", {}, folder / "scratch") for one in entries}
@@ -271,13 +271,13 @@ def state_of(process):
 def test_a_process_is_stopped_before_it_is_asked_and_after_a_fault(launchers):
     known = launchers["program"]
     known.allowed = known.allowed._replace(move_s=0.02)
-    with Player(known) as player:
+    with EntryProcess(known) as player:
         for _ in range(2):
             until = time.monotonic() + 20.0
             while state_of(player._id) != "T" and time.monotonic() < until:
                 time.sleep(0.001)
             assert state_of(player._id) == "T"
-            with pytest.raises(Faulty, match="longer than"):
+            with pytest.raises(EntryFault, match="longer than"):
                 player.begin(b"half a line")
 
 

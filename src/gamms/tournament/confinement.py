@@ -1,10 +1,10 @@
-"""Confines a process to what an entry of a tournament may do: memory, time, files, no network, no other process.
+"""Confine a process to the resources of an entry: bounded memory, time and files, no network, no other process.
 
-Called in a fresh child before it runs any code of an entry, and never to be undone. Resource limits are those of POSIX;
-on Linux, Landlock bounds which files can be opened, and a filter of system calls (seccomp) forbids the rest. Neither
-needs privileges, so it works for any user and in containers. What the system does not offer is returned in words.
-Where the user may make control groups (of version 1 or 2), these bound memory and threads of all processes of an entry
-together; where no group can be made, that is no error.
+Called in a fresh child before it runs any code of an entry; it cannot be undone. Resource limits are those of POSIX.
+On Linux, Landlock bounds which files can be opened, and a filter of system calls (seccomp) forbids the rest. Neither
+needs privileges, so both work for any user and in containers. Limits that the system cannot enforce are returned as
+texts. Where the user may make control groups (version 1 or 2), these bound the memory and threads of all processes of
+an entry together; otherwise these bounds are left out without an error.
 """
 
 import ctypes
@@ -23,14 +23,14 @@ from gamms.tournament.system_calls import MACHINES, filter_for
 LONGEST_FILE = 1 << 24  # bytes
 
 
-class Limits(NamedTuple):
-    """What a process may use.
+class ProcessLimits(NamedTuple):
+    """Resources that a process may use.
 
     Attributes:
-        memory_bytes: of private memory.
+        memory_bytes: bytes of private memory.
         cpu_s: seconds of processor time, of all its threads together.
-        file_bytes: how long a file that it writes may be.
-        open_files: how many at once.
+        file_bytes: the longest file that it may write, in bytes.
+        open_files: the number of files open at the same time.
     """
 
     memory_bytes: int
@@ -39,12 +39,12 @@ class Limits(NamedTuple):
     open_files: int = 128
 
 
-# -- numbers of Linux -------------------------------------------------------------------------------------------
+# -- constants of Linux -----------------------------------------------------------------------------------------
 
-_DROP_FROM_BOUNDS, _SET_SECCOMP, _NO_NEW_PRIVILEGES = 24, 22, 38  # of prctl
+_DROP_FROM_BOUNDS, _SET_SECCOMP, _NO_NEW_PRIVILEGES = 24, 22, 38  # options of prctl
 _MOST_CAPABILITIES = 64
 _CAPABILITIES_VERSION = 0x20080522
-_CREATE_RULESET, _ADD_RULE, _RESTRICT = 444, 445, 446  # Landlock's system calls, on all architectures
+_CREATE_RULESET, _ADD_RULE, _RESTRICT = 444, 445, 446  # system calls of Landlock, on all architectures
 
 _EXECUTE, _WRITE, _READ, _LIST, _TRUNCATE, _CONTROL = 1, 1 << 1, 1 << 2, 1 << 3, 1 << 14, 1 << 15
 _REMOVE_FOLDER, _REMOVE_FILE, _MAKE_FOLDER, _MAKE_FILE, _MOVE = 1 << 4, 1 << 5, 1 << 7, 1 << 8, 1 << 13
@@ -53,26 +53,26 @@ _OF_SCRATCH = _WRITE | _READ | _LIST | _REMOVE_FOLDER | _REMOVE_FILE | _MAKE_FOL
 _RIGHTS = {1: 13, 2: 14, 3: 15, 5: 16}  # version of Landlock -> number of its rights on files
 _BY_TCP, _BY_SOCKET_AND_SIGNAL = 3, 3
 
-_RESERVED = 64  # times its memory: the addresses that a process may reserve; pages that map them take an eighth of it
+_RESERVED = 64  # address space, in multiples of the memory limit; page tables take an eighth of the memory
 _STACK_BYTES = 1 << 23
-_SIGNALS = 1 << 10  # that wait for the process
+_SIGNALS = 1 << 10  # pending signals of the process
 
 
 def landlock_version() -> int:
-    """Return the version of Landlock that this system has; 0: none."""
+    """Return the version of Landlock on this system; 0: not available."""
     if sys.platform != "linux":
         return 0
     return max(int(ctypes.CDLL(None).syscall(_CREATE_RULESET, None, 0, 1)), 0)
 
 
-def confine(limits: Limits, readable: Iterable[str], writable: str, landlock: int) -> list[str]:
-    """Confine this process for ever, and return what could not be enforced.
+def confine(limits: ProcessLimits, readable: Iterable[str], writable: str, landlock: int) -> list[str]:
+    """Confine this process irrevocably, and return descriptions of all limits that could not be enforced.
 
     Args:
-        limits: what it may use.
-        readable: files and folders that may be read, and programs in them run.
-        writable: the folder in which it may write, too.
-        landlock: the version of Landlock to rely on, as `landlock_version` gives it.
+        limits: the resources that it may use.
+        readable: files and folders that it may read, and run programs from.
+        writable: the folder that it may also write.
+        landlock: the version of Landlock to rely on, as returned by `landlock_version`.
     """
     missing = _set_limits(limits)
     if sys.platform != "linux":
@@ -90,15 +90,15 @@ def confine(limits: Limits, readable: Iterable[str], writable: str, landlock: in
 _FILES = "which files can be read and written, the memory of other processes among them"
 _CALLS = "no network, no other processes, no changes of the mode, owner, times and attributes of files"
 _MEMORY = "how much memory and disk is taken by what is shared or deleted"
-# What Landlock enforces from a version on; the filter of system calls enforces it as well.
+# Limits that Landlock enforces from a version on, and the filter of system calls as well.
 _BY_VERSION = (
     (3, "that files which can be read are not truncated", "Linux 6.2 with Landlock"),
     (6, "no signals to other processes", "Linux 6.12 with Landlock"),
 )
 
 
-def _set_limits(limits: Limits) -> list[str]:
-    import resource  # which Windows does not have
+def _set_limits(limits: ProcessLimits) -> list[str]:
+    import resource  # not available on Windows
 
     missing = []
     for name, soft, hard in (
@@ -106,13 +106,13 @@ def _set_limits(limits: Limits) -> list[str]:
         ("RLIMIT_CPU", limits.cpu_s, limits.cpu_s + 1),
         ("RLIMIT_FSIZE", limits.file_bytes, limits.file_bytes),
         ("RLIMIT_NOFILE", limits.open_files, limits.open_files),
-        # Private memory that can be written: programs of other languages reserve more addresses than they use.
+        # Private writable memory: programs of other languages reserve more addresses than they use.
         ("RLIMIT_DATA", limits.memory_bytes, limits.memory_bytes),
         ("RLIMIT_AS", _RESERVED * limits.memory_bytes, _RESERVED * limits.memory_bytes),
         ("RLIMIT_STACK", _STACK_BYTES, _STACK_BYTES),
         ("RLIMIT_SIGPENDING", _SIGNALS, _SIGNALS),
     ):
-        if not hasattr(resource, name):  # macOS has no signals that wait
+        if not hasattr(resource, name):  # macOS has no limit on pending signals
             continue
         kind = getattr(resource, name)
         before = resource.getrlimit(kind)[1]
@@ -125,7 +125,7 @@ def _set_limits(limits: Limits) -> list[str]:
 
 
 def _drop_privileges() -> None:
-    """Give up all capabilities that a superuser has, for all programs that are run from here on."""
+    """Give up all capabilities of a superuser, in this process and in programs that it runs."""
     libc = ctypes.CDLL(None)
     for capability in range(_MOST_CAPABILITIES):
         libc.prctl(_DROP_FROM_BOUNDS, capability, 0, 0, 0)
@@ -134,7 +134,7 @@ def _drop_privileges() -> None:
 
 
 def _bound_files(readable: Iterable[str], writable: str, version: int) -> bool:
-    """Let only these files be opened; return whether the system can do that."""
+    """Restrict file access to these paths by Landlock; return whether the system can do that."""
     if version < 1:
         return False
     call = ctypes.CDLL(None, use_errno=True).syscall
@@ -158,7 +158,7 @@ def _bound_files(readable: Iterable[str], writable: str, version: int) -> bool:
     return bool(is_bound)
 
 
-# What programs of any language read to start: libraries, time zones, how many processors there are.
+# Files that programs of any language read at start: libraries, time zones, the number of processors.
 _SYSTEM = (
     *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin", "/nix/store", "/etc/ld.so.cache", "/etc/ld.so.conf"),
     *("/etc/localtime", "/etc/alternatives", "/etc/ssl/openssl.cnf", "/proc/self", "/proc/cpuinfo", "/proc/meminfo"),
@@ -178,7 +178,7 @@ def _allow(call: Callable[..., int], rules: int, path: str, allowed: int) -> Non
 
 
 def _bound_calls() -> bool:
-    """Refuse the system calls that an entry does not need; return whether the system can do that."""
+    """Install the filter of system calls; return whether the system can do that."""
     if platform.machine() not in MACHINES:
         return False
     filters = b"".join(struct.pack("=HBBI", *one) for one in filter_for(platform.machine(), os.getpid()))
@@ -189,20 +189,19 @@ def _bound_calls() -> bool:
 
 # -- control groups -----------------------------------------------------------------------------------------------
 
-_GROUP_PREFIX = "gamms-"  # of the name of a group, before the id of its launcher
+_GROUP_PREFIX = "gamms-"  # prefix of a group's name, before the id of its launcher
 _MEMBERS = "cgroup.procs"
-_COUNTERS = ("memory.events", "memory.oom_control")  # where versions 2 and 1 count the processes that were killed
+_COUNTERS = ("memory.events", "memory.oom_control")  # where versions 2 and 1 count killed processes
 
 
 class ControlGroups:
-    """Control groups with bounds, which this process makes and joins.
+    """Control groups that bound this process and its later children.
 
-    They lie in its own group, or beside it. Its later children are in them as well. Memory that the process took before
-    does not count.
+    The groups lie in the process's own group or beside it. Memory that the process took before does not count.
 
     Args:
-        memory_bytes: of all processes in the groups together.
-        threads: of all processes in the groups together.
+        memory_bytes: the memory of all processes in the groups together.
+        threads: the threads of all processes in the groups together.
     """
 
     def __init__(self, memory_bytes: int, threads: int) -> None:
@@ -230,7 +229,7 @@ class ControlGroups:
                     wanted -= bounded
 
     def has_killed(self) -> bool:
-        """Return whether the kernel has ended a process because the memory was full, since the last call."""
+        """Return whether the kernel has killed a process for lack of memory since the last call."""
         before, self._killed = self._killed, 0
         for group in self._joined:
             for name in _COUNTERS:
@@ -250,7 +249,7 @@ def remove_empty_groups() -> None:
 
 
 def _parent_groups() -> Iterator[Path]:
-    """Yield the groups in which this process may be able to make groups: its own, and in version 2 the one above."""
+    """Yield the groups in which this process may be able to make groups: its own, and in version 2 its parent."""
     try:
         memberships = Path("/proc/self/cgroup").read_text().splitlines()
         mounts = Path("/proc/self/mountinfo").read_text().splitlines()

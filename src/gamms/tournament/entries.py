@@ -1,6 +1,6 @@
-"""The entries of a tournament: found, copied where they could read each other, and named by their digests.
+"""Find the entries of a tournament, copy them if they could read each other, and compute their digests.
 
-No code of an entry runs here: a Python file is read as text to see that the function is there.
+No code of an entry runs here: a Python file is read as text to check that the function exists.
 """
 
 import hashlib
@@ -20,27 +20,27 @@ from gamms.folders import bytes_of, home_folder, write_whole
 from gamms.scenario.code import chosen
 from gamms.tournament.scratch import remove_folder
 
-Given = str | Sequence[str]
+EntrySpec = str | Sequence[str]
 """`file.py:function`, `module:function`, or a program with its arguments."""
 
-_MOST_FILES, _MOST_BYTES = 2_000, 1 << 28  # of a folder that an entry may have for itself
-_Places = list[tuple[Path, Path] | None]  # of each text the file that it names, and what of it may be read
-SCRATCH = "scratch"  # the folder in that of a tournament for all that is there only while it is played
+_MOST_FILES, _MOST_BYTES = 2_000, 1 << 28  # limits on the folder of an entry
+_Places = list[tuple[Path, Path] | None]  # for each text: the file that it names, and the path that the entry may read
+SCRATCH = "scratch"  # the subfolder for files that exist only while the tournament is played
 _LIBRARIES = ("lib", "lib64", "libexec", "share", "pyvenv.cfg")
-_PASSED_OVER = ("__pycache__", ".git")
+_IGNORED_FOLDERS = ("__pycache__", ".git")
 
 
 class Entry(NamedTuple):
-    """One entry.
+    """One entry of a tournament.
 
     Attributes:
-        name: as the table has it.
-        reference: where the function is; "" for a program.
+        name: the name of the entry in the table.
+        reference: the function as `file.py:function` or `module:function`; "" for a program.
         command: the program and its arguments, by absolute paths; () for Python.
         readable: the files and folders of its own that it may read.
-        digest: the SHA-256 of its files and of how it is started, in hexadecimal.
-        copy: the folder in which it plays, where its file was copied; else "".
-        published: where in the folder of the tournament that copy is afterwards.
+        digest: the SHA-256 of its files and of its command or function, in hexadecimal.
+        copy: the folder of its copy, if its file was copied; else "".
+        published: the place of the copy in the tournament's folder after the tournament.
     """
 
     name: str
@@ -52,29 +52,29 @@ class Entry(NamedTuple):
     published: str
 
 
-def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: Iterable[Path]) -> list[Entry]:
-    """Return the entries in the order of their names.
+def found_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private: Iterable[Path]) -> list[Entry]:
+    """Return the entries, sorted by name.
 
-    An entry may read the folder that its file is in, unless another entry or a file of the game is there, too; then its
-    file alone is copied. Until the tournament ends, the copy lies in a folder whose name no entry can guess.
+    An entry may read the folder of its file, unless the folder also holds another entry or a file of the game; in
+    that case only the entry's file is copied. Until the tournament ends, the copy lies in a folder whose name no entry
+    can guess.
 
     Args:
-        given: name -> what it is.
-        base: the folder that relative paths begin in.
+        given: name -> specification of the entry.
+        base: the folder that relative paths start from.
         out: the folder of the tournament.
         private: further files and folders that no entry may read.
 
     Raises:
-        BadType, BadValue: there are fewer than two entries, one is neither of what is possible, or a program is not
-            there.
-        ScenarioError (ValueError): there is no such file, module or function.
+        BadType, BadValue: there are fewer than two entries, a specification is not valid, or a program does not exist.
+        ScenarioError (ValueError): a file, module or function does not exist.
     """
-    texts = {as_name(name, "an entry"): _texts(name, one) for name, one in as_mapping(given, "entries").items()}
+    texts = {as_name(name, "an entry"): _words_of(name, one) for name, one in as_mapping(given, "entries").items()}
     if len(texts) < 2:
         raise BadValue(f"A tournament needs two entries at least, not {len(texts)}.")
     files = {name: [_file_in(text, base) for text in some] for name, some in texts.items()}
     for name, (text, *_) in texts.items():
-        if isinstance(given[name], str):  # an error names the file, not its copy
+        if isinstance(given[name], str):  # errors name the file, not its copy
             file = files[name][0]
             reference = text if file is None else f"{file}:{text.rpartition(':')[2]}"
             chosen(reference, f"the entry {name!r}")
@@ -93,7 +93,7 @@ def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: It
 
 
 def publish(entries: Iterable[Entry], out: Path) -> None:
-    """Put the copies of entries where readers of the folder find them; none of them can be played any more."""
+    """Move the copies of entries to their published folders; the entries cannot be played afterwards."""
     for entry in entries:
         if entry.copy:
             place = out / entry.published
@@ -102,7 +102,7 @@ def publish(entries: Iterable[Entry], out: Path) -> None:
             Path(entry.copy).rename(place)
 
 
-def _texts(name: str, given: object) -> list[str]:
+def _words_of(name: str, given: object) -> list[str]:
     if isinstance(given, str):
         if given.endswith(".py"):
             raise BadValue(f"The entry {name!r} needs the name of a function in {given!r}: '{given}:plan'.")
@@ -115,7 +115,7 @@ def _texts(name: str, given: object) -> list[str]:
 
 
 def _file_in(text: str, base: Path) -> Path | None:
-    """Return the file that a text names, `file.py:function` included; None if it names none."""
+    """Return the file that a text names, `file.py:function` included; None if it names no file."""
     left = text.rpartition(":")[0] or text
     for one in (text, left):
         file = base / one
@@ -125,7 +125,7 @@ def _file_in(text: str, base: Path) -> Path | None:
 
 
 def _place(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path]:
-    """Return where an entry finds its file, and what it may read."""
+    """Return the path of an entry's file, and the path that the entry may read."""
     folder = file.parent.resolve()
     if file.is_relative_to(sys.prefix) or file.is_relative_to("/usr"):
         return file, file
@@ -162,7 +162,7 @@ def _program(name: str, texts: list[str], places: _Places) -> Entry:
 
 
 def _beside(program: Path) -> Iterator[Path]:
-    """Yield where a program has its libraries, if it is in a folder `bin`, and that folder."""
+    """Yield the folder of a program, and the folders of its libraries if it lies in a folder `bin`."""
     yield program.parent
     for name in _LIBRARIES if program.parent.name == "bin" else ():
         yield program.parent.parent / name
@@ -182,7 +182,7 @@ def _package(module: str) -> str:
 def _files_of(folder: Path) -> list[Path]:
     found: list[Path] = []
     for parent, folders, names in os.walk(folder):
-        folders[:] = sorted(one for one in folders if one not in _PASSED_OVER)
+        folders[:] = sorted(one for one in folders if one not in _IGNORED_FOLDERS)
         found += [Path(parent, name) for name in sorted(names)]
         if len(found) >= _MOST_FILES:
             break
@@ -190,8 +190,9 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 def _digest(texts: Iterable[str], readable: Iterable[str]) -> str:
-    """Return the digest of how an entry is started, and of its files by their names in their folders."""
-    whole, left = hashlib.sha256(), _MOST_BYTES
+    """Return the digest of an entry's command or function and of its files, by their paths in their folders."""
+    whole = hashlib.sha256()
+    left = _MOST_BYTES
     for text in texts:
         whole.update(f"{text}\n".encode())
     for place in map(Path, readable):
@@ -208,7 +209,7 @@ def _digest(texts: Iterable[str], readable: Iterable[str]) -> str:
 
 
 def python_folders() -> list[str]:
-    """Return the folders that Python and GAMMS are in, which every Python entry may read."""
+    """Return the folders of Python and GAMMS, which every Python entry may read."""
     import gamms
 
     places = {sys.prefix, sys.base_prefix, sysconfig.get_path("stdlib"), str(Path(gamms.__file__).resolve().parent)}

@@ -1,4 +1,4 @@
-"""One game between two entries: what each is asked, and the row that comes of it."""
+"""One game between two entries: the questions to each entry, and the row of the game."""
 
 import hashlib
 import re
@@ -14,24 +14,33 @@ from gamms.scenario import Scenario
 from gamms.scenario.code import private_package
 from gamms.text import printable, printable_line, shown, without_address
 from gamms.tournament.host import framed
-from gamms.tournament.players import Answer, Fault, Faulty, Launcher, Player
+from gamms.tournament.players import Answer, EntryFault, EntryProcess, Fault, Launcher
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.sensor_engine import SensorType
 
-MOST_TURNS = 1000  # of a game that has no bound of its own
-MOST_SAID = 1000  # letters of what an entry makes a row say
-_TELLING = re.compile("error|denied|not found", re.IGNORECASE)  # in the line of a log that says why a program ended
-_OWN = ("draw", "rng", "memory", "team_memory", "fork", "outbox", "name", "team")  # what an entry makes for itself
+MOST_TURNS = 1000  # turns of a game without a limit of its own
+MOST_SAID = 1000  # letters of each text in a row that an entry chooses
+_TELLING = re.compile("error|denied|not found", re.IGNORECASE)  # words in a line of a log that tell why a program ended
+_OWN = (
+    "draw",
+    "rng",
+    "memory",
+    "team_memory",
+    "fork",
+    "outbox",
+    "name",
+    "team",
+)  # keys of a state that the host of an entry supplies itself
 
 
 class Fixture(NamedTuple):
-    """A game that is to be played.
+    """A game to play.
 
     Attributes:
-        id: the digest of all that it follows from.
+        id: the digest of everything that determines the game.
         entries: team -> the entry that plays it.
-        seed: of the game.
-        round: in which it is played, from 1.
+        seed: the seed of the game.
+        round: the round of the tournament, from 1.
     """
 
     id: str
@@ -41,18 +50,18 @@ class Fixture(NamedTuple):
 
 
 class Row(TypedDict):
-    """A game that was played.
+    """The row of a finished game.
 
     Attributes:
         id, round, seed: see `Fixture`.
         entries: team -> the entry that played it.
         winner: the team that won; None: neither.
-        reason: why it ended.
-        truncated: whether it stopped before it was over.
-        turns: how many were played.
+        reason: why the game ended.
+        truncated: whether the game stopped at its limit of turns.
+        turns: the number of turns.
         scores: team -> its score.
-        faults: team -> by which fault it lost, a key of `FAULTS`.
-        details: team -> what the fault was, in words.
+        faults: team -> the fault by which it lost, a key of `FAULTS`.
+        details: team -> a description of the fault.
     """
 
     id: str
@@ -69,12 +78,12 @@ class Row(TypedDict):
 
 
 def own_seed(seed: int, team: str) -> int:
-    """Return the seed of what an entry draws, from which that of the game does not follow."""
+    """Return the seed for an entry's own draws; the seed of the game cannot be derived from it."""
     return int.from_bytes(hashlib.sha256(f"tournament/{seed}/{team}".encode()).digest()[:7], "big")
 
 
 def _stay(states: Mapping[str, dict[str, Any]]) -> None:
-    """Let agents stay where they are: a plan."""
+    """Keep all agents where they are: a plan for a team."""
     for state in states.values():
         state["action"] = (0.0, 0.0, 0.0) if isinstance(state["curr_pos"], tuple) else state["curr_pos"]
 
@@ -82,29 +91,31 @@ def _stay(states: Mapping[str, dict[str, Any]]) -> None:
 class _Side:
     """The team that an entry plays: its plan in the game, and its first fault."""
 
-    def __init__(self, player: Player, ctx: Context, team: str, start: Mapping[str, Any]) -> None:
-        self._player, self._ctx, self._team = player, ctx, team
+    def __init__(self, player: EntryProcess, ctx: Context, team: str, start: Mapping[str, Any]) -> None:
+        self._player = player
+        self._ctx = ctx
+        self._team = team
         self._is_python = not player.launcher.entry.command
         self._asked = 0
         self.fault: Fault | None = None
         try:
             player.begin(self._message("start", start))
-        except Faulty as error:
+        except EntryFault as error:
             self.fault = error.fault
 
     def plan(self, states: dict[str, dict[str, Any]]) -> None:
-        """Ask the entry what its agents do; without an answer they stay, and the game is over."""
+        """Ask the entry for its agents' actions; without an answer the agents stay and the game ends."""
         try:
             if self.fault is None:
                 self._take(states, self._answer(states))
-        except Faulty as error:
+        except EntryFault as error:
             self.fault = error.fault
         if self.fault is not None:
             _stay(states)
 
     def _answer(self, states: dict[str, dict[str, Any]]) -> Answer:
         self._asked += 1
-        agents = {name: _sent(state) for name, state in states.items()}
+        agents = {name: _data_of(state) for name, state in states.items()}
         shares = any("team_memory" in state for state in states.values())
         question: dict[str, Any] = {"question": self._asked, "agents": agents, "shares_memory": shares}
         if not self._is_python:
@@ -114,10 +125,10 @@ class _Side:
     def _take(self, states: dict[str, dict[str, Any]], answer: Answer) -> None:
         for name in (*answer.actions, *answer.outbox):
             if name not in states:
-                raise Faulty("illegal", f"it decided for {shown(name)}, which is not one of its living agents")
+                raise EntryFault("illegal", f"it decided for {shown(name)}, which is not one of its living agents")
         for name, messages in answer.outbox.items():
             if "outbox" not in states[name]:
-                raise Faulty("illegal", "it sent a message, and the game has no channels")
+                raise EntryFault("illegal", "it sent a message, and the game has no channels")
             states[name]["outbox"] += messages
         for name, action in answer.actions.items():
             states[name]["action"] = action
@@ -126,7 +137,7 @@ class _Side:
         return framed({"type": kind, **fields}) if self._is_python else line_of(kind, fields) + b"\n"
 
     def find_illegal(self) -> None:
-        """Note as a fault what the game has refused to do for its agents."""
+        """Record an illegal action of the team's agents as a fault."""
         agents = self._ctx.agent.agents
         for error in self._ctx.game.errors:
             if self.fault is None and agents[error["agent"]].team == self._team:
@@ -134,7 +145,7 @@ class _Side:
 
 
 def _forfeit(sides: Mapping[str, _Side]) -> tuple[str | None, str]:
-    """Return who wins a game in which an entry has a fault, and why it ended."""
+    """Return the winner of a game in which an entry has a fault, and the reason for the end."""
     faults = {team: side.fault.kind for team, side in sides.items() if side.fault is not None}
     others = [team for team in sides if team not in faults]
     return (others[0] if others else None), ", ".join(
@@ -160,19 +171,21 @@ class _Referee:
 def play(
     scenario: Scenario, fixture: Fixture, launchers: Mapping[str, Launcher], record: Path | None = None
 ) -> tuple[Row, dict[str, bytes]]:
-    """Play a game, and return its row, and by team what the entry has written besides its answers.
+    """Play a game; return its row and, by team, the log of the entry.
 
     Args:
-        scenario: of the game.
+        scenario: the scenario of the game.
         fixture: who plays which team, with which seed.
-        launchers: of the entries, by name.
-        record: the file of a recording; None: it is not recorded.
+        launchers: entry name -> launcher.
+        record: the file of a recording; None: do not record.
     """
     with ExitStack() as open_things:
         ctx = open_things.enter_context(scenario.build(fixture.seed))
         game = ctx.game
         game.on_illegal, game.time_budget = "stay", None
-        players = {team: open_things.enter_context(Player(launchers[one])) for team, one in fixture.entries.items()}
+        players = {
+            team: open_things.enter_context(EntryProcess(launchers[one])) for team, one in fixture.entries.items()
+        }
         sides = {
             team: _Side(player, ctx, team, _start(ctx, team, fixture, player.launcher))
             for team, player in players.items()
@@ -196,25 +209,27 @@ def play(
         turns=result.turns,
         scores={team: float(result.scores.get(team, 0)) for team in fixture.entries},
         faults={team: fault.kind for team, fault in faults.items()},
-        details={team: _said(players[team], fault.detail)[:MOST_SAID] for team, fault in faults.items()},
+        details={team: _readable(players[team], fault.detail)[:MOST_SAID] for team, fault in faults.items()},
     )
-    return row, {team: _said(player, player.log.decode(errors="replace")).encode() for team, player in players.items()}
+    return row, {
+        team: _readable(player, player.log.decode(errors="replace")).encode() for team, player in players.items()
+    }
 
 
 def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launcher) -> str | None:
-    """Ask an entry once, in a game in which the other side stays, and return why it cannot play; None: it can.
+    """Ask an entry once, in a game in which the other side stays; return why it cannot play, or None if it can.
 
     Args:
-        scenario: of the game.
-        seed: of the game.
-        sides: the team that it plays, and the other one.
-        launcher: of the entry.
+        scenario: the scenario of the game.
+        seed: the seed of the game.
+        sides: the team that the entry plays, and the other one.
+        launcher: the launcher of the entry.
     """
     team, other = sides
     with ExitStack() as open_things:
         ctx = open_things.enter_context(scenario.build(seed))
         ctx.game.on_illegal, ctx.game.time_budget = "stay", None
-        player = open_things.enter_context(Player(launcher))
+        player = open_things.enter_context(EntryProcess(launcher))
         fixture = Fixture("", {team: launcher.entry.name}, seed, 0)
         side = _Side(player, ctx, team, _start(ctx, team, fixture, launcher))
         ctx.game.command(team, side.plan)
@@ -225,15 +240,15 @@ def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launc
         fault = side.fault
     if fault is None:
         return None
-    reason = f"{fault.kind}: {_said(player, fault.detail)}"
+    reason = f"{fault.kind}: {_readable(player, fault.detail)}"
     if fault.kind == "exit":
-        lines = _said(player, player.log.decode(errors="replace")).splitlines()
+        lines = _readable(player, player.log.decode(errors="replace")).splitlines()
         telling = [line for line in lines if _TELLING.search(line)] or lines
         reason += f" ({telling[-1].strip()})" if telling else ""
     return printable_line(reason)[:MOST_SAID]
 
 
-def _said(player: Player, text: str) -> str:
+def _readable(player: EntryProcess, text: str) -> str:
     """Return a text about an entry, printable, and without folders and addresses that change from run to run."""
     entry = player.launcher.entry
     text = text.replace(player.scratch, "~")
@@ -243,7 +258,7 @@ def _said(player: Player, text: str) -> str:
 
 
 def _start(ctx: Context, team: str, fixture: Fixture, launcher: Launcher) -> dict[str, Any]:
-    """Return what an entry is given before the first turn: its team, all agents by name and team, its own seed."""
+    """Return the start message of an entry: its team, all agents by name and team, its own seed."""
     start = {
         "team": team,
         "seed": own_seed(fixture.seed, team),
@@ -266,7 +281,7 @@ def _start(ctx: Context, team: str, fixture: Fixture, launcher: Launcher) -> dic
 
 
 def _keywords(agent: Any, team: str, ctx: Context) -> dict[str, Any]:  # Any: an agent, with attributes of its own
-    """Return how an entry's context creates an agent: its own as they are, the others on the first node of the map."""
+    """Return the arguments that create an agent in an entry's context; opponents start on the map's first node."""
     own = agent.team == team
     node = agent.current_node_id if own else int(ctx.graph.columns().node_ids[0])
     keywords: dict[str, Any] = {"team": agent.team, "start_node_id": node}
@@ -279,8 +294,8 @@ def _keywords(agent: Any, team: str, ctx: Context) -> dict[str, Any]:  # Any: an
     return keywords
 
 
-def _sent(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what of a state is data: an entry gets nothing else."""
+def _data_of(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the data in a state, which is all that an entry receives."""
     sent = {key: value for key, value in state.items() if key not in _OWN}
     sent["facts"] = plain_subset(state["facts"])
     sent["sensor"] = {
@@ -291,7 +306,7 @@ def _sent(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _as_json(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the same as what JSON can hold; sensors are pairs of the name of their kind and what they show."""
+    """Return a state as JSON values; each sensor becomes a pair: the name of its kind, and its data."""
     sensors = {name: [kind.name, as_json(to_plain(data))] for name, (kind, data) in state["sensor"].items()}
     rest = {key: as_json(to_plain(value)) for key, value in state.items() if key != "sensor"}
     return {**rest, "sensor": sensors}

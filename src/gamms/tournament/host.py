@@ -1,8 +1,8 @@
-"""Plays a Python entry in its process: makes its functions, and asks them with states like those of a game alone.
+"""Play a Python entry in its process: make its functions, and call them with states like those of a game.
 
-What is asked comes pickled from the master, which is trusted; what is answered goes back as lines of JSON, since the
-entry is not. The entry's `ctx` has the map, the settings of the game, the names and teams of all agents, and where its
-own are; there is no opponent in it to look at.
+Questions come pickled from the master, which is trusted; answers go back as lines of JSON, because the entry is not
+trusted. The entry's `ctx` holds the map, the settings of the game, the names and teams of all agents, and the
+positions of the entry's own agents; opponents cannot be looked up in it.
 """
 
 import json
@@ -30,20 +30,22 @@ from gamms.scenario.code import chosen, first_of, function_of, made
 from gamms.text import reason, shown
 
 Play = Callable[[int, int], None]
-_HEAD = 4  # bytes, before a question: its length
+_HEAD = 4  # bytes before each question: its length
 _FAILED = 71
 
 
 def host_of(reference: str, packages: list[str], map: str, settings: dict[str, Any]) -> Play:
-    """Load the map, and return what plays the entry in a child: `play(file with questions, file for answers)`."""
-    import_module("gamms.strategies")  # here once, not by each child
+    """Load the map; return a function of two file descriptors (questions, answers) that plays the entry."""
+    import_module("gamms.strategies")  # here once, instead of in each child
     ctx = create_context(logger_config={"level": "ERROR"}, game=settings)
     ctx.graph.load(map)
     ctx.graph.columns()
-    PathFinder.find_spec(reference, packages)  # Python remembers what is in these folders, which the child may not list
+    PathFinder.find_spec(
+        reference, packages
+    )  # Python remembers the contents of these folders, which the child may not list
 
     def play(asked: int, answered: int) -> None:
-        sys.path[:0] = packages  # in the child alone: a module there must not take the place of one of the launcher's
+        sys.path[:0] = packages  # in the child only: the entry's modules must not replace modules of the launcher
         _play(reference, ctx, asked, answered)
 
     return play
@@ -52,7 +54,7 @@ def host_of(reference: str, packages: list[str], map: str, settings: dict[str, A
 def _play(reference: str, ctx: Context, asked: int, answered: int) -> None:
     questions = _questions(asked)
     try:
-        team = _Team(ctx, reference, next(questions))
+        team = _HostedTeam(ctx, reference, next(questions))
         _write(answered, {"type": "ready"})
         for question in questions:
             _write(answered, team.answer(question))
@@ -82,14 +84,14 @@ def _write(answered: int, answer: dict[str, Any]) -> None:
 
 
 def framed(question: dict[str, Any]) -> bytes:
-    """Return a question as a Python entry gets it."""
+    """Return the bytes of a question to a Python entry: its length, then its pickle."""
     data = pickle.dumps(question, pickle.HIGHEST_PROTOCOL)
     return len(data).to_bytes(_HEAD, "big") + data
 
 
 @dataclass
-class _Player:
-    """An agent, and what it keeps from turn to turn."""
+class _HostedAgent:
+    """The random streams, the memory and the strategy of one agent."""
 
     draw: Draws
     rng: TurnGenerator
@@ -97,11 +99,13 @@ class _Player:
     decide: Callable[[Any], Any] | None  # None: the plan decides
 
 
-class _Team:
-    """The agents of the entry, and the function or functions that decide for them."""
+class _HostedTeam:
+    """The agents of the entry, and the plan or strategies that decide for them."""
 
     def __init__(self, ctx: Context, reference: str, start: dict[str, Any]) -> None:
-        self._ctx, self._team, self._memory = ctx, start["team"], dict[Any, Any]()
+        self._ctx = ctx
+        self._team = start["team"]
+        self._memory = dict[Any, Any]()
         self._clock = GameState()
         random.seed(start["seed"])
         np.random.seed(start["seed"] % (1 << 32))  # noqa: NPY002 - what programs for 1.0.0 draw from
@@ -114,20 +118,22 @@ class _Team:
         kind = "plan" if first_of(function) == "states" else "strategy"
         one = made(function, {}, ctx, "the entry", kind)
         if first_of(one) == "states":
-            self._plan, kind = one, "plan"
+            self._plan = one
+            kind = "plan"
         self._players = {}
         table = DrawTable(start["seed"], self._clock)
         for number, name in enumerate(own):
             decide = one if number == 0 else made(function, {}, ctx, "the entry", kind)
             draw = Draws(table, name)
             rng = TurnGenerator(table, name)
-            self._players[name] = _Player(draw, rng, {}, None if self._plan else decide)
+            self._players[name] = _HostedAgent(draw, rng, {}, None if self._plan else decide)
 
     def answer(self, question: dict[str, Any]) -> dict[str, Any]:
-        """Return what the agents do whose states are in a question."""
+        """Return the actions and messages of the agents whose states are in a question."""
         states: dict[str, dict[str, Any]] = {}
         for name, sent in question["agents"].items():
-            player, agent = self._players[name], self._ctx.agent.get_agent(name)
+            player = self._players[name]
+            agent = self._ctx.agent.get_agent(name)
             self._clock.turn = sent["turn"]
             state = {**sent, "name": name, "team": self._team, "draw": player.draw, "rng": player.rng}
             state |= {"memory": player.memory, "facts": frozen(sent["facts"])}
@@ -161,6 +167,6 @@ def _as_dict(value: object) -> dict[Any, Any]:
 
 
 def _check(returned: object, what: str) -> None:
-    """Refuse what is awaited: an entry has nothing to wait for."""
+    """Refuse an awaitable: an entry has nothing to wait for."""
     if hasattr(type(returned), "__await__"):
         raise BadType(f"{what} of an entry must be an ordinary function, not one that returns {shown(returned)}.")

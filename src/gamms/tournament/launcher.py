@@ -1,13 +1,13 @@
-"""The process that starts those of one entry: a fresh one for each game, confined before it runs any of its code.
+"""The launcher of one entry: a process that forks a fresh, confined child for each game.
 
-It knows the entry, the map and nothing of any game, so that a child, which begins as its copy, finds no seed, opponent
-or state in its memory. It has loaded what Python entries need, so that a child is there in milliseconds. Its master
-sends one line of JSON at a time and gets one back:
+It knows the entry and the map but no game, so a child, which begins as its copy, finds no seed, opponent or state in
+its memory. It has already imported the modules that Python entries need, so a child starts within milliseconds. Its
+master sends one line of JSON at a time and gets one back:
 
     {"start": scratch folder}, with three open files   ->   {"id": of the process}
     {"end": id, "patience": seconds}                   ->   {"status": of waitpid, "ended": by itself, "cpu_s",
-                                                             "memory": whether the kernel ended it for that}
-    {"probe": scratch folder}                          ->   {"missing": what cannot be enforced}
+                                                             "memory": whether the kernel killed it for lack of it}
+    {"probe": scratch folder}                          ->   {"missing": limits that cannot be enforced}
 
 When the master ends, so does this process, and with it its children.
 """
@@ -26,30 +26,30 @@ from time import monotonic, sleep
 from typing import Any, NamedTuple, NoReturn
 
 from gamms.child_processes import die_with_parent
-from gamms.tournament.confinement import ControlGroups, Limits, confine
+from gamms.tournament.confinement import ControlGroups, ProcessLimits, confine
 
 _STEP_S = 0.002
-_FREE = 10  # from here on, descriptors are not those that a child is given
-_IN, _OUT = 3, 4  # where a Python entry is asked and answers; its standard output is its log
+_FREE = 10  # lowest descriptor for temporary copies, above those that a child receives
+_IN, _OUT = 3, 4  # descriptors for questions and answers of a Python entry; its standard output is its log
 _LONGEST = 1 << 16
 _CRASHED = 70
 _OF_LAUNCHER = 2  # processes beside the threads of an entry
-_FIRST_TO_END = "1000"  # of all processes, where the kernel has to end one
+_FIRST_TO_END = "1000"  # out-of-memory score: the kernel kills the entry before any other process
 
 
-class Setup(NamedTuple):
-    """What a launcher needs to know of its entry.
+class LauncherSetup(NamedTuple):
+    """The description of an entry for its launcher.
 
     Attributes:
-        command: a program and its arguments; none for Python.
+        command: a program and its arguments; empty for Python.
         reference: `file.py:function` or `module:function`; "" for a program.
-        readable: the files and folders that it may read.
+        readable: the files and folders that the entry may read.
         packages: the folders in which Python looks for modules of the entry.
-        limits: the fields of `Limits`.
-        threads: how many it may run.
+        limits: the fields of `ProcessLimits`.
+        threads: the number of threads that the entry may run.
         landlock: the version of Landlock to rely on.
         map: the file of the map, for Python.
-        settings: of the game, for Python.
+        settings: the settings of the game, for Python.
     """
 
     command: list[str]
@@ -63,13 +63,13 @@ class Setup(NamedTuple):
     settings: dict[str, Any]
 
 
-def main(descriptor: int, master: int, setup: Setup) -> None:
+def main(descriptor: int, master: int, setup: LauncherSetup) -> None:
     """Serve a master until it ends.
 
     Args:
-        descriptor: of the socket to it.
-        master: the id of its process.
-        setup: what it has to know of its entry.
+        descriptor: the file descriptor of the socket to the master.
+        master: the process id of the master.
+        setup: the description of the entry.
     """
     die_with_parent(master)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the master ends it
@@ -80,42 +80,44 @@ def main(descriptor: int, master: int, setup: Setup) -> None:
 
         play = host_of(setup.reference, setup.packages, setup.map, setup.settings)
     gc.collect()
-    gc.freeze()  # so that collections in children leave the shared pages alone
-    memory = setup.limits[0] + setup.limits[0] // 8  # with what the kernel itself takes for the process
+    gc.freeze()  # so that garbage collection in children does not touch the shared pages
+    memory = setup.limits[0] + setup.limits[0] // 8  # with the memory that the kernel itself takes for the process
     groups = ControlGroups(memory, setup.threads + _OF_LAUNCHER)
     children: set[int] = set()
     try:
-        while (message := _received(control)) is not None:
+        while (message := _receive(control)) is not None:
             request, files = message
             if "start" in request:
-                id = _started(setup, request["start"], files, play, control)
+                id = _start_child(setup, request["start"], files, play, control)
                 children.add(id)
                 answer: dict[str, Any] = {"id": id}
             elif "end" in request:
-                answer = _ended(request["end"], request["patience"], groups)
+                answer = _end_child(request["end"], request["patience"], groups)
                 children.discard(request["end"])
             else:
-                answer = {"missing": _probed(setup, request["probe"])}
-            with suppress(BrokenPipeError):  # where the master has ended
+                answer = {"missing": _probe_limits(setup, request["probe"])}
+            with suppress(BrokenPipeError):  # the master has ended
                 control.sendall(json.dumps(answer).encode() + b"\n")
     finally:
         for id in children:
-            _ended(id, 0.0, groups)
+            _end_child(id, 0.0, groups)
 
 
-def _received(control: socket.socket) -> tuple[dict[str, Any], list[int]] | None:
+def _receive(control: socket.socket) -> tuple[dict[str, Any], list[int]] | None:
     """Return the next message and the files that came with it; None: the master has ended."""
-    data, files = b"", list[int]()
+    data = b""
+    files = list[int]()
     while not data.endswith(b"\n"):
         part, more, _, _ = socket.recv_fds(control, _LONGEST, 3)
         if not part:
             return None
-        data, files = data + part, files + more
+        data += part
+        files += more
     return json.loads(data), files
 
 
-def _started(
-    setup: Setup,
+def _start_child(
+    setup: LauncherSetup,
     scratch: str,
     files: list[int],
     play: "Callable[[int, int], None] | None",
@@ -139,7 +141,7 @@ def _started(
         os._exit(0)
 
 
-def _become_entry(setup: Setup, scratch: str, files: list[int], launcher: int) -> None:
+def _become_entry(setup: LauncherSetup, scratch: str, files: list[int], launcher: int) -> None:
     """Take on the files, the folder and the limits of an entry, and nothing else."""
     import fcntl
 
@@ -152,7 +154,7 @@ def _become_entry(setup: Setup, scratch: str, files: list[int], launcher: int) -
         os.dup2(taken, 1)
         os.closerange(3, os.sysconf("SC_OPEN_MAX"))
     else:
-        os.dup2(2, 1)  # what it prints is its log
+        os.dup2(2, 1)  # the entry's printed text is its log
         os.dup2(given, _IN)
         os.dup2(taken, _OUT)
         os.closerange(5, os.sysconf("SC_OPEN_MAX"))
@@ -161,7 +163,7 @@ def _become_entry(setup: Setup, scratch: str, files: list[int], launcher: int) -
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     with suppress(OSError):  # not on this system
         Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_END)
-    confine(Limits(*setup.limits), setup.readable, scratch, setup.landlock)
+    confine(ProcessLimits(*setup.limits), setup.readable, scratch, setup.landlock)
 
 
 def _end_with_traceback() -> NoReturn:
@@ -170,28 +172,29 @@ def _end_with_traceback() -> NoReturn:
     os._exit(_CRASHED)
 
 
-def _ended(id: int, patience_s: float, groups: ControlGroups) -> dict[str, Any]:
-    """End a child and its process group, after waiting for it to end by itself, and say how it did."""
-    until, ended = monotonic() + patience_s, True
+def _end_child(id: int, patience_s: float, groups: ControlGroups) -> dict[str, Any]:
+    """Kill a child and its process group after a grace period, and return how it ended."""
+    until = monotonic() + patience_s
+    ended = True
     while os.waitid(os.P_PID, id, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
         if monotonic() >= until:
             ended = False
             break
         sleep(_STEP_S)
-    with suppress(ProcessLookupError):  # of one that has not begun a group yet
-        os.killpg(id, signal.SIGKILL)  # with what it has started, where the system cannot forbid that
+    with suppress(ProcessLookupError):  # the child has not started a group yet
+        os.killpg(id, signal.SIGKILL)  # with all processes that it started, where the system could not forbid that
     os.kill(id, signal.SIGKILL)
     _, status, used = os.wait4(id, 0)
     cpu_s = used.ru_utime + used.ru_stime
     return {"status": status, "ended": ended, "cpu_s": cpu_s, "memory": groups.has_killed()}
 
 
-def _probed(setup: Setup, scratch: str) -> list[str]:
-    """Return what cannot be enforced on this system, as a child finds it."""
+def _probe_limits(setup: LauncherSetup, scratch: str) -> list[str]:
+    """Return the limits that cannot be enforced on this system, as determined in a child."""
     read, write = os.pipe()
     id = os.fork()
     if not id:
-        found = confine(Limits(*setup.limits), setup.readable, scratch, setup.landlock)
+        found = confine(ProcessLimits(*setup.limits), setup.readable, scratch, setup.landlock)
         os.write(write, json.dumps(found).encode())
         os._exit(0)
     os.close(write)

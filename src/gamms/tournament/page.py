@@ -1,4 +1,4 @@
-"""The page of results: one HTML file without scripts, in which all that entries have chosen is escaped."""
+"""The page of results: one HTML file without scripts; all texts chosen by entries are escaped."""
 
 from collections.abc import Iterable
 from html import escape
@@ -46,7 +46,7 @@ def write_page(table: Table, folder: Path, title: str) -> None:
 
 
 def _rows(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return a table of cells; those that begin with a digit, a sign or nothing stand on the right."""
+    """Return an HTML table; cells that are empty or begin with a digit or a sign are aligned to the right."""
     head = "".join(f"<th>{escape(one)}</th>" for one in header)
     body = "".join(
         "<tr>"
@@ -76,7 +76,7 @@ def _rating(one: Rating) -> str:
 
 
 def _between(low: str, high: str) -> str:
-    """Return an interval in words; a dash where there is none, because all values were equal."""
+    """Return an interval in words; a dash if there is no interval, because all values were equal."""
     return "-" if "nan" in low else f"{low} to {high}"
 
 
@@ -185,7 +185,7 @@ def _game(row: Row, first: str, folder: Path) -> str:
 
 
 def _text(text: str) -> str:
-    """Return a cell that stands on the left, whatever it begins with."""
+    """Return a cell that is aligned to the left, whatever it begins with."""
     return f"<span>{escape(text)}</span>"
 
 

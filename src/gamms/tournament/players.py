@@ -1,4 +1,4 @@
-"""An entry in a game: its process, what it is asked and answers, its limits, and by which fault it loses."""
+"""The process of an entry in one game: questions, answers, limits and faults."""
 
 import json
 import os
@@ -18,10 +18,10 @@ from typing import Any, NamedTuple, Self
 import msgspec
 
 from gamms.errors import GammsError
-from gamms.tournament.confinement import Limits, landlock_version, remove_empty_groups
+from gamms.tournament.confinement import ProcessLimits, landlock_version, remove_empty_groups
 from gamms.tournament.entries import Entry, python_folders
-from gamms.tournament.launcher import Setup
-from gamms.tournament.scratch import Overfull, check_folder, remove_folder
+from gamms.tournament.launcher import LauncherSetup
+from gamms.tournament.scratch import ScratchLimitExceeded, check_folder, remove_folder
 
 FAULTS = {
     "start": "it did not get ready to play",
@@ -30,23 +30,23 @@ FAULTS = {
     "cpu": "it used more processor time than it may",
     "output": "it wrote more than it may",
     "files": "it took more of the disk than it may",
-    "garbage": "it answered with what is no answer",
-    "order": "it answered when it was not asked, or not what it was asked",
+    "garbage": "its answer was not valid",
+    "order": "it answered without a question, or another question than the one asked",
     "process": "it started another process, or more threads than it may",
     "exit": "it ended, or closed its input or output",
     "error": "it raised an error",
-    "illegal": "it chose what is not legal",
+    "illegal": "it chose an illegal action",
 }
-"""By what an entry loses a game, and what that means."""
+"""The faults by which an entry loses a game, and their meanings."""
 
 MOST_LINE = 1 << 20  # bytes of an answer
-MOST_LOG = 1 << 20  # bytes that it may write besides
-_KEPT_LOG = 1 << 14  # bytes of these that are kept
+MOST_LOG = 1 << 20  # bytes that an entry may write besides answers
+_KEPT_LOG = 1 << 14  # bytes of the log that are kept
 _MOST_THREADS = 256
-_LOOK_S = 0.02  # how often memory, threads and files are looked at
+_CHECK_INTERVAL_S = 0.02  # seconds between checks of memory, threads and files
 _PART = 1 << 16
-_PATIENCE_S = 0.2  # for a process that has closed its output, to end
-_START_MOVES = 10  # how many times longer than a move it may take to get ready
+_PATIENCE_S = 0.2  # seconds for a process to end after it has closed its output
+_START_MOVES = 10  # time to get ready, in multiples of the time for a move
 _BY_SIGNAL = {"SIGSYS": "process", "SIGXCPU": "cpu", "SIGXFSZ": "files"}
 _IN_MEMORY = re.compile(rb"^(?:VmRSS|VmPTE|VmSwap):\s*(\d+) kB$", re.MULTILINE)
 _THREADS = re.compile(rb"^Threads:\s*(\d+)$", re.MULTILINE)
@@ -63,32 +63,32 @@ _MAIN = """
 import json, signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # the master ends it, also while it imports
 sys.path[:0] = sys.argv[4:]  # where GAMMS is
-from gamms.tournament.launcher import Setup, main
-main(int(sys.argv[1]), int(sys.argv[2]), Setup(**json.loads(sys.argv[3])))
+from gamms.tournament.launcher import LauncherSetup, main
+main(int(sys.argv[1]), int(sys.argv[2]), LauncherSetup(**json.loads(sys.argv[3])))
 """
 
 
 class Fault(NamedTuple):
-    """Why an entry has lost: a key of `FAULTS`, and what exactly."""
+    """The fault of an entry: a key of `FAULTS`, and a description."""
 
     kind: str
     detail: str
 
 
-class Faulty(GammsError):
-    """An entry has done what it may not."""
+class EntryFault(GammsError):
+    """An entry has committed a fault."""
 
     def __init__(self, kind: str, detail: str = "") -> None:
         super().__init__(detail or FAULTS[kind])
         self.fault = Fault(kind, detail or FAULTS[kind])
 
 
-class Allowed(NamedTuple):
-    """What an entry may take.
+class ResourceLimits(NamedTuple):
+    """Resources that an entry may use.
 
     Attributes:
-        move_s: seconds for a move, by the clock on the wall.
-        memory_bytes: of memory.
+        move_s: seconds of wall-clock time for a move.
+        memory_bytes: bytes of memory.
         cpu_s: seconds of processor time in a game.
     """
 
@@ -97,11 +97,11 @@ class Allowed(NamedTuple):
     cpu_s: int
 
 
-class _Ready(msgspec.Struct, tag="ready", tag_field="type"):
-    """The entry can be asked."""
+class _ReadyMessage(msgspec.Struct, tag="ready", tag_field="type"):
+    """The entry is ready for questions."""
 
 
-class _Failed(msgspec.Struct, tag="failed", tag_field="type"):
+class _FailedMessage(msgspec.Struct, tag="failed", tag_field="type"):
     """A Python entry has raised an error."""
 
     kind: str
@@ -109,20 +109,20 @@ class _Failed(msgspec.Struct, tag="failed", tag_field="type"):
 
 
 class Answer(msgspec.Struct, tag="turn", tag_field="type"):
-    """What an entry's agents do.
+    """The answer of an entry: its agents' actions and messages.
 
     Attributes:
         question: the number of the question.
-        actions: agent -> as `state["action"]`.
-        outbox: agent -> messages, as `state["outbox"]`.
+        actions: agent -> action, as in `state["action"]`.
+        outbox: agent -> messages, as in `state["outbox"]`.
     """
 
     question: int
-    actions: dict[str, Any]  # Any: the game says what is legal
+    actions: dict[str, Any]  # Any: the game decides which actions are legal
     outbox: dict[str, list[Any]] = {}
 
 
-_decoder = msgspec.json.Decoder(_Ready | _Failed | Answer)
+_decoder = msgspec.json.Decoder(_ReadyMessage | _FailedMessage | Answer)
 
 
 class Launcher:
@@ -130,20 +130,24 @@ class Launcher:
 
     Args:
         entry: the entry.
-        allowed: what it may take.
+        allowed: the resources that it may use.
         map: the file of the map.
-        settings: of the game, as plain values.
-        scratch: the folder in which each of its processes gets a folder of its own.
+        settings: the settings of the game, as plain values.
+        scratch: the folder that gets a subfolder for each process.
     """
 
-    def __init__(self, entry: Entry, allowed: Allowed, map: Path, settings: Mapping[str, Any], scratch: Path) -> None:
-        self.entry, self.allowed, self.scratch = entry, allowed, scratch
+    def __init__(
+        self, entry: Entry, allowed: ResourceLimits, map: Path, settings: Mapping[str, Any], scratch: Path
+    ) -> None:
+        self.entry = entry
+        self.allowed = allowed
+        self.scratch = scratch
         ours, theirs = socket.socketpair()
         is_python = not entry.command
         python = python_folders() if is_python else []
-        limits = Limits(allowed.memory_bytes, allowed.cpu_s)
+        limits = ProcessLimits(allowed.memory_bytes, allowed.cpu_s)
         of_package = is_python and ".py:" not in entry.reference
-        setup = Setup(
+        setup = LauncherSetup(
             command=list(entry.command),
             reference=entry.reference,
             readable=[*python, *entry.readable, *([str(map)] if is_python else [])],
@@ -168,8 +172,8 @@ class Launcher:
             )
         self._control = ours
 
-    def asked(self, message: Mapping[str, object], files: tuple[int, ...] = ()) -> dict[str, Any]:
-        """Send a message, and return the answer; see `launcher.py`."""
+    def request(self, message: Mapping[str, object], files: tuple[int, ...] = ()) -> dict[str, Any]:
+        """Send a message to the launcher and return its answer; see `launcher.py`."""
         socket.send_fds(self._control, [json.dumps(message).encode() + b"\n"], files)
         data = b""
         while not data.endswith(b"\n"):
@@ -183,42 +187,45 @@ class Launcher:
         return answer
 
     def missing(self) -> list[str]:
-        """Return what this system cannot enforce."""
+        """Return the limits that this system cannot enforce."""
         with tempfile.TemporaryDirectory(dir=self.scratch) as scratch:
-            found: list[str] = self.asked({"probe": scratch})["missing"]
+            found: list[str] = self.request({"probe": scratch})["missing"]
         return found
 
     def close(self) -> None:
-        """End the launcher, and what it has started."""
+        """End the launcher and all processes that it started."""
         self._control.close()
         self._process.wait()
         remove_empty_groups()
 
 
-class Player:
-    """A process of an entry, for one game; use it in a `with` statement.
+class EntryProcess:
+    """The process of an entry in one game; use it in a `with` statement.
 
     Args:
-        launcher: of the entry.
+        launcher: the launcher of the entry.
 
     Attributes:
-        launcher: of the entry.
+        launcher: see above.
         scratch: the folder of the process.
-        log: the beginning of what it has written besides its answers.
+        log: the beginning of its output besides answers.
     """
 
     def __init__(self, launcher: Launcher) -> None:
-        self.launcher, self._allowed = launcher, launcher.allowed
+        self.launcher = launcher
+        self._allowed = launcher.allowed
         self.scratch = tempfile.mkdtemp(dir=launcher.scratch)
-        os.utime(self.scratch, (0, 0))  # so that any other time says that something was written
-        self._waiting, self.log, self._logged = b"", b"", 0
+        os.utime(self.scratch, (0, 0))  # any other time shows that the process has written something
+        self._waiting = b""
+        self.log = b""
+        self._logged = 0
         self._pipes: dict[str, int] = {}
         self._is_over = False
         try:
             given, self._pipes["in"] = os.pipe()
             self._pipes["out"], taken = os.pipe()
             self._pipes["log"], log = os.pipe()
-            self._id: int = launcher.asked({"start": self.scratch}, (given, taken, log))["id"]
+            self._id: int = launcher.request({"start": self.scratch}, (given, taken, log))["id"]
             self._stop()
             for file in (given, taken, log):
                 os.close(file)
@@ -229,32 +236,32 @@ class Player:
             raise
 
     def begin(self, message: bytes) -> None:
-        """Say what is played, and wait until it is ready.
+        """Send the start message, and wait until the entry is ready.
 
         Raises:
-            Faulty: it does not get ready.
+            EntryFault: the entry does not get ready.
         """
         with self._running():
             answer = self._answer(message, self._allowed.move_s * _START_MOVES)
-        if not isinstance(answer, _Ready):
-            raise Faulty("start", "it has not said that it is ready")
+        if not isinstance(answer, _ReadyMessage):
+            raise EntryFault("start", "it has not said that it is ready")
 
     def ask(self, message: bytes, question: int) -> Answer:
-        """Return what it answers to a question.
+        """Send a question and return the entry's answer.
 
         Raises:
-            Faulty: it does not, or what it does is against the rules.
+            EntryFault: the entry does not answer, or breaks a limit.
         """
         with self._running():
-            self._read("out", MOST_LINE)  # a line that is there already is a fault: the question is not even sent
+            self._read("out", MOST_LINE)  # a waiting line is a fault: the question is not even sent
             answer = self._answer(message, self._allowed.move_s)
         if not isinstance(answer, Answer) or answer.question != question:
-            raise Faulty("order", f"it did not answer question {question}")
+            raise EntryFault("order", f"it did not answer question {question}")
         return answer
 
     @contextmanager
     def _running(self) -> Iterator[None]:
-        """Let the process run in the `with` block alone: it takes no time from its opponent, and nothing unseen."""
+        """Run the process only within the `with` block, so that it takes no time from its opponent."""
         os.kill(self._id, signal.SIGCONT)
         try:
             yield
@@ -270,10 +277,10 @@ class Player:
 
     def __exit__(self, *_: object) -> None:
         try:
-            with suppress(Faulty):
+            with suppress(EntryFault):
                 self._read("log", MOST_LOG)
             if not self._is_over:
-                self._ended(0.0)
+                self._end(0.0)
         finally:
             for file in self._pipes.values():
                 os.close(file)
@@ -283,33 +290,34 @@ class Player:
         try:
             return _parsed(self._line(message, seconds))
         except BrokenPipeError:
-            raise self._end_fault("input") from None
+            raise self._fault_at_end("input") from None
 
     def _line(self, message: bytes, seconds: float) -> bytes:
-        """Send bytes, and return the line that comes back."""
-        until, unsent = monotonic() + seconds, memoryview(message)
+        """Send bytes and return the line that comes back."""
+        until = monotonic() + seconds
+        unsent = memoryview(message)
         while b"\n" not in self._waiting:
             left = until - monotonic()
             if left <= 0.0:
-                raise Faulty("time", f"it took longer than {seconds:g} s")
+                raise EntryFault("time", f"it took longer than {seconds:g} s")
             writing = [self._pipes["in"]] if unsent else []
             reading = [self._pipes["out"], *([self._pipes["log"]] if "log" in self._pipes else [])]
-            readable, writable, _ = select.select(reading, writing, [], min(left, _LOOK_S))
+            readable, writable, _ = select.select(reading, writing, [], min(left, _CHECK_INTERVAL_S))
             if writable:
                 with suppress(BlockingIOError):
                     unsent = unsent[os.write(self._pipes["in"], unsent[:_PART]) :]
             if self._pipes.get("log") in readable:
                 self._read("log", MOST_LOG)
             if self._pipes["out"] in readable and not self._read("out", MOST_LINE):
-                raise self._end_fault("output")
+                raise self._fault_at_end("output")
             self._look()
         line, _, self._waiting = self._waiting.partition(b"\n")
         if unsent:
-            raise Faulty("order", "it answered before it had read the question")
+            raise EntryFault("order", "it answered before it had read the question")
         return line
 
     def _read(self, pipe: str, most: int) -> bool:
-        """Take what has come by a pipe; return whether it is open."""
+        """Read the available bytes from a pipe; return whether the pipe is open."""
         while "log" in self._pipes or pipe != "log":
             try:
                 data = os.read(self._pipes[pipe], _PART)
@@ -322,61 +330,61 @@ class Player:
             if pipe == "out":
                 self._waiting += data
                 if len(self._waiting) > most:
-                    raise Faulty("output", f"its answer is longer than {most:,} bytes")
+                    raise EntryFault("output", f"its answer is longer than {most:,} bytes")
                 if b"\n" in data:
                     return True
             else:
                 self.log += data[: _KEPT_LOG - len(self.log)]
                 self._logged += len(data)
                 if self._logged > most:
-                    raise Faulty("output", f"its log is longer than {most:,} bytes")
+                    raise EntryFault("output", f"its log is longer than {most:,} bytes")
         return False
 
     def _look(self) -> None:
-        """Check what the system bounds only in part: memory, threads, and what is on the disk."""
+        """Check the limits that the system enforces only in part: memory, threads and files."""
         with suppress(OSError):  # not on this system, or the process has ended
             status = Path(f"/proc/{self._id}/status").read_bytes()
             if sum(map(int, _IN_MEMORY.findall(status))) << 10 > self._allowed.memory_bytes:
-                raise Faulty("memory")
+                raise EntryFault("memory")
             threads = _THREADS.search(status)
             if threads is not None and int(threads[1]) > _MOST_THREADS:
-                raise Faulty("process", f"it started more than {_MOST_THREADS} threads")
+                raise EntryFault("process", f"it started more than {_MOST_THREADS} threads")
         if Path(self.scratch).stat().st_mtime_ns != 0:
             try:
                 check_folder(self.scratch, self._id)
-            except Overfull as error:
-                raise Faulty("files", str(error)) from None
+            except ScratchLimitExceeded as error:
+                raise EntryFault("files", str(error)) from None
 
-    def _end_fault(self, what: str) -> Faulty:
-        """Return why a process that does not talk any more has ended."""
-        with suppress(Faulty):
+    def _fault_at_end(self, what: str) -> EntryFault:
+        """Return the fault of a process that has closed a pipe."""
+        with suppress(EntryFault):
             self._read("log", MOST_LOG)
-        end = self._ended(_PATIENCE_S)
+        end = self._end(_PATIENCE_S)
         if not end["ended"]:
-            return Faulty("exit", f"it closed its {what}")
+            return EntryFault("exit", f"it closed its {what}")
         status = end["status"]
         if end["memory"]:
-            return Faulty("memory")
+            return EntryFault("memory")
         if os.WIFSIGNALED(status):
             number = os.WTERMSIG(status)
             name = _SIGNALS.get(number, f"signal {number}")
             if end["cpu_s"] >= self._allowed.cpu_s:
-                return Faulty("cpu")
-            return Faulty(*((_BY_SIGNAL[name],) if name in _BY_SIGNAL else ("exit", f"it was ended by {name}")))
-        return Faulty("exit", f"it ended with the exit code {os.WEXITSTATUS(status)}")
+                return EntryFault("cpu")
+            return EntryFault(*((_BY_SIGNAL[name],) if name in _BY_SIGNAL else ("exit", f"it was ended by {name}")))
+        return EntryFault("exit", f"it ended with the exit code {os.WEXITSTATUS(status)}")
 
-    def _ended(self, patience_s: float) -> dict[str, Any]:
+    def _end(self, patience_s: float) -> dict[str, Any]:
         self._is_over = True
         with suppress(ProcessLookupError):
             os.kill(self._id, signal.SIGCONT)
-        return self.launcher.asked({"end": self._id, "patience": patience_s})
+        return self.launcher.request({"end": self._id, "patience": patience_s})
 
 
 def _parsed(line: bytes) -> object:
     try:
         answer = _decoder.decode(line)
     except (msgspec.MsgspecError, UnicodeError, RecursionError, ValueError) as error:
-        raise Faulty("garbage", f"it answered {line[:60]!r}: {str(error)[:200]}") from None
-    if isinstance(answer, _Failed):
-        raise Faulty(answer.kind if answer.kind in ("memory", "error") else "garbage", answer.message)
+        raise EntryFault("garbage", f"it answered {line[:60]!r}: {str(error)[:200]}") from None
+    if isinstance(answer, _FailedMessage):
+        raise EntryFault(answer.kind if answer.kind in ("memory", "error") else "garbage", answer.message)
     return answer

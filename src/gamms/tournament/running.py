@@ -1,4 +1,4 @@
-"""Runs a tournament: who plays whom, and where, until all games are played; none is played twice."""
+"""Run a tournament: decide who plays whom, and play every game exactly once."""
 
 import json
 import logging
@@ -21,13 +21,13 @@ from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress
 from gamms.scenario import Scenario
 from gamms.text import printable_line, shown
-from gamms.tournament.entries import SCRATCH, Entry, Given, found_entries, publish
+from gamms.tournament.entries import SCRATCH, Entry, EntrySpec, found_entries, publish
 from gamms.tournament.games import MOST_TURNS, Fixture, Row
 from gamms.tournament.page import write_page
-from gamms.tournament.players import Allowed
+from gamms.tournament.players import ResourceLimits
 from gamms.tournament.scratch import remove_folder
 from gamms.tournament.table import Table
-from gamms.tournament.workers import Settings, Task, Trial, close_launchers, play, trial
+from gamms.tournament.workers import Task, TournamentSettings, TrialResult, close_launchers, play, trial
 from gamms.versions import versions
 from gamms.workers import WorkerPool, cores, first_done, result_of
 
@@ -37,23 +37,23 @@ _LEAST_MB = 64
 _MAP = "map.gamms"
 _FOLDERS = (SCRATCH, "entries", "games", "logs")
 _GAMES_OF_A_TASK = 10
-_ATTEMPTS = 3  # at a task whose process dies
-_BYTES = 3_000  # of a row
+_ATTEMPTS = 3  # attempts at a task whose process dies
+_BYTES = 3_000  # bytes of a row
 T = TypeVar("T")
 
 
-class _Player(NamedTuple):
-    """An entry as its games know it."""
+class _EntryKey(NamedTuple):
+    """The name and the digest of an entry."""
 
     name: str
     digest: str
 
 
-_Pair = tuple[_Player, _Player]
+_Pair = tuple[_EntryKey, _EntryKey]
 
 
 class _Manifest(TypedDict):
-    """The file of a tournament."""
+    """The contents of a tournament's manifest file."""
 
     format: Literal["gamms tournament 1"]
     scenario: str
@@ -71,35 +71,35 @@ class _Manifest(TypedDict):
 
 
 _GAME = ("scenario", "sides", "move_seconds", "memory_mb", "gamms", "python", "numpy")
-"""What a game follows from, besides its entries and its seed."""
+"""Manifest keys that determine a game, besides its entries and its seed."""
 
 
-class _Plan(NamedTuple):
-    """Who plays whom.
+class _Schedule(NamedTuple):
+    """The schedule of a tournament: who plays whom.
 
     Attributes:
-        entries: all entries, in the order of their names.
+        entries: all entries, sorted by name.
         sides: the two teams that they play.
-        seeds: of the games of each two entries.
-        rounds: of a Swiss tournament; None: all play all.
+        seeds: the seeds of the games of each pair of entries.
+        rounds: the number of rounds of a Swiss tournament; None: every entry plays every other.
         game: the values of `_GAME`.
     """
 
-    entries: list[_Player]
+    entries: list[_EntryKey]
     sides: tuple[str, str]
     seeds: list[int]
     rounds: int | None
     game: dict[str, Any]
 
     def fixtures(self, known: Mapping[str, Any], rows: list[Row]) -> Iterator[tuple[int, dict[_Pair, list[Fixture]]]]:
-        """Yield the games of each round, and then add the rows that are known of them; an unfinished round is the last.
+        """Yield the fixtures of each round, then append the known rows of the round; stop after an unfinished round.
 
         Args:
-            known: all rows by their ids, to which the caller adds those of the games of a round.
-            rows: gets the rows in the order of the plan.
+            known: all rows by their ids; the caller adds the rows of each round to it.
+            rows: receives the rows in the order of the schedule.
 
         Raises:
-            BadFile: a row is not that of its game.
+            BadFile: a row does not belong to its game.
         """
         met: set[frozenset[str]] = set()
         names = [entry.name for entry in self.entries]
@@ -129,10 +129,10 @@ class _Plan(NamedTuple):
 
 
 def _row_of(fixture: Fixture, found: Mapping[str, Any]) -> Row:
-    """Return the row of a game, in the round in which it counts.
+    """Return the row of a game, with the round in which it counts.
 
     Raises:
-        BadFile: it is that of another game.
+        BadFile: the row belongs to another game.
     """
     row: Row = {**found, "round": fixture.round}  # type: ignore[typeddict-item] # as the journal has been checked
     sides = fixture.entries.keys()
@@ -150,7 +150,7 @@ def _row_of(fixture: Fixture, found: Mapping[str, Any]) -> Row:
 def run(  # noqa: PLR0913 - each option is independent of the others
     scenario: Scenario,
     *,
-    entries: Mapping[str, Given],
+    entries: Mapping[str, EntrySpec],
     seeds: Iterable[int],
     out: str | os.PathLike[str],
     move_seconds: float = 1.0,
@@ -162,32 +162,32 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     record: bool = True,
     folder: str | os.PathLike[str] | None = None,
 ) -> Table:
-    """Let entries play each other on both sides with the same seeds, and return the table.
+    """Play entries against each other on both sides with the same seeds, and return the table.
 
-    Each entry is tried before the first game; one that cannot play is named by a warning and in `not_ready` of the
-    table, and loses its games. A tournament that was interrupted, by a crash too, goes on where it was when it is run
-    again with the same `out`.
+    Each entry is tried before the first game. An entry that cannot play is named by a warning and in `not_ready` of
+    the table, and loses its games. An interrupted tournament continues when it is run again with the same `out`, even
+    after a crash.
 
     Args:
         scenario: the game.
         entries: name -> `file.py:function`, `module:function`, or a program and its arguments; see docs/tournaments.md.
-        seeds: of the games of each two entries.
-        out: the folder for all that is written.
-        move_seconds: how long an entry may take for a move, by the clock on the wall.
-        memory_mb: how much memory the process of an entry may use, MiB.
-        sides: the two teams that entries play; None: the scenario has no others.
-        rounds: of a Swiss tournament; None: all play all.
-        workers: how many games at once, each in a process of its own; None: one after the other, in this process.
+        seeds: the seeds of the games of each pair of entries.
+        out: the folder for all files of the tournament.
+        move_seconds: seconds of wall-clock time that an entry may take for a move.
+        memory_mb: the memory in MiB that the process of an entry may use.
+        sides: the two teams that entries play; None: the two teams of the scenario.
+        rounds: the number of rounds of a Swiss tournament; None: every entry plays every other.
+        workers: the number of worker processes, each of which plays one game at a time; None: play in this process.
         executor: plays instead: any executor of `concurrent.futures` on this machine, or "ray".
-        record: keep a recording of each game, in `out/games`.
-        folder: where relative paths of entries begin; None: the current folder.
+        record: whether to keep a recording of each game, in `out/games`.
+        folder: the folder that relative paths of entries start from; None: the current folder.
 
     Raises:
         BadType, BadValue: there are too few entries, sides or seeds, or a limit is too low.
-        UnknownName (KeyError): the scenario has no such team.
-        ScenarioError (ValueError): an entry has no such function, or the scenario cannot be built.
+        UnknownName (KeyError): the scenario does not have a team of this name.
+        ScenarioError (ValueError): the function of an entry does not exist, or the scenario cannot be built.
         WriteConflict (RuntimeError): another tournament was or is played in this folder.
-        GammsError: the system is Windows, where processes cannot be confined so.
+        GammsError: the system is Windows, where entries cannot be confined.
     """
     if not hasattr(os, "fork"):
         raise GammsError("Tournaments run on Linux and macOS: Windows has no way to bound the processes of entries.")
@@ -207,17 +207,19 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
         manifest = {"scenario": digest_of(scenario), **game}
         _refuse_other(where, manifest)
-        remove_folder(where / SCRATCH)  # of a tournament that was interrupted
+        remove_folder(where / SCRATCH)  # of an interrupted tournament
         runner = None
         try:
             with scenario.build(seed=numbers[0]) as ctx:
                 found = found_entries(entries, base, where, private)
                 ctx.graph.save(without_link(where / _MAP))
-            plan = _Plan([_Player(one.name, one.digest) for one in found], teams, numbers, number, manifest)
-            settings = Settings(scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory())
+            plan = _Schedule([_EntryKey(one.name, one.digest) for one in found], teams, numbers, number, manifest)
+            settings = TournamentSettings(
+                scenario, where / _MAP, where / SCRATCH, allowed, games, where / "logs", max_memory()
+            )
             runner = _Runner(settings, chosen, workers, Journal(where, Row))
             (where / SCRATCH).mkdir(exist_ok=True)
-            not_ready, missing = _tried(runner, found, teams, numbers[0])
+            not_ready, missing = _try_entries(runner, found, teams, numbers[0])
             written = {
                 "format": _FORMAT,
                 **manifest,
@@ -240,14 +242,14 @@ def run(  # noqa: PLR0913 - each option is independent of the others
 
 
 def load(out: str | os.PathLike[str]) -> Table:
-    """Return the table of the tournament in a folder, also of one that has not ended. Nothing is played.
+    """Return the table of the tournament in a folder, even if it has not ended, without playing games.
 
     Args:
         out: the folder.
 
     Raises:
-        BadFile: it is not the folder of a tournament, or damaged.
-        TooLarge: the tournament would take more memory than is allowed.
+        BadFile: the folder does not hold a tournament, or is damaged.
+        TooLarge: the tournament would take more memory than allowed.
     """
     where = as_path(out, "out")
     try:
@@ -256,13 +258,13 @@ def load(out: str | os.PathLike[str]) -> Table:
         raise BadFile(f"{str(where)!r} is not the folder of a tournament: it has no {MANIFEST}.") from None
     if len(manifest["sides"]) != 2 or len(manifest["entries"]) < 2 or not manifest["seeds"]:
         raise BadFile(f"{str(where / MANIFEST)!r} must name two sides, two entries at least, and a seed at least.")
-    players = [_Player(name, digest) for name, digest in sorted(manifest["entries"].items())]
+    players = [_EntryKey(name, digest) for name, digest in sorted(manifest["entries"].items())]
     rounds = manifest["rounds"]
     pairs = len(players) * (len(players) - 1) // 2 if rounds is None else len(players) // 2 * rounds
     games = 2 * pairs * len(manifest["seeds"])
     refuse_above(games * _BYTES, f"A tournament of {games:,} games")
     game = {name: manifest[name] for name in _GAME}  # type: ignore[literal-required] # of a tuple of such
-    plan = _Plan(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
+    plan = _Schedule(players, (manifest["sides"][0], manifest["sides"][1]), manifest["seeds"], rounds, game)
     rows = list[Row]()
     for _ in plan.fixtures(rows_in(where / JOURNAL, Row), rows):
         pass
@@ -291,18 +293,19 @@ def _sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
     return sides[0], sides[1]
 
 
-def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> Allowed:
-    seconds, megabytes = as_positive(move_seconds, "move_seconds"), as_int(memory_mb, "memory_mb")
+def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> ResourceLimits:
+    seconds = as_positive(move_seconds, "move_seconds")
+    megabytes = as_int(memory_mb, "memory_mb")
     if megabytes < _LEAST_MB:
         raise BadValue(f"memory_mb must be at least {_LEAST_MB}, which programs take to start, not {megabytes}.")
     turns = scenario.spec.max_turns or MOST_TURNS
-    return Allowed(seconds, megabytes << 20, int(seconds * (turns + 10)) + 1)
+    return ResourceLimits(seconds, megabytes << 20, int(seconds * (turns + 10)) + 1)
 
 
-def _tried(
+def _try_entries(
     runner: "_Runner", entries: Sequence[Entry], sides: tuple[str, str], seed: int
 ) -> tuple[dict[str, str], list[str]]:
-    """Try all entries; return why some of them cannot play, and what this system cannot enforce."""
+    """Try all entries; return why some cannot play, and the limits that this system cannot enforce."""
     trials = runner.tried(entries, sides, seed)
     not_ready = {name: one.reason for name, one in trials.items() if one.reason is not None}
     for name, reason in not_ready.items():
@@ -312,7 +315,7 @@ def _tried(
 
 
 def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
-    """Check that a folder has no tournament, or this one."""
+    """Check that a folder holds no other tournament."""
     try:
         before = json_in(where / MANIFEST, "the file of a tournament", dict[str, Any])
     except FileNotFoundError:
@@ -327,7 +330,7 @@ class _Runner:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: TournamentSettings,
         executor: Executor,
         workers: int | None,
         journal: Journal,
@@ -339,16 +342,16 @@ class _Runner:
         self._spare: WorkerPool | None = None
         self._workers = workers or cores()
 
-    def tried(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, Trial]:
-        """Return what a trial of each entry shows, by its name."""
+    def tried(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, TrialResult]:
+        """Return the trial of each entry, by its name."""
         keeps = isinstance(self._executor, Here | WorkerPool)
         futures = {
-            one.name: self._asked(partial(trial, self._settings, one, sides, seed, keeps_launchers=keeps))
+            one.name: self._submit(partial(trial, self._settings, one, sides, seed, keeps_launchers=keeps))
             for one in entries
         }
         return {name: result_of(future) for name, future in futures.items()}
 
-    def play(self, plan: _Plan, entries: Mapping[str, Entry]) -> Table:
+    def play(self, plan: _Schedule, entries: Mapping[str, Entry]) -> Table:
         """Play all rounds, and return the table."""
         rows = list[Row]()
         with progress() as show:
@@ -358,23 +361,24 @@ class _Runner:
         return Table(rows, [one.name for one in plan.entries])
 
     def _play(self, fixtures: Mapping[_Pair, list[Fixture]], entries: Mapping[str, Entry]) -> Iterator[tuple[int, int]]:
-        """Play the games that have no row yet; yield how many are done."""
-        total, waiting = sum(map(len, fixtures.values())), dict[Future[list[Row]], tuple[Task, int]]()
+        """Play the games without a row; yield the numbers of finished and of all games."""
+        total = sum(map(len, fixtures.values()))
+        waiting = dict[Future[list[Row]], tuple[Task, int]]()
         tasks = iter(self._tasks(fixtures, entries))
         done = total - sum(one.id not in self._journal.rows for some in fixtures.values() for one in some)
         while True:
             while len(waiting) < self._slots and (task := next(tasks, None)) is not None:
-                waiting[self._asked(partial(play, task))] = task, 1
+                waiting[self._submit(partial(play, task))] = task, 1
             if not waiting:
                 return
             for future in first_done(waiting):
                 task, attempts = waiting.pop(future)
                 try:
                     rows = future.result()
-                except BrokenExecutor:  # the process was killed: its games follow from their seeds alone
+                except BrokenExecutor:  # the process was killed: its games can be repeated from their seeds
                     if attempts == _ATTEMPTS:
                         raise
-                    waiting[self._asked(partial(play, task))] = task, attempts + 1
+                    waiting[self._submit(partial(play, task))] = task, attempts + 1
                 else:
                     self._journal.add(dict(row) for row in rows)
                     done += len(rows)
@@ -388,16 +392,16 @@ class _Runner:
                 games = tuple(new[first : first + _GAMES_OF_A_TASK])
                 yield Task(self._settings, pair, games, isinstance(self._executor, Here | WorkerPool))
 
-    def _asked(self, function: Callable[[], T]) -> Future[T]:
+    def _submit(self, function: Callable[[], T]) -> Future[T]:
         try:
             return self._executor.submit(function)
-        except BrokenExecutor:  # one of the caller's, whose workers have died
+        except BrokenExecutor:  # the workers of the caller's executor have died
             self._spare = self._spare or WorkerPool(self._workers)
             self._executor = self._spare
             return self._executor.submit(function)
 
     def close(self, *, is_own: bool) -> None:
-        """End what plays, and close the journal."""
+        """Shut down the workers, and close the journal."""
         close_launchers()
         if is_own:
             self._executor.shutdown(cancel_futures=True)
@@ -406,13 +410,14 @@ class _Runner:
         self._journal.close()
 
 
-def _swiss(entries: Sequence[_Player], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
-    """Return who plays whom in the next round: neighbours in the table who have not met yet, from above.
+def _swiss(entries: Sequence[_EntryKey], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
+    """Pair the entries for the next round: neighbors in the table that have not met yet, from the top.
 
-    With an odd number, or where all that are left have met, some do not play.
+    With an odd number of entries, or if all remaining entries have met, some do not play.
     """
     known = {entry.name: entry for entry in entries}
-    waiting, pairs = [known[one.entry] for one in table.standings()], []
+    waiting = [known[one.entry] for one in table.standings()]
+    pairs = []
     while waiting:
         first = waiting.pop(0)
         second = next((one for one in waiting if frozenset((first.name, one.name)) not in met), None)

@@ -1,7 +1,7 @@
-"""The folder that the process of an entry writes in: measured and removed, whatever the entry has put there.
+"""The scratch folder of an entry's process: measure and remove it, whatever the entry has put there.
 
-Folders are opened by name within the folder above them, never by a path: names may be long, folders may lie deep in
-each other, and links may lead elsewhere.
+Folders are opened by name relative to their parent, never by a path: names may be long, folders may be nested deeply,
+and links may lead elsewhere.
 """
 
 import logging
@@ -17,40 +17,41 @@ from gamms.tournament.confinement import LONGEST_FILE
 
 _MOST_BYTES = 1 << 24
 _MOST_FILES = 1_000  # folders included
-_MOST_DEPTH = 32  # of folders in each other
+_MOST_DEPTH = 32  # of nested folders
 _AS_FOLDER = os.O_RDONLY
-if sys.platform != "win32":  # where no tournament is played
+if sys.platform != "win32":  # no tournaments on Windows
     _AS_FOLDER |= os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
-class Overfull(Exception):
-    """The folder holds more than an entry may write; the message says what."""
+class ScratchLimitExceeded(Exception):
+    """A scratch folder exceeds its limits; the message says which."""
 
 
 def check_folder(folder: str, process: int) -> None:
-    """Check how much a process holds on the disk: the files in its folder, and deleted files that it still uses.
+    """Check how much disk space a process uses: files in its folder, and deleted files that are still open.
 
     Raises:
-        Overfull: it is more than allowed, or cannot be measured.
+        ScratchLimitExceeded: it is more than allowed, or cannot be measured.
     """
-    size, count = 0, 0
+    size = 0
+    count = 0
     try:
         size = _deleted_bytes(folder, process)
         for length in _sizes(folder, None, 0):
             size += length
             count += 1
             if count > _MOST_FILES:
-                raise Overfull(f"it made more than {_MOST_FILES:,} files and folders")
+                raise ScratchLimitExceeded(f"it made more than {_MOST_FILES:,} files and folders")
     except OSError as error:
-        raise Overfull(f"its files cannot be measured: {error.strerror}") from None
+        raise ScratchLimitExceeded(f"its files cannot be measured: {error.strerror}") from None
     if size > _MOST_BYTES:
-        raise Overfull(f"its files have more than {_MOST_BYTES:,} bytes")
+        raise ScratchLimitExceeded(f"its files have more than {_MOST_BYTES:,} bytes")
 
 
 def _sizes(name: str, above: int | None, depth: int) -> Iterator[int]:
     """Yield the sizes of all files and folders in a folder."""
     if depth > _MOST_DEPTH:
-        raise Overfull(f"it made more than {_MOST_DEPTH} folders in each other")
+        raise ScratchLimitExceeded(f"it made more than {_MOST_DEPTH} folders in each other")
     opened = os.open(name, _AS_FOLDER, dir_fd=above)
     try:
         with os.scandir(opened) as found:
@@ -64,8 +65,9 @@ def _sizes(name: str, above: int | None, depth: int) -> Iterator[int]:
 
 
 def _deleted_bytes(folder: str, process: int) -> int:
-    """Return the size of files of the folder that have no name any more, and are open in a process or mapped by it."""
-    mark, end = os.fsencode(f"/{Path(folder).name}/"), b" (deleted)"
+    """Return the size of deleted files of the folder that a process still holds open or mapped."""
+    mark = os.fsencode(f"/{Path(folder).name}/")
+    end = b" (deleted)"
     place = Path("/proc", str(process))
     sizes: dict[int, int] = {}
     try:
@@ -89,7 +91,7 @@ def _deleted_bytes(folder: str, process: int) -> int:
 
 
 def remove_folder(folder: str | os.PathLike[str]) -> None:
-    """Remove a folder in which no process writes any more; leave what cannot be removed, with a warning."""
+    """Remove a folder that no process writes to any more; warn if something cannot be removed."""
     try:
         top = os.open(folder, _AS_FOLDER)
         try:
@@ -106,7 +108,7 @@ def remove_folder(folder: str | os.PathLike[str]) -> None:
 
 
 def _remove_level(one: os.DirEntry[str], top: int) -> None:
-    """Remove a file, or a folder after its own folders were moved to the top, so that no folder is too deep."""
+    """Remove a file; or move a folder's subfolders to the top, to avoid deep paths, and remove the folder."""
     if not one.is_dir(follow_symlinks=False):
         os.unlink(one.name, dir_fd=top)
         return

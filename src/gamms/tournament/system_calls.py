@@ -1,22 +1,22 @@
-"""The system calls that an entry may make: a table of their numbers, from which the filter of Linux (seccomp) is made.
+"""The system calls that an entry may make: a table of their numbers, and the seccomp filter made from it.
 
 Calls in `FREE` are allowed. Calls in `BOUND` are allowed if their arguments meet the conditions beside them; a filter
 sees numbers, but not the memory that pointers lead to. Calls in `STARTING` kill the caller unless they start a thread.
 Calls in `ABSENT` fail as if the system did not have them (ENOSYS), so that programs take another way. Every other call
 fails as not permitted (EPERM).
 
-Landlock decides which files `open` opens and `rename` renames. The table leaves out what Landlock does not govern: the
-mode, owner, times and attributes of files, links, truncation, sockets with addresses, shared memory that no file holds,
-and watches on folders (inotify).
+Landlock decides which files `open` opens and `rename` renames. The table leaves out everything that Landlock does not
+govern: the mode, owner, times and attributes of files, links, truncation, sockets with addresses, shared memory without
+a file, and watches on folders (inotify).
 """
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
-Numbers = tuple[int | None, int | None]  # on x86_64, on aarch64; None: not there
+Numbers = tuple[int | None, int | None]  # on x86_64, on aarch64; None: does not exist there
 
 FREE: dict[str, Numbers] = {
-    # reading and writing what is open
+    # reading and writing open files
     "read": (0, 63),
     "write": (1, 64),
     "readv": (19, 65),
@@ -38,7 +38,7 @@ FREE: dict[str, Numbers] = {
     "dup": (32, 23),
     "dup2": (33, None),
     "dup3": (292, 24),
-    # files: Landlock says which
+    # files: Landlock decides which
     "creat": (85, None),
     "access": (21, None),
     "faccessat": (269, 48),
@@ -98,7 +98,7 @@ FREE: dict[str, Numbers] = {
     "sched_get_priority_max": (146, 125),
     "sched_get_priority_min": (147, 126),
     "sched_rr_get_interval": (148, 127),
-    # signals to itself
+    # signals to the process itself
     "rt_sigaction": (13, 134),
     "rt_sigprocmask": (14, 135),
     "rt_sigreturn": (15, 139),
@@ -123,7 +123,7 @@ FREE: dict[str, Numbers] = {
     "timerfd_create": (283, 85),
     "timerfd_settime": (286, 86),
     "timerfd_gettime": (287, 87),
-    # what it is, and on which machine
+    # information about the process and the machine
     "getpid": (39, 172),
     "gettid": (186, 178),
     "getppid": (110, 173),
@@ -147,7 +147,7 @@ FREE: dict[str, Numbers] = {
     "getrlimit": (97, 163),
     "setrlimit": (160, 164),
     "getpriority": (140, 141),
-    # waiting for what is open
+    # waiting for open files
     "poll": (7, None),
     "ppoll": (271, 73),
     "select": (23, None),
@@ -171,14 +171,14 @@ FREE: dict[str, Numbers] = {
 }
 
 
-class Only(NamedTuple):
-    """Allow a call only if some bits of an argument have one of these values.
+class AllowedValues(NamedTuple):
+    """Condition: some bits of an argument must have one of these values.
 
     Attributes:
-        argument: its place, from 0.
-        values: what the bits may be.
-        mask: the bits that are looked at, of the lower half of the argument.
-        is_upper: look at its upper half instead.
+        argument: the index of the argument, from 0.
+        values: the allowed values of the bits.
+        mask: the tested bits of one half of the argument.
+        is_upper: test the upper half of the argument instead of the lower half.
     """
 
     argument: int
@@ -187,13 +187,13 @@ class Only(NamedTuple):
     is_upper: bool = False
 
 
-class Never(NamedTuple):
-    """Refuse a call if some bits of an argument have this value.
+class RefusedValue(NamedTuple):
+    """Condition: some bits of an argument must not have this value.
 
     Attributes:
-        argument: its place, from 0.
-        value: what the bits may not be.
-        mask: the bits that are looked at, of the lower half of the argument.
+        argument: the index of the argument, from 0.
+        value: the refused value of the bits.
+        mask: the tested bits of the lower half of the argument.
     """
 
     argument: int
@@ -201,11 +201,13 @@ class Never(NamedTuple):
     mask: int
 
 
-OWN = -1  # in `Only`: the process that is confined
+OWN = -1  # in `AllowedValues`: the process that is confined
 
 # Of open: access mode 3 and O_TRUNC without writing need no right of Landlock; O_TMPFILE makes files without a name.
 _OPENING = ((0x3, 0x3), (0x200, 0x203), (0x400000, 0x400000))
-_AS_THREAD = 0x10F00  # CLONE_THREAD with the memory, files, folder and signals of all: what it opens is in one table
+_AS_THREAD = (
+    0x10F00  # CLONE_THREAD with shared memory, files, folder and signals, so that all open files are in one table
+)
 _FCNTL = (
     *(0, 1030),  # F_DUPFD, F_DUPFD_CLOEXEC
     *(1, 2, 3, 4),  # F_GETFD, F_SETFD, F_GETFL, F_SETFL
@@ -214,7 +216,7 @@ _FCNTL = (
     1032,  # F_GETPIPE_SZ
 )
 _IOCTL = (
-    *(0x5401, 0x802C542A),  # TCGETS, TCGETS2, which ask whether this is a terminal
+    *(0x5401, 0x802C542A),  # TCGETS, TCGETS2: ask whether a file is a terminal
     0x5413,  # TIOCGWINSZ
     0x541B,  # FIONREAD
     0x5421,  # FIONBIO
@@ -229,33 +231,36 @@ _PRCTL = (
     0x53564D41,  # PR_SET_VMA, which names memory
 )
 
-BOUND: dict[str, tuple[Numbers, tuple[Only | Never, ...]]] = {
-    "open": ((2, None), tuple(Never(1, *one) for one in _OPENING)),
-    "openat": ((257, 56), tuple(Never(2, *one) for one in _OPENING)),
+BOUND: dict[str, tuple[Numbers, tuple[AllowedValues | RefusedValue, ...]]] = {
+    "open": ((2, None), tuple(RefusedValue(1, *one) for one in _OPENING)),
+    "openat": ((257, 56), tuple(RefusedValue(2, *one) for one in _OPENING)),
     "mmap": (
         (9, 222),
         (
-            Never(3, 0x21, 0x21),  # MAP_SHARED and MAP_ANONYMOUS: no limit counts such memory
-            Never(3, 0x100, 0x100),  # MAP_GROWSDOWN: nor this, which counts as a stack
-            Never(3, 0x40000, 0x40000),  # MAP_HUGETLB: nor this
+            RefusedValue(3, 0x21, 0x21),  # MAP_SHARED and MAP_ANONYMOUS: memory that no limit counts
+            RefusedValue(3, 0x100, 0x100),  # MAP_GROWSDOWN: counts as a stack
+            RefusedValue(3, 0x40000, 0x40000),  # MAP_HUGETLB: memory that no limit counts
         ),
     ),
-    "fcntl": ((72, 25), (Only(1, _FCNTL),)),
-    "ioctl": ((16, 29), (Only(1, _IOCTL),)),
-    "prctl": ((157, 167), (Only(0, _PRCTL),)),
-    "socketpair": ((53, 199), (Only(0, (1,)),)),  # AF_UNIX
-    "sendto": ((44, 206), (Only(4, (0,)), Only(4, (0,), is_upper=True))),  # to no address: what it is connected to
-    "kill": ((62, 129), (Only(0, (0, OWN)),)),
-    "tgkill": ((234, 131), (Only(0, (OWN,)),)),
-    "rt_sigqueueinfo": ((129, 138), (Only(0, (OWN,)),)),
-    "rt_tgsigqueueinfo": ((297, 240), (Only(0, (OWN,)),)),
-    "prlimit64": ((302, 261), (Only(0, (0, OWN)),)),
+    "fcntl": ((72, 25), (AllowedValues(1, _FCNTL),)),
+    "ioctl": ((16, 29), (AllowedValues(1, _IOCTL),)),
+    "prctl": ((157, 167), (AllowedValues(0, _PRCTL),)),
+    "socketpair": ((53, 199), (AllowedValues(0, (1,)),)),  # AF_UNIX
+    "sendto": (
+        (44, 206),
+        (AllowedValues(4, (0,)), AllowedValues(4, (0,), is_upper=True)),
+    ),  # no address: the connected peer
+    "kill": ((62, 129), (AllowedValues(0, (0, OWN)),)),
+    "tgkill": ((234, 131), (AllowedValues(0, (OWN,)),)),
+    "rt_sigqueueinfo": ((129, 138), (AllowedValues(0, (OWN,)),)),
+    "rt_tgsigqueueinfo": ((297, 240), (AllowedValues(0, (OWN,)),)),
+    "prlimit64": ((302, 261), (AllowedValues(0, (0, OWN)),)),
 }
 
-STARTING: dict[str, tuple[Numbers, tuple[Only, ...]]] = {
-    "clone": ((56, 220), (Only(0, (_AS_THREAD,), _AS_THREAD),)),
-    "fork": ((57, None), (Only(0, ()),)),
-    "vfork": ((58, None), (Only(0, ()),)),
+STARTING: dict[str, tuple[Numbers, tuple[AllowedValues, ...]]] = {
+    "clone": ((56, 220), (AllowedValues(0, (_AS_THREAD,), _AS_THREAD),)),
+    "fork": ((57, None), (AllowedValues(0, ()),)),
+    "vfork": ((58, None), (AllowedValues(0, ()),)),
 }
 
 ABSENT: dict[str, Numbers] = {
@@ -275,19 +280,23 @@ ABSENT: dict[str, Numbers] = {
 NEWEST = 469  # the last call of Linux 6.18; a later one answers as if it was absent
 
 MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
-"""Name of a machine -> its column in the tables, and its number in what a filter sees."""
+"""Machine name -> (column in the tables, architecture number that a filter sees)."""
 
 _LOAD, _AND, _RETURN = 0x20, 0x54, 0x06  # instructions of filters
 _IF_EQUAL, _IF_ABOVE = 0x15, 0x25
-_NUMBER, _ARCHITECTURE, _ARGUMENTS = 0, 4, 16  # offsets into what a filter sees
-_ALLOW, _KILL_PROCESS, _FAIL = 0x7FFF0000, 0x80000000, 0x00050000  # to the last, the error is added
+_NUMBER, _ARCHITECTURE, _ARGUMENTS = 0, 4, 16  # offsets into the data that a filter sees
+_ALLOW, _KILL_PROCESS, _FAIL = (
+    0x7FFF0000,
+    0x80000000,
+    0x00050000,
+)  # return values; the error number is added to the last one
 _REFUSE, _IS_ABSENT = _FAIL | 1, _FAIL | 38  # EPERM, ENOSYS
 
 Instruction = tuple[int, int, int, int]  # code, jump if true, jump if false, operand
 
 
 def filter_for(machine: str, process: int) -> list[Instruction]:
-    """Return the filter of a machine for a process: each block is about one call, and returns or is jumped over."""
+    """Return the seccomp filter for a process on a machine: a list of blocks, one for each system call."""
     column, architecture = MACHINES[machine]
     program: list[Instruction] = [
         (_LOAD, 0, 0, _ARCHITECTURE),
@@ -308,11 +317,11 @@ def filter_for(machine: str, process: int) -> list[Instruction]:
     return [*program, (_IF_ABOVE, 0, 1, NEWEST), (_RETURN, 0, 0, _IS_ABSENT), (_RETURN, 0, 0, _REFUSE)]
 
 
-def _block(conditions: Iterable[Only | Never], refused: int, process: int) -> list[Instruction]:
-    """Return the part of a filter that tests the arguments of a call."""
+def _block(conditions: Iterable[AllowedValues | RefusedValue], refused: int, process: int) -> list[Instruction]:
+    """Return the block of a filter that tests the arguments of a call."""
     block: list[Instruction] = []
     for one in conditions:
-        if isinstance(one, Never):
+        if isinstance(one, RefusedValue):
             block += [(_LOAD, 0, 0, _ARGUMENTS + 8 * one.argument), (_AND, 0, 0, one.mask)]
             block += [(_IF_EQUAL, 0, 1, one.value), (_RETURN, 0, 0, refused)]
             continue

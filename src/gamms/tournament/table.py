@@ -18,22 +18,22 @@ from gamms.tournament.games import Row
 WIN, DRAW = 1.0, 0.5
 _RESAMPLES = 1_000
 _SEED = 20
-_CELLS = 1 << 22  # of an array of resamples
+_CELLS = 1 << 22  # elements of an array of resamples
 _MOST_STEPS = 100
-_TOLERANCE = 1e-7  # of a step; the error after it is about its square
+_TOLERANCE = 1e-7  # of a step; the remaining error is about its square
 _DIGITS = 6  # of Elo points, so that equal records have equal ratings
-_POINTS = 400.0 / math.log(10.0)  # of Elo for a strength of 1
+_POINTS = 400.0 / math.log(10.0)  # Elo points for a strength of 1
 
 
 class Standing(NamedTuple):
-    """What an entry has come to.
+    """The points, games and faults of an entry.
 
     Attributes:
-        entry: its name.
+        entry: the name of the entry.
         points: 1 for a win, 1/2 for a draw.
-        games: that it has played.
-        wins, draws, losses: of these.
-        faults: kind of fault -> how many games it has lost by it.
+        games: the number of games.
+        wins, draws, losses: the numbers of games won, drawn and lost.
+        faults: kind of fault -> number of games lost by it.
     """
 
     entry: str
@@ -46,14 +46,14 @@ class Standing(NamedTuple):
 
 
 class Rating(NamedTuple):
-    """How strong an entry is, in Elo points.
+    """The strength of an entry in Elo points.
 
     Attributes:
-        entry: its name.
-        elo: 0 is the mean of all entries. An entry with 400 more than another is expected to get 10 points for 1 of
-            the other.
-        low: of its 95 % interval over seeds; NaN where all seeds have the same results.
-        high: of its interval.
+        entry: the name of the entry.
+        elo: the rating; the mean of all entries is 0. An entry with 400 more than another is expected to get 10 points
+            for each point of the other.
+        low: the lower end of the 95 % interval over seeds; NaN if all seeds have the same results.
+        high: the upper end of the interval.
     """
 
     entry: str
@@ -63,14 +63,14 @@ class Rating(NamedTuple):
 
 
 class Payoff(NamedTuple):
-    """How two entries did against each other, from the side of the first.
+    """The results of two entries against each other, from the side of the first.
 
     Attributes:
-        points: of a game: `value`, the mean, and `low` and `high`, its 95 % score interval (Wilson) over the seeds.
-        score: by how much its team's score was higher, with its 95 % bootstrap interval over the seeds; `low` and
-            `high` are NaN where all seeds have the same.
-        games: that they have played.
-        seeds: of these games; the games of both sides with one seed count as one piece of evidence.
+        points: points per game: `value` is the mean, `low` and `high` its 95 % score interval (Wilson) over the seeds.
+        score: the mean lead of its team's score, with its 95 % bootstrap interval over the seeds; `low` and `high` are
+            NaN if all seeds give the same lead.
+        games: the number of games of the two.
+        seeds: the number of seeds; the games of both sides with one seed count as one piece of evidence.
     """
 
     points: Interval
@@ -80,7 +80,7 @@ class Payoff(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """Three entries of which each beats the next one, and the last the first.
+    """Three entries: the first beats the second, the second the third, and the third the first.
 
     Attributes:
         entries: their names.
@@ -92,24 +92,24 @@ class Cycle(NamedTuple):
 
 
 def points_of(row: Row) -> dict[str, float]:
-    """Return the points of both entries of a game: a fault loses, and so do both if both have one."""
+    """Return the points of both entries of a game; an entry with a fault loses, even if both have one."""
     if row["winner"] is None:
         return {entry: 0.0 if team in row["faults"] else DRAW for team, entry in row["entries"].items()}
     return {entry: WIN if team == row["winner"] else 0.0 for team, entry in row["entries"].items()}
 
 
 class Table:
-    """What came of a tournament. `print(table)` shows the ranking.
+    """The results of a tournament. `print(table)` shows the ranking.
 
     Args:
-        rows: of all games, in the order of the plan.
+        rows: the rows of all games, in the order of the schedule.
         entries: the names of the entries.
 
     Attributes:
         rows: see above.
         entries: see above.
-        not_enforced: what of the limits the system could not enforce, in words.
-        not_ready: entry -> why it cannot play when it was tried before the first game.
+        not_enforced: descriptions of the limits that the system could not enforce.
+        not_ready: entry -> why it failed its trial before the first game.
     """
 
     def __init__(self, rows: Sequence[Row], entries: Sequence[str]) -> None:
@@ -122,7 +122,7 @@ class Table:
         self._payoffs: dict[tuple[str, str], Payoff] | None = None
 
     def standings(self) -> list[Standing]:
-        """Return the entries, the best first: by points per game, then by name."""
+        """Return the standings of the entries, sorted by points per game, highest first, then by name."""
         points: dict[str, list[float]] = {name: [] for name in self.entries}
         faults: dict[str, dict[str, int]] = {name: {} for name in self.entries}
         for row in self.rows:
@@ -138,11 +138,11 @@ class Table:
         return sorted(found, key=lambda one: (-one.points / max(one.games, 1), one.entry))
 
     def ratings(self) -> list[Rating]:
-        """Return the Bradley-Terry ratings of the entries, the highest first, with 95 % bootstrap intervals over seeds.
+        """Return Bradley-Terry ratings, sorted from the highest, with 95 % bootstrap intervals over seeds.
 
         The order of games does not matter. A draw is half a win for each, and a game in which both entries have a
         fault does not count. Each entry also draws one game against an imaginary opponent of average strength, so that
-        an entry that has won all its games has a finite rating. Where all entries have met equally often, the ratings
+        an entry that has won all its games has a finite rating. If all entries have met equally often, the ratings
         have the order of the points.
 
         Bradley and Terry, Biometrika 39, 1952; Mease, The American Statistician 57, 2003 (the imaginary opponent);
@@ -164,7 +164,7 @@ class Table:
         return sorted(ratings, key=lambda one: (-one.elo, one.entry))
 
     def payoffs(self) -> dict[tuple[str, str], Payoff]:
-        """Return how each two entries that have met did, in both orders, with 95 % intervals over seeds.
+        """Return (first, second) -> results of the first entry against the second, with 95 % intervals over seeds.
 
         Raises:
             MissingExtra: SciPy is not installed.
@@ -172,7 +172,8 @@ class Table:
         if self._payoffs is None:
             games: dict[tuple[str, str], dict[int, list[tuple[float, float]]]] = {}
             for row in self.rows:
-                points, scores = points_of(row), {row["entries"][team]: one for team, one in row["scores"].items()}
+                points = points_of(row)
+                scores = {row["entries"][team]: one for team, one in row["scores"].items()}
                 for pair in permutations(points):
                     first, second = pair[0], pair[1]
                     value = points[first], scores[first] - scores[second]
@@ -181,8 +182,9 @@ class Table:
         return self._payoffs
 
     def cycles(self) -> list[Cycle]:
-        """Return all threes of entries of which each beats the next one, by points of their games."""
-        payoffs, found = self.payoffs(), []
+        """Return all cycles of three entries, each of which scores more than half the points against the next."""
+        payoffs = self.payoffs()
+        found = []
         for first, *rest in combinations(sorted(self.entries), 3):
             for second, third in (rest, rest[::-1]):
                 ways = [payoffs.get(pair) for pair in ((first, second), (second, third), (third, first))]
@@ -192,12 +194,13 @@ class Table:
         return found
 
     def nash_mixture(self) -> dict[str, float] | None:
-        """Return a Nash equilibrium of the game of choosing an entry: name -> with which probability.
+        """Return a Nash equilibrium of the game of choosing an entry: name -> its probability.
 
         The pay-offs are half the differences of the points per game of both, which makes the game zero-sum and the same
-        for both players. An entry in it need not be high in the table. None: some two have not met.
+        for both players. An entry in it need not be high in the table. None: some pair of entries has not met.
         """
-        payoffs, names = self.payoffs(), self.entries
+        payoffs = self.payoffs()
+        names = self.entries
         matrix = np.zeros((len(names), len(names)))
         for row, first in enumerate(names):
             for column, second in enumerate(names):
@@ -239,10 +242,10 @@ def _payoff(by_seed: dict[int, list[tuple[float, float]]]) -> Payoff:
 def _elo_intervals(won: FloatArray) -> list[Interval]:
     """Return the rating of each entry in Elo points, with its 95 % percentile bootstrap interval over seeds.
 
-    The mean of all ratings is 0. Where all resamples agree, the ends of an interval are NaN.
+    The mean of all ratings is 0. If all resamples agree, the ends of an interval are NaN.
 
     Args:
-        won: (seeds, entries, entries): the wins of one entry against another one, draws as half.
+        won: (seeds, entries, entries): the wins of one entry against another one; a draw counts half.
     """
     seeds, entries, _ = won.shape
     ratings = _POINTS * _strengths(won.sum(axis=0)[None])[0]
@@ -271,11 +274,11 @@ def _strengths(won: FloatArray) -> FloatArray:
     """Return the logarithms of the strengths in the Bradley-Terry model, (tournaments, entries), with the mean 0.
 
     They maximize the likelihood in which each entry also draws one game against an opponent of strength 1 (Mease, The
-    American Statistician 57, 2003), so they are finite and unique, whoever has met whom. Newton's method with the
-    damped steps of Sun and Tran-Dinh (Mathematical Programming 178, 2019, theorem 2) finds them from any start.
+    American Statistician 57, 2003), so they are finite and unique for any schedule. Newton's method with the damped
+    steps of Sun and Tran-Dinh (Mathematical Programming 178, 2019, theorem 2) finds them from any start.
 
     Args:
-        won: (tournaments, entries, entries): the wins of one entry against another one, draws as half.
+        won: (tournaments, entries, entries): the wins of one entry against another one; a draw counts half.
     """
     played = won + won.transpose(0, 2, 1)
     diagonal = np.arange(won.shape[1])
@@ -296,6 +299,6 @@ def _strengths(won: FloatArray) -> FloatArray:
 
 
 def _share(difference: FloatArray) -> FloatArray:
-    """Return the logistic function."""
+    """Return the logistic function of a difference of log-strengths."""
     share: FloatArray = 0.5 * (1.0 + np.tanh(0.5 * difference))
     return share

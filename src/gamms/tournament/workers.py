@@ -1,4 +1,4 @@
-"""What a process that plays does: games of two entries, with launchers that it keeps for the next ones."""
+"""The work of a process that plays: games of two entries, with launchers that stay ready for later games."""
 
 from collections import OrderedDict
 from multiprocessing import parent_process
@@ -13,41 +13,41 @@ from gamms.scenario.spec import to_plain
 from gamms.tournament import games
 from gamms.tournament.entries import Entry
 from gamms.tournament.games import Fixture, Row
-from gamms.tournament.players import Allowed, Launcher
+from gamms.tournament.players import Launcher, ResourceLimits
 
 _MOST_LAUNCHERS = 4  # each takes some 60 MB
 
 
-class Settings(NamedTuple):
-    """What all games of a tournament have in common.
+class TournamentSettings(NamedTuple):
+    """Settings shared by all games of a tournament.
 
     Attributes:
-        scenario: of the games.
+        scenario: the scenario of the games.
         map: the file of its map.
-        scratch: the folder in which entries get their own.
-        allowed: what an entry may take.
-        games: the folder for recordings; None: there are none.
-        logs: the folder for what entries with a fault have written.
-        memory: what `gamms.limits` allows, bytes.
+        scratch: the folder for the scratch folders of entries.
+        allowed: the resources that an entry may use.
+        games: the folder for recordings; None: do not record.
+        logs: the folder for the logs of entries with a fault.
+        memory: the memory limit of `gamms.limits`, bytes.
     """
 
     scenario: Scenario
     map: Path
     scratch: Path
-    allowed: Allowed
+    allowed: ResourceLimits
     games: Path | None
     logs: Path
     memory: int
 
 
 class Task(NamedTuple):
-    """Games of two entries.
+    """Games of two entries, for one process.
 
     Attributes:
-        settings: pickled.
-        entries: both.
+        settings: the pickled `TournamentSettings`.
+        entries: the two entries.
         fixtures: the games.
-        keeps_launchers: for later tasks, in a process that ends with the tournament.
+        keeps_launchers: whether to keep launchers for later tasks, in a process that ends with the tournament.
     """
 
     settings: bytes
@@ -56,12 +56,12 @@ class Task(NamedTuple):
     keeps_launchers: bool
 
 
-class Trial(NamedTuple):
-    """What a trial of an entry has shown.
+class TrialResult(NamedTuple):
+    """The result of trying an entry.
 
     Attributes:
         reason: why the entry cannot play; None: it can.
-        not_enforced: what of the limits this system cannot enforce, in words.
+        not_enforced: descriptions of the limits that this system cannot enforce.
     """
 
     reason: str | None
@@ -73,20 +73,21 @@ _launchers: OrderedDict[tuple[bytes, Entry], Launcher] = OrderedDict()
 
 def play(task: Task) -> list[Row]:
     """Play the games of a task, write their recordings and logs, and return their rows."""
-    settings, rows = loaded(task.settings), []
+    settings = loaded(task.settings)
+    rows = []
     with allowing(settings.memory):
         launchers = {entry.name: _launcher(task.settings, entry) for entry in task.entries}
         for fixture in task.fixtures:
             parent = parent_process()
             if parent is not None and not parent.is_alive():
                 raise SystemExit
-            rows.append(_played(settings, fixture, launchers))
+            rows.append(_play_fixture(settings, fixture, launchers))
     if not task.keeps_launchers:
         close_launchers()
     return rows
 
 
-def _played(settings: Settings, fixture: Fixture, launchers: dict[str, Launcher]) -> Row:
+def _play_fixture(settings: TournamentSettings, fixture: Fixture, launchers: dict[str, Launcher]) -> Row:
     record = None
     if settings.games is not None:
         settings.games.mkdir(exist_ok=True)
@@ -104,7 +105,7 @@ def _launcher(settings: bytes, entry: Entry) -> Launcher:
     if key not in _launchers:
         if len(_launchers) == _MOST_LAUNCHERS:
             _launchers.popitem(last=False)[1].close()
-        known: Settings = loaded(settings)
+        known: TournamentSettings = loaded(settings)
         game = to_plain(known.scenario.spec.settings)
         _launchers[key] = Launcher(entry, known.allowed, known.map, game, known.scratch)
     _launchers.move_to_end(key)
@@ -112,25 +113,25 @@ def _launcher(settings: bytes, entry: Entry) -> Launcher:
 
 
 def close_launchers() -> None:
-    """End the processes that this one has kept."""
+    """Close all launchers that this process has kept."""
     while _launchers:
         _launchers.popitem()[1].close()
 
 
-def trial(settings: bytes, entry: Entry, sides: tuple[str, str], seed: int, *, keeps_launchers: bool) -> Trial:
-    """Try an entry; see `Trial`.
+def trial(settings: bytes, entry: Entry, sides: tuple[str, str], seed: int, *, keeps_launchers: bool) -> TrialResult:
+    """Try an entry; see `TrialResult`.
 
     Args:
-        settings: pickled.
+        settings: the pickled `TournamentSettings`.
         entry: the entry.
-        sides: the team that it plays, and the other one.
-        seed: of the game that it is tried in.
+        sides: the team that the entry plays, and the other one.
+        seed: the seed of the trial game.
         keeps_launchers: see `Task`.
     """
-    known: Settings = loaded(settings)
+    known: TournamentSettings = loaded(settings)
     with allowing(known.memory):
         launcher = _launcher(settings, entry)
-        found = Trial(games.trial(known.scenario, seed, sides, launcher), launcher.missing())
+        found = TrialResult(games.trial(known.scenario, seed, sides, launcher), launcher.missing())
     if not keeps_launchers:
         close_launchers()
     return found
