@@ -173,6 +173,34 @@ with gamms.create_context(seed=1, game={"max_turns": 40}) as ctx:
     assert printed_lines == ["True True", "True", "True"]
 
 
+def test_a_number_of_agents_stays_in_its_game_in_the_core(tmp_path):
+    program = """
+import gamms
+
+def drain(ctx):
+    anna = ctx.agent.get_agent("anna")
+    anna.battery -= 0.125 if anna.current_node_id % 2 else 0.0625
+    if anna.battery <= 0.0:
+        ctx.game.end("the battery is empty")
+
+with gamms.create_context(seed=1, game={"max_turns": 40}) as ctx:
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
+    ctx.game.add(drain)
+    with ctx.game.batch(seeds=range(5)) as games:
+        games.run()
+        together = [games.result(number).turns for number in range(5)]
+        print(games.slow, games.detached)
+    fork, alone = ctx.game.fork(0), []
+    for seed in range(5):
+        fork.reset(seed=seed)
+        alone.append(fork.run().turns)
+    print(together == alone, len(set(alone)) > 1)
+"""
+    printed_lines = printed(with_battery(tmp_path), tmp_path, program).splitlines()
+    assert printed_lines == ["the rule 'drain' {}", "True True"]
+
+
 GUIDE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 COUNT = '''
 """AGENT_COUNT: how many other agents are near."""

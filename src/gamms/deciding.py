@@ -50,11 +50,12 @@ class DecidePhase:
         strategy_changes: how often the strategy of an agent was set.
         known_names: the attributes of agents that were set and need no look again.
         agent_kinds: class of agents -> its subclass that has the attributes of this context.
+        before_reading: called before an attribute of an agent is read that may be changed in place.
     """
 
     __slots__ = (
-        *("agent", "agent_kinds", "known_names", "moment", "owner_changes", "sensor_changes", "setting_changes"),
-        "strategy_changes",
+        *("agent", "agent_kinds", "before_reading", "known_names", "moment", "owner_changes", "sensor_changes"),
+        *("setting_changes", "strategy_changes"),
     )
 
     def __init__(self) -> None:
@@ -62,6 +63,7 @@ class DecidePhase:
         self.moment: object = None
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
+        self.before_reading: Callable[[], None] | None = None
         self.setting_changes = self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":

@@ -2,6 +2,7 @@
 
 import math
 import random
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -357,7 +358,7 @@ def test_what_plain_functions_remember_is_in_no_columns():
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "team", "blue"),
         lambda ctx: ctx.game.scores.update(red=True),
         lambda ctx: ctx.game.publish(to="red", secret=1),
-        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "tired", True),
+        lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
         lambda ctx: ctx.rng.integers(9),
         lambda ctx: ctx.game.memories,
     ],
@@ -476,6 +477,66 @@ def test_a_turn_in_which_an_agent_with_a_speed_raises_is_taken_back(way):
                     games.step()
             finally:
                 switch["is_on"] = False
+            games.run()
+            assert games.detached == {}
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def tire(ctx):
+    """Change attributes of agents: numbers, lists and arrays, as a whole and in place; some agents have none."""
+    for agent in [*ctx.game.agents]:
+        lot = (agent.current_node_id + ctx.game.turn + ctx.seed) % 6
+        known = [getattr(agent, name, None) for name in ("tired", "visited", "spent", "rank")]
+        ctx.game.emit("knows", agent=agent.name, of=[repr(one) for one in known])
+        if lot == 0:
+            agent.tired = getattr(agent, "tired", 0) + 1
+        elif lot == 1:
+            agent.visited = [*getattr(agent, "visited", []), agent.current_node_id]
+        elif lot == 2 and hasattr(agent, "visited"):
+            agent.visited.append(-1)
+        elif lot == 3:
+            agent.spent = np.arange(2.0) + ctx.game.turn
+        elif lot == 4 and hasattr(agent, "spent"):
+            agent.spent[0] += 1.0
+        elif hasattr(agent, "tired"):
+            del agent.tired
+
+
+@pytest.mark.parametrize("attributes", [{}, {"rank": 3, "visited": [7]}])
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_attributes_of_agents_are_those_of_their_games(phase, attributes):
+    with build([OUT, BACK], {"red": decide}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        for name, value in attributes.items():
+            for agent in ctx.agent.create_iter():
+                setattr(agent, name, value if name == "rank" else [*value])
+        before = deepcopy([vars(agent) for agent in ctx.agent.create_iter()])
+        ctx.game.add(tire, phase=phase)
+        check(ctx, seeds=[1, 2, 3, 4])
+        assert [vars(agent) for agent in ctx.agent.create_iter()] == before
+
+
+def test_attributes_are_as_before_a_turn_in_which_a_rule_raises():
+    def tire_or_trip(ctx):
+        tire(ctx)
+        if switch["is_on"] and ctx.seed == 2:
+            raise ZeroDivisionError("tripped")
+
+    with build([TAG]) as ctx:
+        ctx.game.add(tire_or_trip, phase="before")
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(5):
+                games.step()
+            switch["is_on"] = True
+            try:
+                with pytest.raises(ZeroDivisionError):
+                    games.step()
+            finally:
+                switch["is_on"] = False
+            games.reset([0], seeds=[7])
             games.run()
             assert games.detached == {}
             for number, seed in enumerate(games.seeds):

@@ -574,7 +574,10 @@ class Attribute:
     def __get__(self, agent: IAgent | None, owner: type) -> Any:
         if agent is None or self._name not in agent.__dict__:
             raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
-        return phase_of(agent).shown(agent.__dict__[self._name])
+        phase = phase_of(agent)
+        if phase.before_reading is not None and phase.agent is None:
+            phase.before_reading()
+        return phase.shown(agent.__dict__[self._name])
 
     def __set__(self, agent: IAgent, value: object) -> None:
         agent.__dict__[self._name] = value

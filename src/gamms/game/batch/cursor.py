@@ -25,15 +25,17 @@ from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
+from gamms.ir.events import AGENT_ATTRIBUTE
 from gamms.ir.game_state import GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
-from gamms.ir.schema import CHANGE_EVENTS
+from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
 
 _READ = ("began", "counts", "data", "errors", "events", "memories", "moves", "scores")  # made when they are read
 _OWN = ("over", "start", "team_memories")
-_CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive"))
+_NUMBERS = [column.name for column in NUMBERS]
+_CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS))
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
     *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
@@ -223,6 +225,7 @@ class Cursor:
         games = range(len(state))
         self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
         self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
+        self._attributes: list[list[dict[str, Any]] | None] = [None for _ in games]  # None: as at the start
         self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
         self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
         self._collectors: list[Collectors] = [parts.collectors for _ in games]
@@ -252,6 +255,8 @@ class Cursor:
             for name, fact in self._facts.items()
         }
         self._first_attributes = [copied(vars(one)) for one in self._agents]
+        self._shared_attributes = self._attributes_shown = [*map(vars, self._agents)]
+        self._phase.before_reading = self._own_attributes
         self._living_of = lru_cache(1024)(self._new_living)
         values.__class__ = _PointedState
         values.start = _Start(self._read_field, self._replace_data, self._began, self._leave)
@@ -291,6 +296,7 @@ class Cursor:
         self._block.journal = PLAIN
         turns.is_playing = turns.is_moving = False
         self._own_of_ctx["_rng"] = None
+        self._phase.before_reading = None
         for agent, own in zip(self._agents, self._first_attributes, strict=True):
             agent.__dict__ = copied(own)
         for last in self._lasts:
@@ -320,8 +326,8 @@ class Cursor:
             raise NotTakenUp(self._why)
         if self._what_is_fixed() != self._fixed:
             self._leave("changes the map, settings, rules, sensors or strategies")
-        if not is_same([vars(one) for one in self._agents], self._first_attributes):
-            self._leave("changes attributes of agents")
+        if not is_same(self._shared_attributes, self._first_attributes):
+            self._leave("changes the __dict__ of agents")
         self._refuse_private_facts()
         if self._own_of_ctx["_rng"] is not None:
             self._leave("draws from ctx.rng")
@@ -355,6 +361,9 @@ class Cursor:
             facts = self._facts_of[number]
             if facts is not self._facts_own:
                 self._show_facts(facts)
+            attributes = self._attributes[number] or self._shared_attributes
+            if attributes is not self._attributes_shown:
+                self._show_attributes(attributes)
             yield number
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
@@ -364,12 +373,30 @@ class Cursor:
         self._facts.clear()
         self._facts.update(self._facts_shown)
 
+    def _show_attributes(self, attributes: list[dict[str, Any]]) -> None:
+        """Let the agents have these attributes of the caller's."""
+        for agent, own in zip(self._agents, attributes, strict=True):
+            agent.__dict__ = own
+        self._attributes_shown = attributes
+
+    def _own_attributes(self) -> None:
+        """Let the game have attributes of its own before one is read that may change in place."""
+        if self._attributes[self._number] is None:
+            own = self._attributes[self._number] = copied(self._attributes_shown)
+            self._show_attributes(own)
+
+    def _take_attributes(self) -> None:
+        """Keep the attributes that a function has set in a game."""
+        if self._attributes[self._number] is None:
+            self._attributes[self._number] = self._attributes_shown
+            self._shared_attributes = copied(self._first_attributes)
+
     def forget(self, games: IntArray) -> None:
         """Let some games begin again."""
         memories, of_teams = self._first_memories
         known = {name: memory for name, memory in memories.items() if memory}
         for number in games.tolist():
-            self._data[number] = self._facts_of[number] = None
+            self._data[number] = self._facts_of[number] = self._attributes[number] = None
             self._memories[number] = defaultdict(dict, copied(known))
             self._team_memories[number] = copied(of_teams)
             self._collectors[number] = self._new_collectors()
@@ -550,6 +577,8 @@ class Cursor:
             self._take_agents()
         if self._pointed.has_changed_map():
             self._take_roads()
+        for name in _NUMBERS:
+            self._state.numbers[name][number, self._pointed.numbers] = getattr(self._block, name)
         if self._facts != self._facts_shown:
             self._take_facts()
 
@@ -585,7 +614,9 @@ class Cursor:
         progressed = [*journal.progressed]
         journal.log.clear()
         journal.progressed.clear()
-        if not kinds <= _CHANGING:
+        if AGENT_ATTRIBUTE in kinds:
+            self._take_attributes()
+        if not kinds <= _CHANGING | {AGENT_ATTRIBUTE}:
             self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._pointed.numbers
         for row in progressed:
@@ -732,6 +763,7 @@ class Cursor:
         """Return a function that takes back all that happens from now on."""
         undo = self._state.checkpoint(self._core.moves)
         facts = [*self._facts_of]
+        attributes = copied(self._attributes)
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
@@ -743,6 +775,7 @@ class Cursor:
             for one, values in zip(self._collectors, collected, strict=False):  # none if there are no collectors
                 one.restore(values)
             self._facts_of[:] = facts
+            self._attributes[:] = attributes
             self._memories[:] = [defaultdict(dict, each) for each in memories]
             self._team_memories[:] = team_memories
             self._undone = undone

@@ -95,6 +95,8 @@ class PointedContext:
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
+            for name, column in state.numbers.items():
+                np.asarray(getattr(block, name))[:] = column[number, self.numbers]
             if are_placed[at]:
                 block.placed = set(np.flatnonzero(state.placed[number][self.numbers]).tolist())
             elif block.placed:
