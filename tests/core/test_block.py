@@ -44,22 +44,19 @@ def test_booleans_are_those_of_python():
     assert block.row("alive")[0] is True
 
 
-def test_a_column_has_the_game_as_its_first_axis():
+def test_the_rows_of_a_game_are_its_own():
     block = Block(COLUMNS, games=3)
-    assert (block.array("node").shape, block.array("map").shape) == ((0,), (3,))
     block.add(2)
     block.row("node", 2)[1] = 7
-    assert block.array("node").shape == (3, 2)
-    assert block.array("since").shape == (3, 2, 2)
-    assert block.array("node").tolist() == [[0, 0], [0, 0], [0, 7]]
+    assert [block.row("node", game).tolist() for game in range(3)] == [[0, 0], [0, 0], [0, 7]]
 
 
 def test_the_memory_is_moved_seldom_as_agents_come_one_by_one():
     block, moves = Block(COLUMNS), 0
     for _ in range(1000):
-        before = block.numbers["node"]
+        before = block.memory
         block.add(1)
-        moves += block.numbers["node"] is not before
+        moves += block.memory is not before
     assert moves < 20
 
 
@@ -86,6 +83,12 @@ def test_a_block_of_another_size_takes_a_game_with_its_size():
     many.close_up([0, 1])
     few.copy_row(0, 0, many)
     assert few.row("node").tolist() == [4]
+    small = Block(COLUMNS)
+    small.add(1)
+    few.copy_row(0, 0, small)
+    assert shown(few) == shown(small)
+    assert few.add(3) == 1
+    assert few.row("node").tolist() == [0, 0, 0, 0]
 
 
 def test_there_is_no_column_of_another_name():

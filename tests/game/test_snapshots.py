@@ -303,5 +303,5 @@ def test_a_log_returns_to_any_of_its_marks(steps):
             marks.append(((log, marked), list(log)))
         else:
             mark, then = marks[step % len(marks)]
-            log, marked = log_at(log, mark, marked), mark[1]
+            log, marked = log_at(log, *mark, marked), mark[1]
             assert log == then

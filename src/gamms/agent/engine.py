@@ -412,7 +412,6 @@ class AgentStorage(Guarded):
         self._engine, self._phase = engine, engine._phase
         self._roster: Roster | None = None  # of the last snapshot that was taken or restored
 
-    @refused_while_deciding
     def turn_access(self, agent: BaseAgent) -> TurnAccess:
         """Return what the turn engine reads and writes of an agent; valid until `structure_version` changes."""
         return TurnAccess(agent._row, agent._carried, agent._last)
@@ -443,7 +442,6 @@ class AgentStorage(Guarded):
         for members in teams_in(self._engine._stored()).values():
             members.strategy = own(members.strategy)
 
-    @refused_while_deciding
     def snapshot(self) -> AgentsSnapshot:
         """Return all agents as they are now, for `restore`."""
         engine, block = self._engine, self._engine.block
@@ -461,7 +459,6 @@ class AgentStorage(Guarded):
             [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],
         )
 
-    @refused_while_deciding
     def restore(self, before: AgentsSnapshot) -> None:
         """Restore all agents: delete those that were created since, bring back those that were deleted."""
         roster = before.roster
@@ -487,7 +484,6 @@ class AgentStorage(Guarded):
             roster.version = block.structure, block.structure.version
             self._roster = roster
 
-    @refused_while_deciding
     def copy_from(self, other: "AgentStorage", memo: dict[int, Any]) -> None:
         """Take copies of the agents of another context into this one, which has none yet.
 
@@ -524,7 +520,6 @@ class AgentStorage(Guarded):
         for agent in other.made():  # once there are copies of all, which attributes may hold
             memo[id(agent)].__dict__.update(copied_values(agent.__dict__, memo))
 
-    @refused_while_deciding
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
         """Keep what is known of the agents that are not among the `known`, in a copy for those that look ahead."""
         engine, graph = self._engine, self._engine._ctx.graph.graph

@@ -11,15 +11,19 @@ cpdef i64 count_moves(const i64[::1] starts, const i64[::1] ends, int[::1] count
 
 
 cdef class Block:
-    cdef public dict columns, sizes, numbers
+    cdef public dict columns, sizes
     cdef public Py_ssize_t games
-    cdef dict _room
+    cdef public bytearray memory
+    cdef dict _first, _room
+    cdef list _own
+    cdef Py_ssize_t _stride
 
-    @cython.locals(first=Py_ssize_t, width=Py_ssize_t, count=Py_ssize_t)
+    @cython.locals(first=Py_ssize_t, size=Py_ssize_t)
     cpdef row(self, str name, Py_ssize_t game=*)
-    @cython.locals(block=Block)
+    @cython.locals(block=Block, size=Py_ssize_t)
     cpdef copy_row(self, Py_ssize_t source, Py_ssize_t target, Block of=*)
-    @cython.locals(copy=Block)
+    @cython.locals(copy=Block, size=Py_ssize_t)
     cpdef copied(self, Py_ssize_t game=*)
+    cdef _begin_own(self, Py_ssize_t game)
 
 cdef _view(bytearray memory, str code)

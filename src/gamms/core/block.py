@@ -1,4 +1,4 @@
-"""A block of games: one array per column, whose first axis is the game, and the loops over the agents of one game.
+"""A block of games: the columns of each game in one piece of memory, and the loops over the agents of one game.
 
 A column belongs to agents, to teams or to the game itself, and has one number or several for each of them. The ordinary
 game is a block of one; copying a row is a snapshot, and a row that is free holds a fork. A block has room for more
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 INT64 = "l" if calcsize("l") == 8 else "q"
 """The format of 64-bit integers in buffers, as NumPy names it on this platform."""
+_ALIGNED = 8  # bytes
 
 
 class BlockColumn(NamedTuple):
@@ -38,6 +39,8 @@ class BlockColumn(NamedTuple):
 class Block:
     """Games of the same columns, which have as many agents and teams each.
 
+    All numbers of a game are in one piece of memory, so that a copy of a game is one copy.
+
     Args:
         columns: which.
         games: how many.
@@ -46,66 +49,48 @@ class Block:
         columns: name -> column.
         games: as given.
         sizes: axis -> how many rows each game has in use.
-        numbers: name -> all numbers of a column, those of rows that are free too, (games * rows * width,): the memory
-            itself, until the block grows. Free rows have the initial number.
+        memory: the numbers of all games, those of rows that are free too, which have the initial number.
     """
 
     def __init__(self, columns: Sequence[BlockColumn], games: int = 1) -> None:
         self.columns = {one.name: one for one in columns}
         self.games = games
         self.sizes = {"agent": 0, "team": 0, "game": 1}
-        self._room = {"agent": 0, "team": 0, "game": 1}
-        self.numbers = {one.name: self._filled(one) for one in columns}
+        self._own = [one.name for one in columns if not one.is_copied]
+        self._make_room({"agent": 1, "team": 1, "game": 1})
 
     def __getstate__(self) -> tuple[Any, ...]:
         """Return what a copy is made of."""
-        memory = {name: bytearray(numbers) for name, numbers in self.numbers.items()}
-        return [*self.columns.values()], self.games, self.sizes.copy(), self._room.copy(), memory
+        return self.columns, self.games, self.sizes, self._own, self._room, self._first, self._stride, self.memory
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Become a copy."""
-        columns, self.games, self.sizes, self._room, memory = state
-        self.columns = {one.name: one for one in columns}
-        self.numbers = {name: _view(one, self.columns[name].code) for name, one in memory.items()}
-
-    def array(self, name: str) -> memoryview[Any]:
-        """Return a column of all games with the rows that are free, (games, rows) or (games, rows, width).
-
-        It is the memory itself, until the block grows. A column of the game is (games,) or (games, width).
-        """
-        column = self.columns[name]
-        shape = [self.games, self._room[column.axis], column.width]
-        if column.width == 1:
-            shape.pop()
-        if column.axis == "game":
-            del shape[1]
-        numbers = self.numbers[name]
-        return numbers.cast("B").cast(column.code, shape) if len(numbers) else numbers  # type: ignore[call-overload]
+        self.columns, self.games, self.sizes, self._own, self._room, self._first, self._stride, self.memory = state
 
     def row(self, name: str, game: int = 0) -> memoryview[Any]:
         """Return the rows in use of a column in one game, (rows * width,): the memory itself, until the block grows."""
         column = self.columns[name]
-        axis, width = column.axis, column.width
-        first = game * self._room[axis] * width
-        return self.numbers[name][first : first + self.sizes[axis] * width]
+        size = calcsize(column.code)
+        first = (game * self._stride + self._first[name]) // size
+        return _view(self.memory, column.code)[first : first + self.sizes[column.axis] * column.width]
 
     def add(self, count: int, axis: str = "agent") -> int:
         """Add rows of an axis to every game, which have the initial numbers; return the first of them."""
         first = self.sizes[axis]
         if first + count > self._room[axis]:
-            self._grow(axis, max(first + count, 2 * first))
+            self._move({**self._room, axis: max(first + count, 2 * first)})
         self.sizes[axis] = first + count
         return first
 
     def close_up(self, gone: Sequence[int], axis: str = "agent") -> None:
         """Remove rows of an axis, ascending, from every game."""
-        for column in self._on(axis):
-            for game in range(self.games):
+        for column in self.columns.values():
+            for game in range(self.games if column.axis == axis else 0):
                 _close_up(self.row(column.name, game), gone, column)
         self.sizes[axis] -= len(gone)
 
     def copy_row(self, source: int, target: int, of: Block | None = None) -> None:
-        """Make one game a copy of another.
+        """Make one game a copy of another; the memory is another one where that has room for other numbers of rows.
 
         Args:
             source: the game that is copied.
@@ -118,46 +103,49 @@ class Block:
                 self.close_up(range(size, self.sizes[axis]), axis)
             elif size > self.sizes[axis]:
                 self.add(size - self.sizes[axis], axis)
-        for name, column in self.columns.items():
-            if column.is_copied:
-                self.row(name, target)[:] = block.row(name, source)
-            else:
-                numbers = self.row(name, target)
-                numbers[:] = _initial(column, len(numbers))
+        if block._room != self._room:
+            self._move(block._room)
+        size = self._stride
+        self.memory[target * size : (target + 1) * size] = block.memory[source * size : (source + 1) * size]
+        self._begin_own(target)
 
     def copied(self, game: int = 0) -> Block:
         """Return a block of one game, which is a copy of one of these."""
         copy = Block.__new__(Block)
-        copy.columns = self.columns
-        copy.games = 1
-        copy.sizes = self.sizes.copy()
-        copy._room = self.sizes.copy()
-        copy.numbers = {}
-        for name, column in self.columns.items():
-            numbers = self.row(name, game)
-            kept = _view(bytearray(numbers), column.code) if column.is_copied else _initial(column, len(numbers))
-            copy.numbers[name] = kept
+        size = self._stride
+        memory = self.memory[game * size : (game + 1) * size]
+        copy.__setstate__((self.columns, 1, self.sizes.copy(), self._own, self._room, self._first, size, memory))
+        copy._begin_own(0)
         return copy
 
-    def _on(self, axis: str) -> list[BlockColumn]:
-        """Return the columns of an axis."""
-        return [column for column in self.columns.values() if column.axis == axis]
+    def _begin_own(self, game: int) -> None:
+        """Let the columns that copies do not have begin with their initial numbers."""
+        for name in self._own:
+            numbers = self.row(name, game)
+            numbers[:] = _initial(self.columns[name], len(numbers))
 
-    def _filled(self, column: BlockColumn) -> memoryview[Any]:
-        """Return the numbers of a column in which all rows have the initial number."""
-        return _initial(column, self.games * self._room[column.axis] * column.width)
+    def _make_room(self, room: dict[str, int]) -> None:
+        """Have so many rows of each axis, all of which are free."""
+        self._room = room
+        self._first = {}
+        parts: list[bytes] = []
+        size = 0
+        for name, column in self.columns.items():
+            self._first[name] = size
+            numbers = bytes(_initial(column, room[column.axis] * column.width))
+            padding = bytes(-len(numbers) % _ALIGNED)
+            parts += numbers, padding
+            size += len(numbers) + len(padding)
+        self._stride = size
+        self.memory = bytearray(b"".join(parts) * self.games)
 
-    def _grow(self, axis: str, room: int) -> None:
-        """Have room for so many rows of an axis."""
-        before = self._room[axis]
-        self._room[axis] = room
-        for column in self._on(axis):
-            numbers = self._filled(column)
-            for game in range(self.games):
-                first, old = game * room * column.width, game * before * column.width
-                step = before * column.width
-                numbers[first : first + step] = self.numbers[column.name][old : old + step]
-            self.numbers[column.name] = numbers
+    def _move(self, room: dict[str, int]) -> None:
+        """Move all rows in use to memory that has so many of each axis."""
+        each = [(name, game) for name in self.columns for game in range(self.games)]
+        before = [self.row(name, game) for name, game in each]
+        self._make_room(room)
+        for (name, game), numbers in zip(each, before, strict=True):
+            self.row(name, game)[:] = numbers
 
 
 def _close_up(numbers: memoryview[Any], gone: Sequence[int], column: BlockColumn) -> None:
@@ -176,7 +164,7 @@ def _initial(column: BlockColumn, count: int) -> memoryview[Any]:
     """Return the initial number of a column so many times."""
     memory = bytearray(calcsize(column.code))
     _view(memory, column.code)[0] = column.initial
-    return _view(memory * count, column.code)
+    return _view(memory * max(count, 1), column.code)[:count]
 
 
 def _view(memory: bytearray, code: str) -> memoryview[Any]:

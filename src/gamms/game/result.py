@@ -414,6 +414,6 @@ class Collectors:
         """Restore the collectors and what they had collected."""
         self.by_name = {name: one for name, (one, _) in before.items()}
         for one, marks in before.values():
-            for key, mark in marks.items():
-                one.columns[key] = log_at(one.columns[key], mark, one.marked[key])
-                one.marked[key] = mark[1]
+            for key, (entries, length) in marks.items():
+                one.columns[key] = log_at(one.columns[key], entries, length, one.marked[key])
+                one.marked[key] = length

@@ -6,7 +6,7 @@ Programs use `ctx.graph.save` and `ctx.graph.load`; `ctx.graph.storage` is for e
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
+from gamms.deciding import DecidePhase, Guarded
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.graph.obstacles import Obstacles
 from gamms.graph.store import Cache, GraphStore
@@ -78,7 +78,6 @@ class MapStorage(Guarded, IMapStorage):
         store = self._store
         return SavedMap(store.columns(), list(self._obstacles), store.attribution, store.scenery, store.closed)
 
-    @refused_while_deciding
     def put(self, contents: "SavedMap") -> None:
         """Replace graph and obstacles by those of a file."""
         self._store.replace(contents.columns, contents.attribution, contents.scenery, contents.closed)
@@ -113,7 +112,6 @@ class MapStorage(Guarded, IMapStorage):
             contents, left_out = map_file.savable(self.contents())
             return map_file.encode(contents), left_out
 
-    @refused_while_deciding
     def unpack(self, data: bytes) -> None:
         """Replace graph and obstacles by those that `pack` has packed."""
         from gamms.graph import map_file
@@ -122,7 +120,6 @@ class MapStorage(Guarded, IMapStorage):
             raise BadType(f"A packed graph is bytes, not {shown(data)}.")
         self.put(map_file.decode(data))
 
-    @refused_while_deciding
     def snapshot(self) -> MapSnapshot:
         """Return graph and obstacles as they are now, for `restore` and `copy_from`."""
         store, stream, packed = self._store, self._place_stream, self._packed_map()
@@ -146,7 +143,6 @@ class MapStorage(Guarded, IMapStorage):
             self._last_snapshot = of, snapshot
         return snapshot
 
-    @refused_while_deciding
     def restore(self, before: MapSnapshot) -> None:
         """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
         store, obstacles = self._store, self._obstacles
@@ -162,7 +158,6 @@ class MapStorage(Guarded, IMapStorage):
         if before.place_state is not None:
             self.place_stream().bit_generator.state = before.place_state
 
-    @refused_while_deciding
     def copy_from(self, snapshot: MapSnapshot) -> None:
         """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
         store, obstacles = snapshot.tables()
@@ -197,7 +192,6 @@ class MapStorage(Guarded, IMapStorage):
             graph.add_edge(dict(closed[id]))
         return graph.columns(), graph.routes
 
-    @refused_while_deciding
     def place_stream(self) -> "Generator":
         """Return the random stream that `ctx.graph.place` draws from."""
         self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
@@ -208,7 +202,6 @@ class MapStorage(Guarded, IMapStorage):
         """Whether `ctx.graph.place` has drawn since its stream began."""
         return self._place_stream is not None
 
-    @refused_while_deciding
     def restart_stream(self) -> None:
         """Restart the random stream that `ctx.graph.place` draws from."""
         if self._place_stream is not None:

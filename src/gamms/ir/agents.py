@@ -191,6 +191,7 @@ class AgentBlock(AgentColumns):
         for team in teams:
             if team is not None and team not in self.team_rows:
                 self.team_rows[team] = self.games.add(1, "team")
+                self._show()
 
     def take_over(self, source: AgentBlock, row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
@@ -458,7 +459,10 @@ class AgentBlock(AgentColumns):
         """
         for name in _PLACES:
             getattr(self, name)[:] = values[name]
+        memory = self.games.memory
         self.games.copy_row(0, 0, values["games"])
+        if self.games.memory is not memory:
+            self._show()
         self.team_rows = values["team_rows"].copy()
         self.placed = values["placed"].copy()
         self._have_all_changed = True

@@ -74,15 +74,15 @@ LogMarks = tuple[Sequence[list[Any]], Sequence[int]]
 """Logs at a moment: their lists, which may have further entries by now, and how many entries each had."""
 
 
-def log_at(log: list[Any], mark: tuple[list[Any], int], marked: int) -> list[Any]:
+def log_at(log: list[Any], entries: list[Any], length: int, marked: int) -> list[Any]:
     """Return a log as it was at a moment, to append to.
 
     Args:
         log: as it is now.
-        mark: its list at that moment, and how many entries this had.
+        entries: its list at that moment.
+        length: how many entries this had.
         marked: up to which entry of the log other marks may need it.
     """
-    entries, length = mark
     if log is entries and marked <= length:
         del entries[length:]
     return entries if len(entries) == length else entries[:length]
@@ -385,9 +385,10 @@ class GameState:
 
     def go_to(self, marks: LogMarks) -> None:
         """Let the logs be as they were when `marks` was called."""
-        for name, mark, marked in zip(LOGS, zip(*marks, strict=True), self.marked, strict=True):
-            setattr(self, name, log_at(getattr(self, name), mark, marked))
-        self.marked = marks[1]
+        logs, lengths = marks
+        for name, entries, length, marked in zip(LOGS, logs, lengths, self.marked, strict=True):
+            setattr(self, name, log_at(getattr(self, name), entries, length, marked))
+        self.marked = lengths
 
     def copy_logs(self, source: "GameState") -> None:
         """Take copies of the logs of another game, with the same entries."""

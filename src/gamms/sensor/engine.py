@@ -229,7 +229,6 @@ class SensorStorage(Guarded):
             described.append({"id": sensor_id, "type": type_name, "keywords": keywords})
         return described
 
-    @refused_while_deciding
     def put(self, described: Mapping[str, Any]) -> None:
         """Create a sensor as `described` returned it, or set the one of that name to its keywords.
 
@@ -248,14 +247,12 @@ class SensorStorage(Guarded):
         made = known or self._engine.create_sensor(name, kind)
         KINDS[kind].change(made, described["keywords"])
 
-    @refused_while_deciding
     def snapshot(self) -> SensorsSnapshot:
         """Return the sensors there are, how they are set and what they have sensed, for `restore`."""
         settings = self._settings()
         shown = [one for sensor in settings.simple for one in sensor._last]
         return SensorsSnapshot(settings, shown, [sensed() for sensed, _ in settings.memories])
 
-    @refused_while_deciding
     def restore_keywords(self, before: SensorsSnapshot) -> None:
         """Set the sensors as they were set, before agents carry them again: it says which agents may."""
         if self._settings() is not before.settings:
@@ -263,7 +260,6 @@ class SensorStorage(Guarded):
                 if keywords is not None and _keywords_of(sensor) != keywords:
                     _set(sensor, keywords)
 
-    @refused_while_deciding
     def restore(self, before: SensorsSnapshot, *, forget: bool = False) -> None:
         """Restore the sensors; with `forget`, they forget what they have sensed, also those of the caller's classes."""
         if self._settings() is not before.settings:
@@ -284,7 +280,6 @@ class SensorStorage(Guarded):
             if hasattr(sensor, "reset"):
                 sensor.reset()
 
-    @refused_while_deciding
     def copy_from(self, other: "SensorStorage", memo: dict[int, Any]) -> None:
         """Take copies of the sensors of another context into this one, which has none yet.
 
@@ -301,7 +296,6 @@ class SensorStorage(Guarded):
         self._engine._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._engine._sensors.items()}
         self._engine._warned |= other._engine._warned
 
-    @refused_while_deciding
     def hide(self, before: SensorsSnapshot, known: Collection[str]) -> None:
         """Let sensors that belong to none of the `known` agents be set as at a snapshot, and forget what they saw.
 
