@@ -1,8 +1,6 @@
 """Ways through a graph: the shortest ones, by networkx's measure, however often and after whatever edits."""
 
 import math
-import subprocess
-import sys
 
 import networkx as nx
 import numpy as np
@@ -15,19 +13,6 @@ from gamms.graph import Graph, routes, store
 from gamms.graph.store import Cache
 from gamms.typing import IGraph, graph_engine
 
-WITHOUT_SCIPY = """
-import sys; sys.modules["scipy"] = None
-import gamms
-from gamms.graph import routes
-routes._PATIENCE_S = 1e-9
-for side in (5, 30):
-    with gamms.create_context() as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(side, side))
-        for node in range(3):
-            ctx.graph.distance(node, 5)
-            ctx.graph.shortest_path(node, 3)
-    print("was", side, file=sys.stderr)
-"""
 IDS = (4, -2, 9, 0, 31, 7)
 EDGES = st.lists(
     st.tuples(st.sampled_from(IDS), st.sampled_from(IDS), st.integers(0, 9), st.none() | st.integers(0, 5)), max_size=20
@@ -327,7 +312,7 @@ def test_paths_are_the_same_after_nodes_were_removed(square):
 
 def test_a_known_target_is_not_worked_out_again(square, monkeypatch):
     square.shortest_path(1, 5)
-    monkeypatch.setattr(graph_engine.kernels, "shortest_distances", None)
+    monkeypatch.setattr(graph_engine.kernels, "Search", None)
     assert square.shortest_path(3, 5) == [3, 4, 5]
     assert square.distance(2, 5) == 2.0
     square.update_node({"id": 6, "x": 3.0})
@@ -385,10 +370,3 @@ def test_a_weight_that_no_edge_has_is_refused_with_those_that_there_are(ctx):
         ctx.graph.distance(1, 2, weight="beauty")
     ctx.graph.graph.remove_edge(7)
     assert ctx.graph.distance(1, 1, weight="beauty") == 0.0
-
-
-def test_the_lack_of_scipy_is_warned_of_once_where_it_costs():
-    done = subprocess.run([sys.executable, "-c", WITHOUT_SCIPY], capture_output=True, text=True, check=True)
-    small, large = done.stderr.split("was 5\n")
-    assert small == ""
-    assert large.count("SciPy is not installed") == large.count(": pip install ") == 1

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.graph import Graph, routes
+from gamms.typing.routes import Routes
 
 NODES = 8
 ROW = st.integers(0, NODES - 1)
@@ -92,14 +93,13 @@ def test_isochrones_refuse_a_negative_limit(town):
     places=PLACES,
     targets=st.lists(ROW, max_size=5),
     source=ROW,
-    share=st.sampled_from([1 / 64, 1 << 30]),
-    few=st.sampled_from([0, 5]),
+    left=st.sampled_from([0, 1 << 30]),
 )
-def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, targets, source, share, few):
+def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, targets, source, left):
     graph, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
     far = [graph.distance(source, target) for target in targets]
     known = targets[far.index(min(far))] if targets and min(far) < math.inf else None
-    with mock.patch.object(routes, "_SHARE", share), mock.patch.object(routes, "_FEW", few):
+    with mock.patch.object(routes.CachedRoutes, "_left", return_value=left):
         fresh, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
         assert fresh.routes.nearest(source, targets) == known
         if known is not None:
@@ -108,13 +108,12 @@ def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, 
 
 
 @given(edges=EDGES, sources=st.lists(ROW, max_size=4), targets=st.lists(ROW, max_size=4))
-def test_a_matrix_is_the_same_by_searches_and_by_tables(edges, sources, targets):
-    found = []
-    for share in (1 / 64, 1 << 30):
-        with mock.patch.object(routes, "_SHARE", share):
-            found.append(build(edges)[0].distance_matrix(sources, targets))
-    assert found[0].shape == found[1].shape == (len(sources), len(targets))
-    assert found[0].tobytes() == found[1].tobytes()
+def test_a_matrix_is_that_of_the_default_of_the_contract(edges, sources, targets):
+    found = build(edges)[0].distance_matrix(sources, targets)
+    with mock.patch.object(routes.CachedRoutes, "matrix_lines", Routes.matrix_lines):
+        known = build(edges)[0].distance_matrix(sources, targets)
+    assert found.shape == known.shape == (len(sources), len(targets))
+    assert found.tobytes() == known.tobytes()
 
 
 NUMBER = st.floats(-50, 350)

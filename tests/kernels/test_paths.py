@@ -1,8 +1,8 @@
-"""Distances equal those of networkx; SciPy's equal those of the heap bit for bit; steps keep the rule for ties."""
+"""Distances equal those of networkx and, bit for bit, of SciPy; steps keep the rule for ties."""
 
 import itertools
 import math
-from importlib.util import find_spec
+from heapq import heappop, heappush
 
 import networkx as nx
 import numpy as np
@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.kernels import paths
 
 NODES = 8
 ROW = st.integers(0, NODES - 1)
@@ -38,45 +37,66 @@ def test_distances_equal_those_of_networkx(edges, rows, cutoff):
     reference.add_nodes_from(range(NODES))
     reference.add_weighted_edges_from(edges)
     known = nx.multi_source_dijkstra_path_length(reference, set(rows), cutoff=cutoff)
-    found = paths.heap_distances(arcs_of(edges), np.array(rows), cutoff)
+    found = kernels.shortest_distances(arcs_of(edges), np.array(rows), cutoff)
     assert found.tolist() == [known.get(node, math.inf) for node in range(NODES)]
 
 
+def heap_distances(arcs, rows, cutoff=math.inf):
+    """Dijkstra's algorithm with a heap, as textbooks have it."""
+    offsets, ends, weights = (column.tolist() for column in arcs)
+    distances = [math.inf] * (len(offsets) - 1)
+    heap = [(0.0, row) for row in rows.tolist()]
+    for _, row in heap:
+        distances[row] = 0.0
+    while heap:
+        distance, node = heappop(heap)
+        for arc in range(offsets[node], offsets[node + 1]):
+            far = distance + weights[arc]
+            if far < distances[ends[arc]] and far <= cutoff:
+                distances[ends[arc]] = far
+                heappush(heap, (far, ends[arc]))
+    return np.array(distances)
+
+
 @given(edges=edges_of(WEIGHTS), rows=st.lists(ROW, min_size=1, max_size=3), cutoff=CUTOFFS)
-def test_scipy_finds_the_same_bits(edges, rows, cutoff):
+def test_distances_are_those_of_the_textbook_bit_for_bit(edges, rows, cutoff):
     arcs, rows = arcs_of(edges), np.array(rows)
-    heap = paths.heap_distances(arcs, rows, cutoff)
-    assert paths.scipy_distances(arcs, rows, cutoff).tobytes() == heap.tobytes()
+    assert kernels.shortest_distances(arcs, rows, cutoff).tobytes() == heap_distances(arcs, rows, cutoff).tobytes()
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_scipy_finds_the_same_bits_on_large_graphs(seed):
+def test_distances_on_large_graphs_are_those_of_scipy_bit_for_bit(seed):
+    csgraph = pytest.importorskip("scipy.sparse.csgraph")
+    from scipy.sparse import csr_array
+
     rng = np.random.default_rng(seed)
-    weights = rng.choice([0.0, 0.1, 0.2, 0.7, 1.1], 4000) * rng.choice([1.0, 1e-9, 1e9], 4000)
+    weights = rng.choice([0.1, 0.2, 0.7, 1.1], 4000) * rng.choice([1.0, 1e-9, 1e9], 4000)
     arcs = kernels.make_arcs(*rng.integers(0, 1000, (2, 4000)), weights, 1000)
     rows = rng.integers(0, 1000, 2)
-    heap = paths.heap_distances(arcs, rows)
-    assert paths.scipy_distances(arcs, rows).tobytes() == heap.tobytes()
-    assert kernels.shortest_distances(arcs, rows).tobytes() == heap.tobytes()
+    matrix = csr_array((arcs.weights, arcs.ends, arcs.offsets), (1000, 1000))
+    known = csgraph.dijkstra(matrix, indices=np.unique(rows), min_only=True)
+    assert kernels.shortest_distances(arcs, rows).tobytes() == known.tobytes()
 
 
-def test_scipy_keeps_edges_of_weight_zero():
-    arcs = arcs_of([(0, 1, 0.0), (1, 2, 0.0), (2, 3, -0.0)], nodes=4)
-    assert paths.scipy_distances(arcs, np.array([0])).tolist() == [0.0] * 4
-
-
-def test_without_scipy_the_heap_is_used(monkeypatch):
-    rng = np.random.default_rng(5)
-    arcs = kernels.make_arcs(*rng.integers(0, 500, (2, 2000)), rng.random(2000), 500)
-    known = kernels.shortest_distances(arcs, np.array([3]))
-    monkeypatch.setattr(paths, "has_scipy", lambda: False)
-    monkeypatch.setattr(paths, "scipy_distances", None)
-    assert kernels.shortest_distances(arcs, np.array([3])).tobytes() == known.tobytes()
-
-
-def test_scipy_is_lacking_only_where_it_cannot_be_imported():
-    is_there = find_spec("scipy") is not None
-    assert [kernels.lacks_scipy(arcs) for arcs in (10, 10**6)] == [False, not is_there]
+@given(
+    edges=edges_of(WEIGHTS),
+    roots=st.lists(ROW, min_size=1, max_size=3),
+    goals=st.lists(ROW, max_size=4),
+    is_nearest=st.booleans(),
+    most=st.integers(0, NODES),
+)
+def test_a_search_for_goals_finds_what_all_distances_say(edges, roots, goals, is_nearest, most):
+    arcs, roots, goals = arcs_of(edges), np.array(roots), np.array(goals, np.int64)
+    search = kernels.Search(arcs, np.arange(NODES))
+    known = kernels.shortest_distances(arcs, roots)[goals]
+    for _ in range(2):  # what a search leaves behind does not change the next one
+        few, visited = search.far(roots, goals, most=most)
+        assert visited <= most
+        assert visited < 0 or few.tolist() == known.tolist()
+        found, _ = search.far(roots, goals, is_nearest=is_nearest)
+        wanted = known == known.min(initial=math.inf) if is_nearest else np.ones(len(goals), np.bool_)
+        assert found[wanted].tolist() == known[wanted].tolist()
+        assert (found >= known).all()
 
 
 def test_nothing_is_reached_from_nowhere():
@@ -124,21 +144,24 @@ def best_path(edges, source, target, ids):
 )
 def test_steps_lead_along_the_best_path(edges, ids, target):
     arcs, goal = arcs_of([(v, u, weight) for u, v, weight in edges], nodes=6), np.array([target])
-    tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, goal))
-    steps = kernels.first_steps(tight, kernels.shortest_distances(tight, goal), np.array(ids)).tolist()
+    far, steps = (table[0].tolist() for table in kernels.route_tables(arcs, goal, np.array(ids)))
+    search = kernels.Search(arcs, np.array(ids))
     for source in range(6):
         path = [source]
         while steps[path[-1]] >= 0:
             path.append(steps[path[-1]])
-        assert (path if path[-1] == target else None) == best_path(edges, source, target, ids)
+        best = best_path(edges, source, target, ids)
+        assert (path if path[-1] == target else None) == best
+        way = search.way(source, target, 6, math.inf)
+        assert way.rows == (best or [])
+        assert way.far == [far[row] for row in way.rows]
 
 
 def test_rounding_makes_no_detour_out_of_a_rest_that_could_be_shorter():
     """From 0 both ways are 1e16 long once rounded; from 1 the one with more edges is shorter."""
     arcs = arcs_of([(1, 0, 1e16), (3, 1, 0.2), (2, 1, 0.05), (3, 2, 0.05)], nodes=4)
-    tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, np.array([3])))
-    steps = kernels.first_steps(tight, kernels.shortest_distances(tight, np.array([3])), np.arange(4))
-    assert steps.tolist() == [1, 2, 3, -1]
+    _, steps = kernels.route_tables(arcs, np.array([3]), np.arange(4))
+    assert steps[0].tolist() == [1, 2, 3, -1]
 
 
 COSTS = st.integers(1, 5).flatmap(

@@ -287,9 +287,7 @@ def _walk(ground: Ground, stay: float | None) -> Transitions:
 def _path(ground: Ground, goal: int, wander: float) -> Transitions:
     columns = ground.columns
     arcs = kernels.make_arcs(columns.targets, columns.sources, columns.lengths, ground.size)
-    tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, np.array([goal])))
-    hops = kernels.shortest_distances(tight, np.array([goal]))
-    steps = kernels.first_steps(tight, hops, columns.node_ids)
+    _, (steps,) = kernels.route_tables(arcs, np.array([goal]), columns.node_ids)
     steps[goal] = goal
     walk, is_led = _walk(ground, None), steps >= 0
     at_random = walk.chances * np.where(is_led, wander, 1.0)[walk.sources]

@@ -35,7 +35,6 @@ _PER_BYTE = 24  # of memory, of a CSV file
 _CANDIDATES = 8  # edges of a point
 _DETOUR_M = 10.0  # by which ways are longer than the straight line, on average
 _LONGEST_DETOUR_M = 500.0
-_MOST_EXPANDED = 2_000  # nodes, before the whole map is searched
 _COLUMNS = {
     "time": ("time", "t", "timestamp"),
     "agent": ("agent", "name"),
@@ -287,7 +286,7 @@ class _Matcher:
         self._sources = columns.node_ids[columns.sources].tolist()
         self._targets = columns.node_ids[columns.targets].tolist()
         self._shortest = shortest_edges(columns)
-        self._search = kernels.LocalSearch(ctx.graph.routes.arcs(), columns.xy)
+        self._search = kernels.Search(ctx.graph.routes.arcs(), columns.node_ids)
 
     def match(self, name: str, points: _Points) -> tuple[list[_Part], Matched]:
         """Return the parts of a track."""
@@ -388,12 +387,9 @@ class _Matcher:
 
     def _distances(self, start: int, ends: set[int]) -> dict[int, float]:
         """Return the distances from the row of a node to others."""
-        found = self._search.distances([start], _MOST_EXPANDED, others=ends)
-        if found is None:
-            ids = self._columns.node_ids
-            matrix = self._graph.distance_matrix(ids[[start]], ids[sorted(ends)])
-            found = dict(zip(sorted(ends), matrix[0].tolist(), strict=True))
-        return found
+        goals = sorted(ends)
+        far, _ = self._search.far(np.array([start]), np.array(goals, np.int64))
+        return dict(zip(goals, far.tolist(), strict=True))
 
     def _part(self, run: list[_Candidate], rows: list[int], known: FloatArray) -> _Part:
         """Return the way through some places, and when an agent is where on it; `known` are the times until it ends."""

@@ -1,21 +1,19 @@
 """Routing: shortest paths and distances by edge weights, cached for one revision of a graph.
 
 Strategies ask every turn, of goals that stay or move. So a path is searched for near its ends first. Once the searches
-for one goal have taken a share of what a table takes, the distances to it, and from every node the next step on the
+for one goal have visited as many nodes as a table has, the distances to it, and from every node the next step on the
 way, are computed once; then a path from anywhere is a walk.
 """
 
-import logging
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from functools import cache, partial
+from itertools import pairwise
 from math import inf
-from time import perf_counter
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_range
-from gamms.errors import BadType, UnknownName, install_command
+from gamms.errors import BadType, UnknownName
 from gamms.graph import records
 from gamms.graph.store import Cache, GraphStore
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -23,11 +21,8 @@ from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 from gamms.typing.routes import RememberedT, Routes
 
-_FEW = 8  # targets: of so many the nearest is found by asking for the distance to each
-_SHARE = 16  # searches for one goal may expand one node in so many before its table is made
-_SMALL_SHARE = 64  # one node in so many is expanded in Python while SciPy comes to all of them
+_MANY = 1 << 62  # nodes: more than any graph has
 _MOST_STEPS = 1 << 18  # on paths that were found, about 200 bytes each
-_PATIENCE_S = 2.0
 _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
 
 
@@ -37,29 +32,33 @@ class Goal:
     Attributes:
         steps: row -> next row; -1 where there is no path.
         distances: row -> distance.
-        expanded: how many nodes the searches expanded.
+        visited: how many nodes the searches have visited.
     """
 
-    __slots__ = ("distances", "expanded", "steps")
+    __slots__ = ("distances", "steps", "visited")
 
     def __init__(self) -> None:
         self.steps: dict[int, int] = {}
         self.distances: dict[int, float] = {}
-        self.expanded = 0
+        self.visited = 0
+
+    def has_visited(self, nodes: int) -> bool:
+        """Count the nodes that a search has visited; return whether they were enough, which -1 says they were not."""
+        self.visited = _MANY if nodes < 0 else self.visited + nodes
+        return nodes >= 0
 
 
 class CachedRoutes(Routes):
     """The routes of a store.
 
     Attributes:
-        cache: among others (weight, id of a node) -> the distances to that node, (memoryview by row,).
+        cache: among others (weight, id of a node) -> how far that node is, and the next node on the way, by row.
     """
 
     def __init__(self, store: GraphStore) -> None:
         self._store = store
         self.cache = Cache(_MOST_BYTES)
-        self._seconds = 0.0
-        self._searches: dict[tuple[str | None, bool], kernels.LocalSearch] = {}  # by weight; reversed or not
+        self._searches: dict[tuple[str | None, bool], kernels.Search] = {}  # by weight; reversed or not
         self._goals: dict[tuple[str | None, int], Goal] = {}  # by weight and row
         self._searched_revision: int | None = None
         self._steps_kept = 0
@@ -92,13 +91,13 @@ class CachedRoutes(Routes):
     def next_rows(self, row: int, end: int, weight: str | None) -> Mapping[int, int] | memoryview:
         """Return the row of the next node on the path to row `end`, by row; of the whole graph, or of this path."""
         check_weight(weight)
-        goal = None if self._has_table(("steps", weight, end)) else self._goal(row, end, weight)
+        goal = self._goal(row, end, weight)
         return super().next_rows(row, end, weight) if goal is None else goal.steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
         """Return the distance from a row to row `end`; perhaps infinite, if it is greater than `within`."""
         check_weight(weight)
-        goal = None if self._has_table((weight, self.ids().item(end))) else self._goal(row, end, weight, within)
+        goal = self._goal(row, end, weight, within)
         return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
 
     def reached(
@@ -106,36 +105,25 @@ class CachedRoutes(Routes):
     ) -> tuple[IntArray, FloatArray]:
         """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far."""
         check_weight(weight)
-        near, most = None, len(self.ids()) // _SMALL_SHARE
-        if limit < inf:
-            near = self.search(weight, reverse=reverse).distances(rows.tolist(), most, within=limit)
+        near = self.search(weight, reverse=reverse).find(rows, within=limit) if limit < inf else None
         if near is None:
             return super().reached(rows, weight, limit, reverse=reverse)
-        order = sorted(near)
-        return np.array(order, np.int64), np.array([near[row] for row in order])
+        order = np.argsort(near.rows)
+        return near.rows[order], near.far[order]
 
     def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
         """Return the distances (roots, others) from rows to others, or to them where reversed."""
         check_weight(weight)
-        search, most, wanted = self.search(weight, reverse=reverse), len(self.ids()) // _SHARE, others.tolist()
-        found, goals = np.empty((len(roots), len(others))), set(wanted)
-        for at, root in enumerate(roots.tolist()):
-            near = None if len(goals) > most else search.distances([root], most, others=goals)
-            if near is None:  # nor will the rest be near
-                found[at:] = super().matrix_lines(roots[at:], others, weight, reverse=reverse)
-                break
-            found[at] = [near.get(one, inf) for one in wanted]
+        search = self.search(weight, reverse=reverse)
+        found = np.empty((len(roots), len(others)))
+        for at in range(len(roots)):
+            found[at], _ = search.far(roots[at : at + 1], others)
         return found
 
-    def least_distances(self, row: int, ends: IntArray, weight: str | None) -> FloatArray:
-        """Return (ends,) what the ways from a row to others take at least."""
-        check_weight(weight)
-        return self.search(weight).least_distances(row, ends)
-
     def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
-        """Return the place in `ends` of the nearest; of many, only those are asked for that a search reaches first."""
+        """Return the place in `ends` of the nearest; of several, those are asked for that a search reaches first."""
         check_weight(weight)
-        if len(ends) <= _FEW:
+        if len(ends) <= 1:
             return super().nearest_end(row, ends, weight, within)
         places = self._reached_first(row, ends, weight)
         if len(places) == 1 and within == inf:
@@ -147,61 +135,61 @@ class CachedRoutes(Routes):
         """Return the distances (rows,) from some rows to row `end`; few are searched for near it first."""
         check_weight(weight)
         near = self._near_end(rows, end, weight, is_nearest=False)
-        return super().distances_between(rows, end, weight) if near is None else np.array(near)
+        return super().distances_between(rows, end, weight) if near is None else near
 
     def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
-        """Return the distance to row `end` from the nearest of some rows; of many, the first that a search reaches."""
+        """Return the distance to row `end` from the nearest of some rows, the first that a search reaches."""
         check_weight(weight)
-        if len(rows) <= _FEW:
-            return super().distance_from_nearest(rows, end, weight)
         near = self._near_end(rows, end, weight, is_nearest=True)
-        return min(super().distances_between(rows, end, weight).tolist() if near is None else near)
+        far = super().distances_between(rows, end, weight) if near is None else near
+        return float(far.min(initial=inf))
 
-    def _near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> list[float] | None:
+    def _near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray | None:
         """Return the distances from some rows to row `end`, or from those nearest to it; None: a table is cheaper."""
-        others, most = set(rows.tolist()), len(self.ids()) // _SHARE
-        if self._has_table((weight, self.ids().item(end))) or (len(others) > most and not is_nearest):
+        if self._has_table(end, weight):
             return None
-        near = self.search(weight).distances([end], most, others=others, is_nearest=is_nearest)
-        return None if near is None else [near.get(row, inf) for row in rows.tolist()]
+        search, goal = self.search(weight), self._known(end, weight)
+        far, visited = search.far(np.array([end]), rows, most=self._left(goal), is_nearest=is_nearest)
+        return far if goal.has_visited(visited) else None
 
     def _reached_first(self, row: int, ends: IntArray, weight: str | None) -> list[int]:
         """Return the places in `ends` of those that are reached first from a row, up to rounding."""
-        search, most = self.search(weight, reverse=False), len(self.ids()) // _SHARE
-        near = search.distances([row], most, others=set(ends.tolist()), is_nearest=True)
-        if near is None:
-            far = kernels.shortest_distances(self.arcs(weight, reverse=False), np.array([row]))[ends]
-        else:
-            far = np.array([near.get(end, inf) for end in ends.tolist()])
+        far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
         found: list[int] = np.flatnonzero((far <= kernels.widened(far.min())) & (far < inf)).tolist()
         return found
 
-    def _has_table(self, key: Hashable) -> bool:
-        return self.cache.revision == self._store.revision and key in self.cache.entries
+    def _has_table(self, end: int, weight: str | None) -> bool:
+        return self.cache.revision == self._store.revision and (weight, self.ids().item(end)) in self.cache.entries
 
     def _goal(self, row: int, end: int, weight: str | None, within: float = inf) -> Goal | None:
         """Return what is known of a goal, this row among it unless it is farther away; None: a table is cheaper."""
-        search = self.search(weight)
-        goal = self._goals.get((weight, end))
-        if goal is None:
-            goal = self._goals[weight, end] = Goal()
+        if self._has_table(end, weight):
+            return None
+        search, goal = self.search(weight), self._known(end, weight)
         if row in goal.distances:
             return goal
-        left = len(self.ids()) // _SHARE - goal.expanded
-        found = search.search(row, end, left, within)
-        if found is None:
-            goal.expanded += left
+        way = search.way(row, end, self._left(goal), kernels.widened(within))
+        if not goal.has_visited(way.visited):
             return None
-        goal.expanded += found.expanded
-        far = found.distances.get(row, inf)
-        if far <= within:
-            steps = kernels.best_steps(row, end, found, self.ids().data)
-            goal.steps.update(steps or {row: -1})
-            goal.distances.update({one: found.distances[one] for one in steps} or {row: far})
-            self._steps_kept += len(steps) + 1
+        goal.steps.update(pairwise(way.rows))
+        goal.distances.update(zip(way.rows, way.far, strict=True))
+        if within == inf and not way.rows:
+            goal.steps[row] = -1
+            goal.distances[row] = inf
+        self._steps_kept += len(way.rows) + 1
         return goal
 
-    def search(self, weight: str | None, *, reverse: bool = True) -> kernels.LocalSearch:
+    def _known(self, end: int, weight: str | None) -> Goal:
+        if (weight, end) not in self._goals:
+            self._goals[weight, end] = Goal()
+            self._steps_kept += 1
+        return self._goals[weight, end]
+
+    def _left(self, goal: Goal) -> int:
+        """Return how many nodes may be visited for a goal until its table has cost as much."""
+        return len(self.ids()) - goal.visited
+
+    def search(self, weight: str | None, *, reverse: bool = True) -> kernels.Search:
         """Return the search for near nodes at this revision of the graph; what was found at another is discarded."""
         revision = self._store.revision
         if revision != self._searched_revision:
@@ -213,30 +201,12 @@ class CachedRoutes(Routes):
         found = self._searches.get((weight, reverse))
         if found is None:
             arcs = self.arcs(weight, reverse=reverse)
-            found = self._searches[weight, reverse] = kernels.LocalSearch(arcs, self._store.columns().xy)
+            found = self._searches[weight, reverse] = kernels.Search(arcs, self.ids())
         return found
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
         """Return what `make` gave for this revision of the graph."""
-        slow = kernels.lacks_scipy(len(self._store.edges))
-        return self.cache.get(self._store.revision, key, partial(self._timed, make) if slow else make)
-
-    def _timed(self, make: Callable[[], RememberedT]) -> RememberedT:
-        """Return what `make` gives; warn once it has taken seconds, most of which SciPy would have saved."""
-        began = perf_counter()
-        found = make()
-        self._seconds += perf_counter() - began
-        if self._seconds > _PATIENCE_S:
-            _warn_of_missing_scipy()
-        return found
-
-
-@cache  # once in a process
-def _warn_of_missing_scipy() -> None:
-    logging.getLogger("gamms").warning(
-        "Shortest ways have taken seconds, because SciPy is not installed. With it they take a fraction of that: %s",
-        install_command("accel"),
-    )
+        return self.cache.get(self._store.revision, key, make)
 
 
 def check_weight(weight: str | None) -> None:

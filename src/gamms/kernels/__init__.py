@@ -1,10 +1,11 @@
 """Pure functions over arrays: no Context, no files, no logging, no hidden random numbers.
 
 The NumPy versions are the specification; faster twins must match them exactly.
-Call them as `kernels.name(...)`. May import: numpy, `gamms.core.draws`, `gamms.ir`.
+Call them as `kernels.name(...)`. May import: numpy, `gamms.core`, `gamms.ir`.
 """
 
 from gamms.core.draws import below, bits_at, first_key, fraction, turn_key
+from gamms.core.routes import widened
 from gamms.kernels.cells import (
     CellIndex,
     build_cells,
@@ -25,6 +26,7 @@ from gamms.kernels.csr import (
     rows_of,
     ways_to,
 )
+from gamms.kernels.detours import simple_paths
 from gamms.kernels.draws import (
     below_many,
     below_of_words,
@@ -56,20 +58,17 @@ from gamms.kernels.fields_of_view import (
     unit_quaternion,
     yaw,
 )
-from gamms.kernels.local_paths import LocalSearch, best_steps, simple_paths, widened
 from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
 from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each, visible_pairs
 from gamms.kernels.paths import (
     Arcs,
+    Found,
     Reached,
-    first_steps,
-    lacks_scipy,
-    last_arcs,
+    Search,
+    Way,
     least_matching,
     make_arcs,
-    reached_from,
     route_tables,
     route_trees,
     shortest_distances,
-    tight_arcs,
 )

@@ -1,24 +1,18 @@
-"""Shortest paths: distances along edges, and the next step on the way; by SciPy where it is installed.
+"""Shortest paths: distances along edges, and the next step on the way, as `gamms.core.routes` finds them.
 
-Of the whole graph, by Dijkstra's algorithm, in arrays; `local_paths.py` has those of nodes near each other.
 Matchings of least cost are found by shortest augmenting paths.
 """
 
-from collections.abc import Iterable
-from functools import cache
-from heapq import heapify, heappop, heappush
-from itertools import groupby
 from math import inf
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.core import routes, travel
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.kernels.csr import chosen_runs
 
-_FEW = 1000  # arcs: below, a heap in Python is done before SciPy has checked its arguments
-_FEW_TIES = 1 << 10  # arcs that end paths of equal length: of so few, the paths are followed one by one
+_MANY = 1 << 62  # nodes: more than any graph has
+_NEVER = np.array([-1])  # a goal that is not reached, so that all nodes are searched
 
 
 class Arcs(NamedTuple):
@@ -48,75 +42,123 @@ def make_arcs(starts: IntArray, ends: IntArray, weights: FloatArray, nodes: int)
     return Arcs(offsets, ends[is_first], weights[is_first])
 
 
-def heap_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
-    """Return the distance of every node from the nearest of some nodes: the specification.
+class Found(NamedTuple):
+    """The nodes that a search has seen, in no order."""
 
-    Dijkstra's algorithm (1959) with a binary heap. The weights of a path are added one by one, from its start: rounding
-    never turns a longer sum into a smaller one, so that the result does not depend on the order of the heap, and
-    every implementation that adds so finds the same bits.
+    rows: IntArray  # (entries,)
+    far: FloatArray  # (entries,)  distances from the nearest root
+    arcs: IntArray  # (entries,)  the last arc on the path; -1 at a root
+
+
+class Way(NamedTuple):
+    """A shortest path; empty where there is none.
+
+    Attributes:
+        rows: of its nodes, from a node to the root.
+        far: how far each is from the root.
+        visited: how many nodes were visited, which is the cost of the search.
+    """
+
+    rows: list[int]
+    far: list[float]
+    visited: int
+
+
+class _Scratch:
+    """What one search writes to: `far` is infinite at nodes that it has not seen."""
+
+    def __init__(self, nodes: int) -> None:
+        ints, self.far = np.zeros((8, nodes), np.int64), np.full(nodes, inf)
+        self.last, self.path, self.seen = ints[:3]
+        unused, listed, heap, places, rank = (column.data for column in ints[3:])
+        far: Any = self.far.data
+        reach = travel.Reach(unused, far, listed, heap, places, far, rank, self.seen.data)
+        self.core = routes.Paths(reach, self.last.data, self.path.data)
+
+
+class Search:
+    """Searches along arcs; several may go on at once.
+
+    Args:
+        arcs: the graph; reversed arcs give the paths *to* roots.
+        ids: (nodes,) different numbers. Of paths that are equally long the one with the fewest edges counts; of these,
+            the one whose ids, read from the node back to the root, are least at the first difference.
+    """
+
+    def __init__(self, arcs: Arcs, ids: IntArray) -> None:
+        nodes = len(arcs.offsets) - 1
+        self.starts: IntArray = np.repeat(np.arange(nodes), np.diff(arcs.offsets))
+        ints: list[Any] = [
+            np.ascontiguousarray(column, np.int64).data for column in (arcs.offsets, self.starts, arcs.ends, ids)
+        ]
+        weights: Any = np.ascontiguousarray(arcs.weights, np.float64).data
+        offsets, starts, ends, numbers = ints
+        self._arcs = routes.Arcs(offsets, starts, ends, weights, numbers)
+        self._nodes = nodes
+        self._free: list[_Scratch] = []
+
+    def find(self, roots: IntArray, *, within: float = inf) -> Found:
+        """Search from the nearest of some roots, given as rows, for all nodes within a distance."""
+        scratch = self._taken()
+        routes.find(self._arcs, scratch.core, roots.data, _NEVER.data, _MANY, within, False)
+        rows = scratch.seen[: scratch.core.count].copy()
+        found = Found(rows, scratch.far[rows], scratch.last[rows])
+        self._give_back(scratch)
+        return found
+
+    def far(
+        self, roots: IntArray, goals: IntArray, *, most: int = _MANY, is_nearest: bool = False
+    ) -> tuple[FloatArray, int]:
+        """Return how far some goals are from the nearest of some roots, (goals,), and how many nodes were visited.
+
+        Args:
+            roots: rows of nodes.
+            goals: rows of nodes; infinitely far where there is no path.
+            most: how many nodes may be visited; -1 is returned for their number when more are needed.
+            is_nearest: whether the nearest goals are enough, and those that are as near up to rounding; others may be
+                infinitely far.
+        """
+        scratch = self._taken()
+        visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, inf, is_nearest)
+        found = scratch.far[goals]
+        self._give_back(scratch)
+        return found, visited
+
+    def way(self, row: int, root: int, most: int, within: float) -> Way:
+        """Return the shortest path between a node and a root; it visits -1 nodes when more than `most` are needed."""
+        scratch = self._taken()
+        ends = np.array([root, row])
+        visited = routes.find(self._arcs, scratch.core, ends[:1].data, ends[1:].data, most, within, False)
+        way = Way([], [], visited)
+        if visited >= 0 and scratch.far[row] < inf:
+            rows = scratch.path[: routes.trace(self._arcs, scratch.core, row)]
+            way = Way(rows.tolist(), scratch.far[rows].tolist(), visited)
+        self._give_back(scratch)
+        return way
+
+    def _taken(self) -> _Scratch:
+        try:
+            return self._free.pop()  # at once, whatever other threads do
+        except IndexError:
+            return _Scratch(self._nodes)
+
+    def _give_back(self, scratch: _Scratch) -> None:
+        scratch.far[scratch.seen[: scratch.core.count]] = inf
+        self._free.append(scratch)
+
+
+def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
+    """Return the distance of every node from the nearest of some nodes, (nodes,); infinite where there is no path.
 
     Args:
         arcs: the ways; reversed ones give the distances *to* `rows`.
         rows: where to start.
         cutoff: what is farther away than this counts as out of reach.
-
-    Returns:
-        (nodes,) infinite where there is no path.
     """
-    offsets, ends, weights = (column.tolist() for column in arcs)
-    distances = [inf] * (len(offsets) - 1)
-    heap = [(0.0, row) for row in rows.tolist()]
-    heapify(heap)
-    for _, row in heap:
-        distances[row] = 0.0
-    while heap:
-        distance, node = heappop(heap)
-        if distance > distances[node]:
-            continue
-        for arc in range(offsets[node], offsets[node + 1]):
-            end, far = ends[arc], distance + weights[arc]
-            if far < distances[end] and far <= cutoff:
-                distances[end] = far
-                heappush(heap, (far, end))
-    return np.array(distances)
-
-
-def tight_arcs(arcs: Arcs, distances: FloatArray) -> Arcs:
-    """Return the arcs that shortest paths may use, each of weight 1.
-
-    Args:
-        arcs: the ways.
-        distances: (nodes,) what `shortest_distances` found along them.
-    """
-    starts = _starts(arcs)
-    reached = distances[starts] + arcs.weights
-    is_tight = (reached == distances[arcs.ends]) & np.isfinite(reached)
-    ones = np.ones(int(is_tight.sum()))
-    return make_arcs(starts[is_tight], arcs.ends[is_tight], ones, len(arcs.offsets) - 1)
-
-
-def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
-    """Return for every node the one before it on its shortest path from the start.
-
-    Of equally long paths the one with the fewest edges counts; of these, the one whose ids, read from the node
-    back to the start, are least at the first difference. On reversed arcs that is the next node on the way *to* the
-    start.
-
-    Args:
-        tight: the arcs that shortest paths may use.
-        hops: (nodes,) the least number of tight arcs to each node.
-        ids: (nodes,) different numbers.
-
-    Returns:
-        (nodes,) rows; -1 for the start itself and where there is no path.
-    """
-    starts = _starts(tight)
-    is_step = hops[starts] + 1.0 == hops[tight.ends]
-    starts, ends = starts[is_step], tight.ends[is_step]
-    order = np.lexsort((-ids[starts], ends))  # of several, the last one written stays: the least id
-    steps = np.full(len(ids), -1, np.int64)
-    steps[ends[order]] = starts[order]
-    return steps
+    found = np.full(len(arcs.offsets) - 1, inf)
+    reached = Search(arcs, np.arange(len(found))).find(rows, within=cutoff)
+    found[reached.rows] = reached.far
+    return found
 
 
 class Reached(NamedTuple):
@@ -125,19 +167,11 @@ class Reached(NamedTuple):
     lines: IntArray  # (entries,)  numbers of starts
     rows: IntArray  # (entries,)  of nodes
     far: FloatArray  # (entries,)  distances from the start
-
-
-class Trees(NamedTuple):
-    """The same, with the shortest paths."""
-
-    lines: IntArray
-    rows: IntArray
-    far: FloatArray
     arcs: IntArray  # (entries,)  the last arc on the path; -1 at the start itself
 
 
-def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> Trees:
-    """Return what `heap_distances` and `first_steps` say of several starts, all at once.
+def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> Reached:
+    """Return the nodes that can be reached from several starts, with the shortest paths; see `Search`.
 
     On reversed arcs these are the distances to the roots, and the first arcs on the ways there.
 
@@ -147,95 +181,16 @@ def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf)
         ids: (nodes,) different numbers.
         cutoff: what is farther away than this counts as out of reach.
     """
-    reached = reached_from(arcs, roots, len(ids), cutoff)
-    return Trees(*reached, last_arcs(arcs, roots, ids, reached))
-
-
-def reached_from(arcs: Arcs, roots: IntArray, nodes: int, cutoff: float = inf) -> Reached:
-    """Return what `route_trees` returns, without the paths: half of its time or less.
-
-    Args:
-        arcs: the ways.
-        roots: (roots,) rows, each once.
-        nodes: how many rows there are.
-        cutoff: as there.
-    """
-    if len(arcs.ends) < _FEW or not len(roots) or not has_scipy():
-        distances = np.array([heap_distances(arcs, root, cutoff) for root in roots[:, None]]).reshape(-1, nodes)
-    else:
-        distances = _sparse().csgraph.dijkstra(_matrix(arcs), indices=roots, limit=cutoff)
-    flat = distances.reshape(-1)
-    near = np.flatnonzero(flat < inf)
-    lines = near // max(nodes, 1)
-    return Reached(lines, near - lines * nodes, flat[near])
-
-
-def last_arcs(arcs: Arcs, roots: IntArray, ids: IntArray, reached: Reached) -> IntArray:
-    """Return the last arcs on the shortest paths, (entries,) those of `Trees`.
-
-    Args:
-        arcs: the ways.
-        roots: (roots,) rows, each once.
-        ids: (nodes,) different numbers.
-        reached: what `reached_from` returns of the roots.
-    """
-    nodes = len(ids)
-    lines, rows, far = reached
-    trees = len(roots)
-    begins = np.arange(trees) * nodes + roots
-    near = lines * nodes + rows
-    flat = np.full(trees * nodes, inf)
-    flat[near] = far
-    used, runs = chosen_runs(arcs.offsets, rows)
-    # The arcs of all roots side by side, as if each had a graph of its own, in which rows are `before` and `after`.
-    starts = _starts(arcs)
-    before = np.repeat(near, np.diff(runs))
-    after = before + (arcs.ends - starts)[used]
-    tight = np.flatnonzero(flat[before] + arcs.weights[used] == flat[after])
-    before, after, used = before[tight], after[tight], used[tight]
-    last: IntArray = np.full(len(flat), -1, np.int64)
-    last[after] = used
-    last[begins] = -1
-    counts = np.bincount(after, minlength=len(flat))
-    counts[begins] = 0
-    among = np.flatnonzero(counts[after] > 1)
-    if len(among) > _FEW_TIES or (len(among) and not arcs.weights.all()):
-        tied = np.zeros(trees, np.bool_)
-        tied[after[among] // nodes] = True
-        some = tied[before // nodes]
-        hops = _fewest_arcs(before[some], after[some], begins[tied[begins // nodes]], len(flat))
-        best = among[hops[before[among]] + 1 == hops[after[among]]]
-        best = best[np.argsort(-ids[starts[used[best]]], kind="stable")]  # the last one written stays: the least id
-        last[after[best]] = used[best]
-    elif len(among):
-        among = among[np.lexsort((after[among], flat[after[among]]))]
-        ties = zip(after[among].tolist(), ids[starts[used[among]]].tolist(), used[among].tolist(), strict=True)
-        _break_ties(last, (starts - arcs.ends).data, begins, ties)
-    found: IntArray = last[near]
-    return found
-
-
-def _break_ties(last: IntArray, back: memoryview, begins: IntArray, ties: Iterable[tuple[int, int, int]]) -> None:
-    """Write the best last arcs to nodes to which there are several: the fewest arcs from the start, then the least id.
-
-    Args:
-        last: (nodes,) the last arc on the path to each node, right for those that are nearer than all ties.
-        back: (arcs,) how far the row of the start of an arc is from that of its end.
-        begins: rows, to which no arc leads.
-        ties: nodes, ids and rows of arcs, by the distance of the node; those of one node follow each other.
-    """
-    hops = dict.fromkeys(begins.tolist(), 0)
-    for node, group in groupby(ties, key=itemgetter(0)):
-        options = []
-        for _, id, arc in group:
-            row, path = node + back[arc], list[int]()
-            while row not in hops:
-                path.append(row)
-                row += back[last[row]]
-            for count, passed in enumerate(reversed(path), hops[row] + 1):
-                hops[passed] = count
-            options.append((hops[node + back[arc]] + 1, id, arc))
-        hops[node], _, last[node] = min(options)
+    search = Search(arcs, ids)
+    parts = [np.zeros((3, 0), np.int64)]
+    far = [np.zeros(0)]
+    for number in range(len(roots)):
+        found = search.find(roots[number : number + 1], within=cutoff)
+        order = np.argsort(found.rows)
+        parts.append(np.stack((np.full(len(order), number), found.rows[order], found.arcs[order])))
+        far.append(found.far[order])
+    lines, rows, last = np.concatenate(parts, axis=1)
+    return Reached(lines, rows, np.concatenate(far), last)
 
 
 def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
@@ -248,48 +203,9 @@ def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf
     steps: IntArray = np.full(shape, -1, np.int32)  # half the memory
     distances[found.lines, found.rows] = found.far
     is_led = found.arcs >= 0
-    steps[found.lines[is_led], found.rows[is_led]] = _starts(arcs)[found.arcs[is_led]]
+    starts = np.repeat(np.arange(len(ids)), np.diff(arcs.offsets))
+    steps[found.lines[is_led], found.rows[is_led]] = starts[found.arcs[is_led]]
     return distances, steps
-
-
-def _starts(arcs: Arcs) -> IntArray:
-    """Return the row that each arc leads from."""
-    return np.repeat(np.arange(len(arcs.offsets) - 1), np.diff(arcs.offsets))
-
-
-def _fewest_arcs(starts: IntArray, ends: IntArray, begins: IntArray, nodes: int) -> IntArray:
-    """Return how many arcs lead to each node from the nearest of some nodes, (nodes,); -1 where none lead.
-
-    Args:
-        starts: (arcs,) rows, ascending.
-        ends: (arcs,)
-        begins: rows.
-        nodes: how many there are.
-    """
-    offsets = np.concatenate((np.zeros(1, np.int64), np.cumsum(np.bincount(starts, minlength=nodes))))
-    hops, reached, count = np.full(nodes, -1), begins, 0
-    while len(reached):
-        hops[reached] = count
-        arcs, _ = chosen_runs(offsets, reached)
-        following = ends[arcs]
-        following = following[hops[following] < 0]
-        count += 1
-        hops[following] = count
-        reached = np.unique(following)
-    return hops
-
-
-def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
-    """Return what `heap_distances` returns; by SciPy where it is installed and faster."""
-    if len(arcs.ends) < _FEW or len(rows) == 0 or not has_scipy():
-        return heap_distances(arcs, rows, cutoff)
-    return scipy_distances(arcs, rows, cutoff)
-
-
-def scipy_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
-    """Return what `heap_distances` returns: Dijkstra with a Fibonacci heap, in C; `rows` must not be empty."""
-    found: FloatArray = _sparse().csgraph.dijkstra(_matrix(arcs), indices=np.unique(rows), min_only=True, limit=cutoff)
-    return found
 
 
 def least_matching(costs: FloatArray) -> list[int]:
@@ -326,32 +242,3 @@ def least_matching(costs: FloatArray) -> list[int]:
             column = previous
     found = {int(row): column for column, row in enumerate(row_of.tolist()) if row >= 0}
     return [found[row] for row in range(rows)]
-
-
-def lacks_scipy(arcs: int) -> bool:
-    """Return whether SciPy would be faster for so many arcs, and is not installed."""
-    return arcs >= _FEW and not has_scipy()
-
-
-@cache
-def has_scipy() -> bool:
-    """Return whether SciPy can be imported; tried once."""
-    try:
-        _sparse()
-    except ImportError:
-        return False
-    return True
-
-
-def _matrix(arcs: Arcs) -> Any:
-    """Return arcs as a sparse matrix."""
-    nodes = len(arcs.offsets) - 1
-    # Given as rows, not as a list of triples: so explicit zeros stay edges, and nothing is added up.
-    parts = arcs.weights, arcs.ends.astype(np.int32), arcs.offsets.astype(np.int32)
-    return _sparse().csr_array(parts, (nodes, nodes))
-
-
-def _sparse() -> Any:
-    import scipy.sparse.csgraph
-
-    return scipy.sparse

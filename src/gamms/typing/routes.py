@@ -56,8 +56,8 @@ class Routes(ABC):
 
         Requires: only `row` and what follows it on the path are looked up. Override for speed.
         """
-        (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
-        return steps.data
+        _, steps = self._table(end, weight)
+        return steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
         """Return the distance from a row to row `end`, infinite where there is no path; override for speed.
@@ -73,18 +73,12 @@ class Routes(ABC):
             line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
         return found
 
-    def least_distances(self, row: int, ends: IntArray, weight: str | None) -> FloatArray:
-        """Return (ends,) what the ways from a row to others take at least; override for speed."""
-        return np.zeros(len(ends))
-
     def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
         """Return the place in `ends` of what `RouteQueries.nearest` says; override for speed."""
-        least, best, found = self.least_distances(row, ends, weight), within, None
-        for at in np.argsort(least, kind="stable").tolist():
-            if least[at] > best:
-                break
-            far = self.distance_between(row, ends.item(at), weight, best)
-            if far < best or (far == best < inf and (found is None or at < found)):
+        best, found = within, None
+        for at, end in enumerate(ends.tolist()):
+            far = self.distance_between(row, end, weight, best)
+            if far < best or (far == best < inf and found is None):
                 best, found = far, at
         return found
 
@@ -157,20 +151,18 @@ class Routes(ABC):
         found = self.matrix_lines(roots, others, weight, reverse=reverse)
         return found[end_of].T.copy() if reverse else found[start_of]
 
-    def _steps(self, end: int, weight: str | None) -> tuple[IntArray]:
-        """Return for every node the row of the next one on the path to row `end`; -1 where there is none."""
-        distances = np.asarray(self.distances_to(end, weight))
-        tight = kernels.tight_arcs(self.arcs(weight, reverse=True), distances)
-        hops = kernels.shortest_distances(tight, np.array([end]))
-        return (kernels.first_steps(tight, hops, self.ids()).astype(np.int32),)
+    def _table(self, end: int, weight: str | None) -> tuple[memoryview, memoryview]:
+        """Return how far it is from every row to row `end`, and the row of the next node; -1 where there is none."""
+
+        def make() -> tuple[memoryview, memoryview]:
+            (far,), (steps,) = kernels.route_tables(self.arcs(weight, reverse=True), np.array([end]), self.ids())
+            return far.data, steps.data
+
+        return self.remember((weight, self.ids().item(end)), make)
 
     def distances_to(self, end: int, weight: str | None) -> memoryview:
         """Return the distances to row `end` from every row."""
-
-        def make() -> tuple[memoryview]:
-            return (kernels.shortest_distances(self.arcs(weight, reverse=True), np.array([end])).data,)
-
-        return self.remember((weight, self.ids().item(end)), make)[0]
+        return self._table(end, weight)[0]
 
     def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
         """Return the edges, or the reversed ones, with their weights."""
@@ -324,8 +316,7 @@ class RouteQueries:
     ) -> int | None:
         """Return which of several nodes is nearest by path from a node; None where no path leads to any.
 
-        It searches from the node until it has reached one; of a few it asks for the `distance` to one after the other,
-        by what the straight line leaves possible. What is far costs nothing where something is near.
+        It searches from the node until it has reached one, so that what is far costs nothing where something is near.
 
         Args:
             source: node id.

@@ -187,7 +187,7 @@ class Flows:
         arcs, nodes, found = self._streets.ways(weight), len(self._streets.counts), list[tuple[IntArray, IntArray]]()
         size = max(1, _AT_ONCE // max(nodes, 1))
         for first in range(0, len(starts), size):
-            tree = kernels.reached_from(arcs, starts[first : first + size], nodes, limit)
+            tree = kernels.route_trees(arcs, starts[first : first + size], np.arange(nodes), limit)
             found.append((tree.lines + first, tree.rows))
         return found
 
@@ -229,7 +229,7 @@ class _Searches:
         for first in range(0, len(new), at_once):
             some = new[first : first + at_once]
             lines = slice(self._lines, self._lines + len(some))
-            tree = kernels.reached_from(self._arcs, some, nodes)
+            tree = kernels.route_trees(self._arcs, some, np.arange(nodes))
             self._far[lines] = np.inf
             self._far[tree.lines + self._lines, tree.rows] = tree.far
             self._line_of[some] = np.arange(lines.start, lines.stop)

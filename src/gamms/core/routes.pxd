@@ -1,0 +1,33 @@
+cimport cython
+
+from gamms.core cimport travel
+
+ctypedef long long i64
+
+cdef double INFINITE, SLACK, LEAST
+
+
+@cython.final
+cdef class Arcs:
+    cdef const i64[::1] offsets, starts, ends, ids
+    cdef const double[::1] weights
+
+
+@cython.final
+cdef class Paths:
+    cdef travel.Reach reach
+    cdef i64[::1] last, path
+    cdef readonly i64 count
+
+
+cpdef double widened(double far) except? -1.0 nogil
+@cython.locals(left=i64, visited=i64, latest=double, number=i64, node=i64, arc=i64)
+cpdef i64 find(
+    Arcs arcs, Paths paths, const i64[::1] roots, const i64[::1] goals, i64 most, double within, bint is_nearest
+) except -2 nogil
+@cython.locals(left=i64, number=i64)
+cdef i64 list_goals(travel.Reach reach, const i64[::1] goals) except -1 nogil
+@cython.locals(start=i64, end=i64, far=double, rank=i64)
+cdef int go_along(Arcs arcs, Paths paths, i64 arc, double within) except -1 nogil
+@cython.locals(count=i64)
+cpdef i64 trace(Arcs arcs, Paths paths, i64 node) except -1 nogil

@@ -1,0 +1,76 @@
+"""Paths between two nodes that are not the shortest: detours, by A* in Python values."""
+
+from collections.abc import Iterable, Iterator
+from heapq import heappop, heappush
+from math import inf
+
+from gamms.kernels.paths import Arcs
+
+
+def simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[list[int]]:
+    """Return the paths without circles between two nodes, the shortest first.
+
+    Yen's algorithm (1971): each later path leaves an earlier one at a node, from where the best way to the end is found
+    that leads neither through the nodes before nor along an arc that an earlier path took. As Lawler (1972) noted, a
+    path need only be left where it left its own parent, or later.
+
+    Args:
+        arcs: the ways.
+        rests: (nodes,) the distance of each node to the last one.
+        first: rows of the shortest path.
+    """
+    search = _DetourSearch(arcs, rests, first[-1])
+    waiting = [(search.length(first), len(first), first, 0)]
+    given: list[list[int]] = []
+    while waiting:
+        _, _, path, begin = heappop(waiting)
+        given.append(path)
+        yield path
+        for at in range(begin, len(path) - 1):
+            taken = {other[at + 1] for other in given if other[: at + 1] == path[: at + 1]}
+            detour = search.detour(path[at], set(path[:at]), taken)
+            if detour is not None:
+                whole = path[:at] + detour
+                heappush(waiting, (search.length(whole), len(whole), whole, at))
+
+
+class _DetourSearch:
+    """Searches by A* with the distances of the whole graph to the end, which are what a detour takes at least."""
+
+    def __init__(self, arcs: Arcs, rests: memoryview, end: int) -> None:
+        self._offsets, self._ends, self._weights = (column.data for column in arcs)
+        self._rests, self._end = rests, end
+
+    def length(self, path: list[int]) -> float:
+        """Return the sum of the weights on a path, from its end."""
+        total = 0.0
+        for start, end in zip(path[-2::-1], path[:0:-1], strict=True):
+            total += next(weight for row, weight in self._leaving(start) if row == end)
+        return total
+
+    def detour(self, start: int, closed: set[int], taken: set[int]) -> list[int] | None:
+        """Return the best path to the end that avoids the rows `closed` and does not step to one `taken` first."""
+        far, before = {start: 0.0}, {start: start}
+        heap = [(0.0, 0, start, 0.0)]
+        while heap:
+            _, hops, row, gone = heappop(heap)
+            if row == self._end:
+                break
+            if gone > far[row]:
+                continue
+            for end, weight in self._leaving(row):
+                reached, rest = gone + weight, self._rests[end]
+                if reached >= far.get(end, inf) or rest == inf or end in closed or (row == start and end in taken):
+                    continue
+                far[end], before[end] = reached, row
+                heappush(heap, (reached + rest, hops + 1, end, reached))
+        else:
+            return None
+        path = [self._end]
+        while path[-1] != start:
+            path.append(before[path[-1]])
+        return path[::-1]
+
+    def _leaving(self, row: int) -> Iterable[tuple[int, float]]:
+        first, last = self._offsets[row], self._offsets[row + 1]
+        return zip(self._ends[first:last], self._weights[first:last], strict=True)
