@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.graph import Graph, routes
-from gamms.typing.routes import Routes
 
 NODES = 8
 ROW = st.integers(0, NODES - 1)
@@ -105,15 +104,6 @@ def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, 
         if known is not None:
             assert fresh.routes.nearest(source, targets, within=min(far)) == known
             assert fresh.routes.nearest(source, targets, within=min(far) / 2) == (known if min(far) == 0 else None)
-
-
-@given(edges=EDGES, sources=st.lists(ROW, max_size=4), targets=st.lists(ROW, max_size=4))
-def test_a_matrix_is_that_of_the_default_of_the_contract(edges, sources, targets):
-    found = build(edges)[0].distance_matrix(sources, targets)
-    with mock.patch.object(routes.CachedRoutes, "matrix_lines", Routes.matrix_lines):
-        known = build(edges)[0].distance_matrix(sources, targets)
-    assert found.shape == known.shape == (len(sources), len(targets))
-    assert found.tobytes() == known.tobytes()
 
 
 NUMBER = st.floats(-50, 350)

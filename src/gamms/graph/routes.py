@@ -90,75 +90,25 @@ class CachedRoutes(Routes):
 
     def next_rows(self, row: int, end: int, weight: str | None) -> Mapping[int, int] | memoryview:
         """Return the row of the next node on the path to row `end`, by row; of the whole graph, or of this path."""
-        check_weight(weight)
         goal = self._goal(row, end, weight)
         return super().next_rows(row, end, weight) if goal is None else goal.steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
         """Return the distance from a row to row `end`; perhaps infinite, if it is greater than `within`."""
-        check_weight(weight)
         goal = self._goal(row, end, weight, within)
         return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
 
-    def reached(
-        self, rows: IntArray, weight: str | None, limit: float, *, reverse: bool
-    ) -> tuple[IntArray, FloatArray]:
-        """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far."""
-        check_weight(weight)
-        near = self.search(weight, reverse=reverse).find(rows, within=limit) if limit < inf else None
-        if near is None:
-            return super().reached(rows, weight, limit, reverse=reverse)
-        order = np.argsort(near.rows)
-        return near.rows[order], near.far[order]
-
-    def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
-        """Return the distances (roots, others) from rows to others, or to them where reversed."""
-        check_weight(weight)
-        search = self.search(weight, reverse=reverse)
-        found = np.empty((len(roots), len(others)))
-        for at in range(len(roots)):
-            found[at], _ = search.far(roots[at : at + 1], others)
-        return found
-
-    def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
-        """Return the place in `ends` of the nearest; of several, those are asked for that a search reaches first."""
-        check_weight(weight)
-        if len(ends) <= 1:
-            return super().nearest_end(row, ends, weight, within)
-        places = self._reached_first(row, ends, weight)
-        if len(places) == 1 and within == inf:
-            return places[0]
-        found = super().nearest_end(row, ends[places], weight, within)
-        return None if found is None else places[found]
-
-    def distances_between(self, rows: IntArray, end: int, weight: str | None) -> FloatArray:
-        """Return the distances (rows,) from some rows to row `end`; few are searched for near it first."""
-        check_weight(weight)
-        near = self._near_end(rows, end, weight, is_nearest=False)
-        return super().distances_between(rows, end, weight) if near is None else near
-
-    def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
-        """Return the distance to row `end` from the nearest of some rows, the first that a search reaches."""
-        check_weight(weight)
-        near = self._near_end(rows, end, weight, is_nearest=True)
-        far = super().distances_between(rows, end, weight) if near is None else near
-        return float(far.min(initial=inf))
-
-    def _near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray | None:
-        """Return the distances from some rows to row `end`, or from those nearest to it; None: a table is cheaper."""
-        if self._has_table(end, weight):
-            return None
-        search, goal = self.search(weight), self._known(end, weight)
-        far, visited = search.far(np.array([end]), rows, most=self._left(goal), is_nearest=is_nearest)
-        return far if goal.has_visited(visited) else None
-
-    def _reached_first(self, row: int, ends: IntArray, weight: str | None) -> list[int]:
-        """Return the places in `ends` of those that are reached first from a row, up to rounding."""
-        far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
-        found: list[int] = np.flatnonzero((far <= kernels.widened(far.min())) & (far < inf)).tolist()
-        return found
+    def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
+        """Return the distances (rows,) from some rows to row `end`; those that are not nearest may be infinite."""
+        if not self._has_table(end, weight):
+            search, goal = self.search(weight), self._known(end, weight)
+            far, visited = search.far(np.array([end]), rows, most=self._left(goal), is_nearest=is_nearest)
+            if goal.has_visited(visited):
+                return far
+        return np.asarray(self.distances_to(end, weight))[rows]
 
     def _has_table(self, end: int, weight: str | None) -> bool:
+        check_weight(weight)
         return self.cache.revision == self._store.revision and (weight, self.ids().item(end)) in self.cache.entries
 
     def _goal(self, row: int, end: int, weight: str | None, within: float = inf) -> Goal | None:
@@ -191,6 +141,7 @@ class CachedRoutes(Routes):
 
     def search(self, weight: str | None, *, reverse: bool = True) -> kernels.Search:
         """Return the search for near nodes at this revision of the graph; what was found at another is discarded."""
+        check_weight(weight)
         revision = self._store.revision
         if revision != self._searched_revision:
             self._searches.clear()

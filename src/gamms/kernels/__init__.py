@@ -70,5 +70,4 @@ from gamms.kernels.paths import (
     make_arcs,
     route_tables,
     route_trees,
-    shortest_distances,
 )

@@ -147,20 +147,6 @@ class Search:
         self._free.append(scratch)
 
 
-def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
-    """Return the distance of every node from the nearest of some nodes, (nodes,); infinite where there is no path.
-
-    Args:
-        arcs: the ways; reversed ones give the distances *to* `rows`.
-        rows: where to start.
-        cutoff: what is farther away than this counts as out of reach.
-    """
-    found = np.full(len(arcs.offsets) - 1, inf)
-    reached = Search(arcs, np.arange(len(found))).find(rows, within=cutoff)
-    found[reached.rows] = reached.far
-    return found
-
-
 class Reached(NamedTuple):
     """The nodes that can be reached from several starts: entries by start, then by row."""
 

@@ -66,32 +66,38 @@ class Routes(ABC):
         """
         return self.distances_to(end, weight)[row]
 
+    def search(self, weight: str | None, *, reverse: bool = True) -> kernels.Search:
+        """Return what finds paths along the edges, or along the reversed ones; override to make it once."""
+        return kernels.Search(self.arcs(weight, reverse=reverse), self.ids())
+
     def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
-        """Return the distances (roots, others) from rows to others, or to them where reversed; override for speed."""
-        arcs, found = self.arcs(weight, reverse=reverse), np.empty((len(roots), len(others)))
-        for line, root in zip(found, roots, strict=True):
-            line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
+        """Return the distances (roots, others) from rows to others, or to them where reversed."""
+        search = self.search(weight, reverse=reverse)
+        found = np.empty((len(roots), len(others)))
+        for at in range(len(roots)):
+            found[at], _ = search.far(roots[at : at + 1], others)
         return found
 
     def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
-        """Return the place in `ends` of what `RouteQueries.nearest` says; override for speed."""
+        """Return the place in `ends` of what `RouteQueries.nearest` says."""
+        places = np.arange(len(ends))
+        if len(ends) > 1:  # only those that are reached first, up to rounding, can be it
+            far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
+            places = np.flatnonzero(far <= kernels.widened(far.min()))
         best, found = within, None
-        for at, end in enumerate(ends.tolist()):
-            far = self.distance_between(row, end, weight, best)
-            if far < best or (far == best < inf and found is None):
-                best, found = far, at
+        for at in places.tolist():
+            far_at = self.distance_between(row, ends.item(at), weight, best)
+            if far_at < best or (far_at == best < inf and found is None):
+                best, found = far_at, at
         return found
 
-    def distances_between(self, rows: IntArray, end: int, weight: str | None) -> FloatArray:
-        """Return the distances (rows,) from some rows to row `end`; override for speed."""
-        return np.asarray(self.distances_to(end, weight))[rows]
+    def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
+        """Return the distances (rows,) from some rows to row `end`; override for speed.
 
-    def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
-        """Return the distance to row `end` from the nearest of some rows; override for speed."""
-        best = inf
-        for row in rows.tolist():
-            best = min(best, self.distance_between(row, end, weight, best))
-        return best
+        With `is_nearest`, those of rows that are not nearest may be infinite.
+        """
+        found, _ = self.search(weight).far(np.array([end]), rows, is_nearest=is_nearest)
+        return found
 
     def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
         """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
@@ -131,16 +137,14 @@ class Routes(ABC):
     def reached(
         self, rows: IntArray, weight: str | None, limit: float, *, reverse: bool
     ) -> tuple[IntArray, FloatArray]:
-        """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far.
-
-        Override for speed.
-        """
+        """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far."""
         if reverse and limit == inf and len(rows) == 1:
-            found = np.asarray(self.distances_to(rows.item(), weight))
-        else:
-            found = kernels.shortest_distances(self.arcs(weight, reverse=reverse), rows, limit)
-        near = np.flatnonzero(np.isfinite(found))
-        return near, found[near]
+            table = np.asarray(self.distances_to(rows.item(), weight))
+            near = np.flatnonzero(np.isfinite(table))
+            return near, table[near]
+        found = self.search(weight, reverse=reverse).find(rows, within=limit)
+        order = np.argsort(found.rows)
+        return found.rows[order], found.far[order]
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
         """Return the distances (sources, targets), searched from the side with fewer different nodes."""
@@ -356,7 +360,7 @@ class RouteQueries:
         different, place = np.unique(ends, return_inverse=True)
         found = np.empty((len(different), len(rows)))
         for line, end in zip(found, different.tolist(), strict=True):
-            line[:] = routes.distances_between(rows, end, weight)
+            line[:] = routes.near_end(rows, end, weight, is_nearest=False)
         return found[place].T
 
     def distances_from_nearest(
@@ -375,7 +379,8 @@ class RouteQueries:
             UnknownName (KeyError): there is no such node.
         """
         routes, rows, ends = self._routes, *self._rows_of(sources, targets)
-        return [routes.distance_from_nearest(rows, end, weight) for end in ends.tolist()]
+        near = [routes.near_end(rows, end, weight, is_nearest=True) for end in ends.tolist()]
+        return [float(far.min(initial=inf)) for far in near]
 
     def tables(self, targets: NodeIds, weight: str | None = "length", cutoff: float = inf) -> RouteTables:
         """Return how far all nodes are from some targets, and where the shortest paths to these begin.
