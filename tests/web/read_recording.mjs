@@ -11,7 +11,7 @@ function plain(state) {
   return {
     name: agents.map((agent) => agent.name), team: agents.map((agent) => agent.team), alive: agents.map((agent) => Boolean(agent.alive)),
     node: agents.map((agent) => agent.node), previous: agents.map((agent) => agent.previous),
-    position: agents.map((agent) => numbers([...agent.position])), quat: agents.map((agent) => numbers([...agent.quat])),
+    position: agents.map((agent) => numbers([...agent.position].slice(0, 3))), quat: agents.map((agent) => numbers([...agent.quat])),
     scores: Object.fromEntries(state.scores), over: state.over === null ? null : Object.fromEntries(state.over),
   };
 }

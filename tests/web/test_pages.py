@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import re
+import zlib
 from graphlib import TopologicalSorter
 
 import numpy as np
@@ -22,7 +23,7 @@ HOSTILE = "</script><img src=x onerror=alert(1)>"
 def recording_in(page):
     """Return the recording in the bytes of a page."""
     [data] = re.findall(r'class="recording">([^<]*)<', page.decode())
-    return recorder.open(io.BytesIO(base64.b64decode(data)))
+    return recorder.open(io.BytesIO(zlib.decompress(base64.b64decode(data))))
 
 
 def test_each_module_of_the_pages_imports_what_another_one_exports_and_none_imports_itself():

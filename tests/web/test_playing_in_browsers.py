@@ -2,6 +2,7 @@
 
 import io
 import json
+import zlib
 
 import pytest
 
@@ -60,7 +61,7 @@ def asked(page, turn):
 
 def received(page):
     """Return the recording that came over the wire."""
-    frames = [one for one in page.frames if isinstance(one, bytes)]
+    frames = [zlib.decompress(one) for one in page.frames if isinstance(one, bytes)]
     first = max(i for i, one in enumerate(frames) if one.startswith(b"MMGR"))
     return recorder.open(io.BytesIO(b"".join(frames[first:])))
 

@@ -8,6 +8,7 @@ which recordings name, is put in. So the file needs nothing else, and no server.
 import base64
 import json
 import re
+import zlib
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 from html import escape
@@ -21,6 +22,7 @@ from gamms.errors import BadValue
 from gamms.graph.map_file import MAGIC, VERSION, base_map_of, framed, scenery_called, unframed
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.ir.packed_bytes import STORED
 from gamms.plain import Plain
 from gamms.recorder import Recording, Writer
 from gamms.recorder import open as opened
@@ -132,7 +134,7 @@ def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, An
 def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes]) -> bytes:
     """Return the page of some recordings."""
     held = "\n".join(
-        f'<script type="application/x-gamms-recording" class="recording">{base64.b64encode(one).decode()}</script>'
+        f'<script type="application/x-gamms-recording" class="recording">{as_text_of(one)}</script>'
         for one in recordings
     )
     words = escape(f"{look['title']}. A browser with JavaScript replays it.")
@@ -164,6 +166,11 @@ def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
     return text.encode("utf-8", "replace")
 
 
+def as_text_of(data: bytes) -> str:
+    """Return bytes as a script element holds them: deflated, in base64."""
+    return base64.b64encode(zlib.compress(data, 9)).decode()
+
+
 def as_json(value: object) -> str:
     """Return JSON that can stand in a script element, which only a `<` could end."""
     return json.dumps(value).replace("<", "\\u003c")
@@ -190,7 +197,7 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
     sides = recording.header.get("sides") or sides_of(recording.header, recording.detached(0).keyframe(0))
     whole = {**recording.header, "world": recording.graph.packed, "sides": sides}
     with Painter(whole, recording.detached(0).keyframe(0)) as painter:
-        writer = Writer(stream, {**drawn_header(whole), "shown": painter.present()}, seconds=None)
+        writer = Writer(stream, {**drawn_header(whole), "shown": painter.present()}, seconds=None, is_deflated=False)
         for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
             if turn % every == 0:
                 writer.keyframe(drawn_keyframe(recording.detached(turn).keyframe(turn)))
@@ -237,7 +244,7 @@ def _map_for_viewer(world: bytes) -> bytes:
 def drawn_map(
     world: bytes, attributes: Collection[str] | None = None, lat_lon: "np.ndarray[Any, Any] | None" = None
 ) -> bytes:
-    """Return a map with what is drawn of it: rounded, with its scenery.
+    """Return a map with what is drawn of it: rounded, with its scenery, and not deflated.
 
     Args:
         world: the map, as it is saved.
@@ -259,7 +266,7 @@ def drawn_map(
         state |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
     if lat_lon is not None:
         state["lat_lon"] = _rounded(lat_lon, _LAT_LON_STEP)
-    return framed(state, MAGIC, VERSION)
+    return framed(state, MAGIC, VERSION, STORED)
 
 
 def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:

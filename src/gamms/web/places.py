@@ -4,7 +4,6 @@ The page holds the map, with the attributes of nodes and streets, and the nodes 
 for its own seed and a hundred more. It needs no server.
 """
 
-import base64
 import os
 from collections.abc import Sequence
 from html import escape
@@ -19,7 +18,7 @@ from gamms.errors import BadValue, GammsError
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.spec import LatLon, Rule, Team
 from gamms.text import shown
-from gamms.web.pages import as_json, drawn_map, filled
+from gamms.web.pages import as_json, as_text_of, drawn_map, filled
 
 _SCENARIOS = (".yaml", ".yml", ".json")
 _TEAMS = ("red", "blue")  # of a map without a scenario
@@ -48,7 +47,7 @@ def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", them
         options["title"] = title
     if theme is not None:
         options["theme"] = theme
-    packed = base64.b64encode(_packed_map(game)).decode()
+    packed = as_text_of(_packed_map(game))
     data = f'<script type="application/json" id="options">{as_json(options)}</script>\n'
     words = {"title": escape(options["title"]), "still": "This page needs JavaScript.", "connect": "'none'"}
     return filled("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')

@@ -1,13 +1,15 @@
 """What each audience of a live game is sent: the recording format, header, keyframes and blocks of turns.
 
 The thread that plays only hands over what has happened. It becomes bytes when a connection asks for it, in a block of
-all turns since then, so that spectators cost a game that waits between its turns nothing.
+all turns since then, so that spectators cost a game that waits between its turns nothing. Each message is deflated by
+itself, once for all connections.
 
 A stream holds the blocks of the last turns only, and one keyframe at least; all connections of an audience read the
 same bytes. One that falls behind them begins again at the last keyframe, and the turns between are counted as dropped:
 no connection has a queue of its own, and none can make the game wait.
 """
 
+import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
 from copy import deepcopy
@@ -34,7 +36,7 @@ _MOST_WAITING = 1 << 11  # agents in the parts of turns that wait to become byte
 _MOST_PARTS = 256  # likewise
 _KEYFRAME_BYTES = 1 << 20  # of blocks behind a keyframe, after which there is another one
 _MOST_BYTES = 1 << 22  # of blocks that are kept
-_PIECE = 1 << 16  # bytes that are sent at once
+_PIECE = 1 << 18  # bytes that become one message, and that are sent at once
 
 Keyframe = dict[str, Any]
 
@@ -78,7 +80,7 @@ class Stream:
         nearest: the id of the node below a place, (x, y).
 
     Attributes:
-        opening: the first bytes of a recording, with its header.
+        opening: the messages with the first bytes of a recording, and its header.
         last_keyframe: where the last keyframe is.
     """
 
@@ -93,10 +95,11 @@ class Stream:
         self._begun_at = turns
         self._is_seen = False  # whether a keyframe or a turn says what is seen at the beginning
         self._sink = _Parts()
-        self._writer = Writer(self._sink, drawn_header(header), turns=_KEYFRAME_TURNS, seconds=None, first=turns)  # type: ignore[arg-type]
-        self.opening = self._sink.taken()
+        options: Any = {"turns": _KEYFRAME_TURNS, "seconds": None, "first": turns, "is_deflated": False}
+        self._writer = Writer(self._sink, drawn_header(header), **options)  # type: ignore[arg-type]
+        self.opening = _messages(self._sink.taken())
         self._lock = Lock()
-        self._parts: deque[tuple[bytes, int]] = deque()  # and how many turns are over behind each
+        self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and how many turns are over behind them
         self._first = 0  # number of the first part
         self.last_keyframe = Place(self, 0, turns)
         self._size = self._since_keyframe = 0  # bytes
@@ -157,28 +160,29 @@ class Stream:
         self._add(self._sink.taken(), is_keyframe=True)
 
     def _add(self, part: bytes, *, is_keyframe: bool = False) -> None:
+        messages = _messages(part)
+        size = sum(map(len, messages))
         with self._lock:
-            self._parts.append((part, self._turns))
-            self._size += len(part)
-            self._since_keyframe = 0 if is_keyframe else self._since_keyframe + len(part)
+            self._parts.append((messages, self._turns))
+            self._size += size
+            self._since_keyframe = 0 if is_keyframe else self._since_keyframe + size
             if is_keyframe:
                 self.last_keyframe = Place(self, self._first + len(self._parts) - 1, self._turns)
             while self._size > _MOST_BYTES and self._first < self.last_keyframe.number:
-                self._size -= len(self._parts.popleft()[0])
+                self._size -= sum(map(len, self._parts.popleft()[0]))
                 self._first += 1
 
-    def read(self, place: Place) -> tuple[bytes, Place, int]:
-        """Return what comes from a place on, some of it, the place behind it, and how many turns were dropped."""
+    def read(self, place: Place) -> tuple[list[bytes], Place, int]:
+        """Return the next messages from a place on, the place behind them, and how many turns were dropped."""
+        found = list[bytes]()
         with self._lock:
-            begin = self.last_keyframe if place.number < self._first else place
-            found, size = [(b"", begin.turns)], 0
-            for part in islice(self._parts, begin.number - self._first, None):
-                found.append(part)
-                size += len(part[0])
-                if size > _PIECE:
+            begin = after = self.last_keyframe if place.number < self._first else place
+            for messages, turns in islice(self._parts, begin.number - self._first, None):
+                found += messages
+                after = Place(self, after.number + 1, turns)
+                if sum(map(len, found)) > _PIECE:
                     break
-        after = Place(self, begin.number + len(found) - 1, found[-1][1])
-        return b"".join(part for part, _ in found), after, begin.turns - place.turns
+        return found, after, begin.turns - place.turns
 
 
 class Streams:
@@ -312,22 +316,25 @@ class Streams:
 
 
 def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
-    """Yield what a connection has not been sent yet, in pieces, and note how far it is."""
+    """Yield the messages that a connection has not been sent yet, and note how far it is."""
     stream = streams.of(connection.grant.audience)
     if stream is None:
         return
     place = connection.place
     if place is None or place.stream is not stream:
-        for at in range(0, len(stream.opening), _PIECE):
-            yield stream.opening[at : at + _PIECE]
+        yield from stream.opening
         place = connection.place = stream.last_keyframe
     while True:
-        piece, place, dropped = stream.read(place)
+        messages, place, dropped = stream.read(place)
         connection.counts["dropped"] += dropped
         if dropped:  # it begins again
-            yield stream.opening
+            yield from stream.opening
         connection.place = place
-        if not piece:
+        if not messages:
             return
-        for at in range(0, len(piece), _PIECE):
-            yield piece[at : at + _PIECE]
+        yield from messages
+
+
+def _messages(data: bytes) -> list[bytes]:
+    """Return bytes as messages, each of which can be inflated by itself."""
+    return [zlib.compress(data[at : at + _PIECE]) for at in range(0, len(data), _PIECE)]

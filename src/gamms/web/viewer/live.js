@@ -1,5 +1,6 @@
 // A game that goes on: the recording as it comes over a WebSocket, how the game goes, and what may be done with it.
 import { App } from "./app.js";
+import { inflated } from "./bytes.js";
 import { element, iconButton, icon, refill } from "./dom.js";
 import { Player } from "./player.js";
 import { Recording } from "./recording.js";
@@ -27,6 +28,7 @@ export class Live {
     /** @type {Status | null} */ this.status = null;
     /** @type {any} */ this.asked = null; // the questions that came last, to who plays
     this.wait = AGAIN_MS;
+    this.taken = Promise.resolve(); // once the messages that have come were taken, one after the other
     this.strip = new LiveStrip(this);
     refill(root, element("p", { class: "waiting", role: "status", text: "Waiting for the game." }));
     this.#connect();
@@ -47,16 +49,16 @@ export class Live {
     this.socket = socket;
     socket.binaryType = "arraybuffer";
     socket.addEventListener("open", () => socket.send(JSON.stringify({ type: "join", token: location.hash.slice(1) })));
-    socket.addEventListener("message", (event) => this.#take(event.data));
+    socket.addEventListener("message", (event) => { this.taken = this.taken.then(() => this.#take(event.data)); });
     socket.addEventListener("close", (event) => this.#closed(event));
   }
 
   /** @param {ArrayBuffer | string} data */
-  #take(data) {
+  async #take(data) {
     this.wait = AGAIN_MS;
     try {
       if (typeof data === "string") this.#hear(JSON.parse(data));
-      else this.#feed(new Uint8Array(data));
+      else this.#feed(await inflated(new Uint8Array(data)));
     } catch (error) {
       this.#say(`This game cannot be shown: ${error instanceof Error ? error.message : error}`);
       this.socket?.close();

@@ -1,4 +1,5 @@
 // A page on which places of a map are found and chosen, and become text of a scenario file. Begin here.
+import { bytesIn } from "./bytes.js";
 import { Camera } from "./camera.js";
 import { element } from "./dom.js";
 import { Pointers, releaseControls } from "./input.js";
@@ -425,17 +426,14 @@ function isInside(points, x, y) {
   return isIn;
 }
 
-/** Show the map in the page. @returns {Places} */
-function begin() {
+/** Show the map in the page. */
+async function begin() {
   const options = JSON.parse(document.getElementById("options")?.textContent || "{}");
-  const text = atob((document.getElementById("map")?.textContent ?? "").trim());
-  const world = new World(Uint8Array.from(text, (letter) => letter.charCodeAt(0)));
-  return new Places(/** @type {HTMLElement} */ (document.getElementById("viewer")), world, options);
+  const world = new World(await bytesIn(document.getElementById("map")));
+  Object.defineProperty(window, "gamms", { value: new Places(/** @type {HTMLElement} */ (document.getElementById("viewer")), world, options) });
 }
 
-try {
-  Object.defineProperty(window, "gamms", { value: begin() });
-} catch (error) {
+begin().catch((error) => {
   const words = `This map cannot be shown: ${error instanceof Error ? error.message : error}`;
   document.getElementById("viewer")?.replaceChildren(element("p", { class: "failure", role: "alert", text: words }));
-}
+});

@@ -1,12 +1,9 @@
 // Plain values from bytes: packed bytes, columns of integers and MessagePack with extensions, as docs/recording-format.md
 // describes them. A dict becomes a Map, so that no key of a file can reach a prototype.
-import { inflate } from "./inflate.js";
 
 const MOST_DEPTH = 32;
 const TABLE = 9; // instead of how many bytes the integers of a column need: it has a table
 const MOST_IN_BYTE = 8; // numbers of its entries
-const MOST_INFLATED = 1 << 28; // bytes of one block
-const MOST_PER_BYTE = 2048; // deflate makes at most 1,032 bytes of one
 const TWO_32 = 4294967296;
 const LARGEST_HIGH = 1 << 21; // a high word below it makes an exact number
 const TUPLE = 0, LIST = 1, DICT = 2, SET = 3, FROZENSET = 4, BYTES = 5, INT = 6, TEXT = 7, ARRAY = 8;
@@ -40,14 +37,19 @@ export class ByteReader {
     throw new Error("a number is too long");
   }
 
-  /** Return the next packed bytes, inflated. */
+  /** Return the next packed bytes, a stream of stored blocks: pages and messages are deflated as a whole. */
   unpacked() {
-    const size = this.varint();
-    if (size > Math.min(MOST_INFLATED, MOST_PER_BYTE * (this.bytes.length - this.at) + 64)) {
-      throw new Error(`${size} bytes are far more than the size of the file explains`);
+    const parts = [], size = this.varint();
+    for (let isLast = false; !isLast; ) {
+      const [head, low, high] = this.take(5);
+      if (head > 1) throw new Error("packed bytes are deflated");
+      isLast = head === 1;
+      parts.push(this.take(low + 256 * high));
     }
-    const { data, end } = inflate(this.bytes, this.at, size);
-    this.at = end;
+    if (parts.length === 1 && parts[0].length === size) return parts[0];
+    const data = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
+    parts.reduce((at, part) => (data.set(part, at), at + part.length), 0);
+    if (data.length !== size) throw new Error(`${size} bytes are promised and ${data.length} are there`);
     return data;
   }
 
