@@ -113,7 +113,7 @@ def test_nothing_that_a_recording_says_is_markup(ctx, tmp_path):
     with recorder.open(tmp_path / "hostile.ggr") as recording:
         text = web.page(recording, title=HOSTILE).decode()
     assert "<img" not in text
-    assert text.count("</script>") == 3
+    assert text.count("</script>") == 4
 
 
 def test_a_page_says_what_it_cannot_be(game, tmp_path):

@@ -6,12 +6,18 @@ indentation are left out. What belongs into a page is marked in it, see `pages.f
 
 import base64
 import hashlib
+import json
 import re
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
+
+from gamms.visual.themes import THEMES
 
 SOURCES = Path(__file__).parent / "viewer"
 PAGES = {"viewer": ("main", ("viewer",)), "places": ("places", ("viewer", "places"))}  # entry and styles of each
+VIEWER_THEMES = ("light", "dark")
 
 IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";$', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.MULTILINE)
@@ -29,7 +35,33 @@ def page_called(name: str) -> str:
     script = re.sub(r"[^\x00-\x7f]", lambda match: f"\\u{ord(match[0]):04x}", script)
     style = "".join(_read(f"{one}.css") for one in styles)
     parts = {"script_hash": hash_of(script), "style_hash": hash_of(style), "script": script, "style": style}
+    parts["themes"] = json.dumps({name: _table_of(name) for name in VIEWER_THEMES})
     return re.sub(r"\{(\w+)\}", lambda match: parts.get(match[1], match[0]), _read("page.html"))
+
+
+def _table_of(name: str) -> dict[str, Any]:
+    """Return the colors of a theme as the viewer has them: CSS, but for those between which it mixes."""
+    theme = THEMES[name]
+    walls, ground = theme.map.walls, theme.map.ground
+    return {
+        "name": name,
+        "background": css(theme.background),
+        "ink": css(theme.ink),
+        "faint": css(theme.faint),
+        "card": css(theme.card),
+        "streets": css(theme.map.streets),
+        "nodes": css(theme.map.nodes),
+        "walls": [walls.low, walls.high],
+        "outline": css(walls.outline),
+        "wall": css(walls.wall),
+        **{part: css(color) for part, color in ground._asdict().items()},
+        "fog": [css(color) for color in theme.fog],
+    }
+
+
+def css(color: Sequence[int]) -> str:
+    """Return a color of three or four parts from 0 to 255 as CSS."""
+    return "#" + bytes(color).hex().removesuffix("ff" if len(color) > 3 else "")
 
 
 def hash_of(text: str) -> str:

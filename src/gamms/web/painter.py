@@ -26,9 +26,9 @@ from gamms.visual.drawers.rules import teams_of_rules
 from gamms.visual.legend import Row, blocks_of, plain_block
 from gamms.visual.recorded_drawings import RecordedDrawer
 from gamms.visual.themes import THEMES
+from gamms.web.bundle import VIEWER_THEMES
 
 SHOWN = 0x07000000  # the kind of the event that says what a page shows from a turn on; no recording has it
-_THEMES = ("light", "dark")
 _STEPS = 1 << 15  # of the larger side of the map: on a city some centimetres
 _PIXEL_STEP = 2.0**-4
 _UNMARKED = {"tag", "respawned", *DECISIONS}  # kinds of events that are too many for the line of turns
@@ -117,7 +117,7 @@ class Painter:
         drawing = self._ctx.visual.drawing
         more = [*self._sides, *sorted(teams_of_rules(self._ctx))]
         found: dict[str, Any] = {}
-        for theme in _THEMES:
+        for theme in VIEWER_THEMES:
             with drawing.themed(THEMES[theme]):
                 for side, color in drawing.group_colors(more).items():
                     found.setdefault(side, {})[theme] = list(color)
@@ -127,7 +127,7 @@ class Painter:
 
     def _changed_drawings(self) -> list[Drawn]:
         """Return the drawings of the artists that draw something else than before."""
-        first, second = _THEMES
+        first, second = VIEWER_THEMES
         artists = self._signs(first)
         now = {name: self._commands_of(name, artist, first) for name, artist in artists.items()}
         now = {name: commands for name, commands in now.items() if commands is not None}
@@ -249,7 +249,7 @@ def painted(light: Drawn, dark: Drawn, step: float) -> Drawn:
     inks = [light["color"], dark["color"] if len(dark["color"]) == len(light["color"]) else light["color"]]
     styles, rows = np.unique(np.concatenate(inks, axis=1), axis=0, return_inverse=True)
     commands["style"] = rows.ravel().astype(np.int32)
-    colors = {theme: styles[:, 4 * i : 4 * i + 4].astype(np.uint8) for i, theme in enumerate(_THEMES)}
+    colors = {theme: styles[:, 4 * i : 4 * i + 4].astype(np.uint8) for i, theme in enumerate(VIEWER_THEMES)}
     return {"commands": commands, "colors": colors}
 
 

@@ -18,6 +18,9 @@ from gamms.errors import BadValue, GammsError
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.spec import LatLon, Rule, Team
 from gamms.text import shown
+from gamms.visual.appearance import team_colors
+from gamms.visual.themes import THEMES
+from gamms.web.bundle import VIEWER_THEMES, css
 from gamms.web.pages import as_json, as_text_of, drawn_map, filled
 
 _SCENARIOS = (".yaml", ".yml", ".json")
@@ -94,14 +97,24 @@ def _options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
     found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
     if not is_scenario:
         teams = [{"name": name, "count": 0, "agents": []} for name in _TEAMS]
-        return found | {"map": {"file": plain["map"]["file"]["path"]}, "teams": teams}
-    found["teams"] = [_team(game, name, team) for name, team in spec.teams.items()]
+        return found | {"map": {"file": plain["map"]["file"]["path"]}, "teams": _colored(teams)}
+    found["teams"] = _colored([_team(game, name, team) for name, team in spec.teams.items()])
     rules = [(number, one) for number, one in enumerate(spec.rules) if isinstance(one, Rule) and "nodes" in one.with_]
     found["rules"] = [{"path": f"rules.{number}.with.nodes", "name": one.name or one.rule} for number, one in rules]
     agents = sum(team.count + len(team.agents) for team in spec.teams.values())
     own = 0 if spec.seed is None else spec.seed
     others = [seed for seed in range(min(_SEEDS, _MOST_PLACES // max(agents, 1))) if seed != own]
     return found | {"seed": own, "starts": _starts_of(game, [own, *others])}
+
+
+def _colored(teams: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return teams with their colors in each theme."""
+    names = [team["name"] for team in teams]
+    by_theme = {theme: team_colors(names, palette=THEMES[theme].teams) for theme in VIEWER_THEMES}
+    return [
+        {**team, "colors": {theme: css(colors[str(team["name"])]) for theme, colors in by_theme.items()}}
+        for team in teams
+    ]
 
 
 def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import { PlacesPanel } from "./places_panel.js";
 import { outlineOf } from "./scenario_text.js";
 import { Squares } from "./squares.js";
 import { Streets } from "./streets.js";
-import { THEMES, faded, isBright, teamColors } from "./themes.js";
+import { THEMES, faded, isBright } from "./themes.js";
 import { World } from "./world.js";
 
 const RESTS_MS = 160; // after which the map is painted sharply
@@ -340,7 +340,7 @@ export class Places {
   /** Where the agents of a scenario start. @param {import("./themes.js").Theme} theme */
   #paintTeams(theme) {
     const { options } = this;
-    const colors = teamColors(options.teams.map(({ name }) => name), theme, new Map());
+    const colors = new Map(options.teams.map((one) => [one.name, one.colors[this.themeName]]));
     for (const { name, near, within } of options.teams) {
       if (near !== undefined && within !== undefined) this.#paintArea({ points: near, radius: within }, colors.get(name) ?? theme.ink, [6, 5]);
     }

@@ -1,7 +1,6 @@
 // What stands beside the map of places: the search, the seed, what is chosen, and the text for a scenario file.
 import { dot, element, iconButton, refill } from "./dom.js";
 import { changesFor, targetsOf, yamlOf } from "./scenario_text.js";
-import { THEMES, teamColors } from "./themes.js";
 
 const MOST_CHIPS = 60;
 const SAID_MS = 2500;
@@ -98,8 +97,7 @@ export class PlacesPanel {
     const nodes = options.starts.seeds[String(seed)];
     const known = Object.keys(options.starts.seeds).length;
     this.seedWords.textContent = typeof nodes === "string" ? nodes : nodes === undefined ? `This page knows the starts of ${known} seeds, not of this one.` : "";
-    const colors = teamColors(options.teams.map(({ name }) => name), THEMES[this.app.themeName], new Map());
-    refill(this.teams, ...options.teams.map((team) => element("div", { class: "team" }, dot(colors.get(team.name)), element("span", { class: "who", text: team.name }), element("span", { class: "count", text: `${team.count + team.agents.length} agents` }))));
+    refill(this.teams, ...options.teams.map((team) => element("div", { class: "team" }, dot(team.colors[this.app.themeName]), element("span", { class: "who", text: team.name }), element("span", { class: "count", text: `${team.count + team.agents.length} agents` }))));
   }
 
   // -- what is chosen
