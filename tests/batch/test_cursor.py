@@ -2,16 +2,19 @@
 
 import math
 import random
+import zlib
 from copy import deepcopy
 
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
+from random_games import KINDS
 from random_players import look
 
 import gamms
 from gamms.errors import BadValue
 from gamms.rules import Conflicts, contacts
+from gamms.sensor import SensorType
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -542,3 +545,102 @@ def test_attributes_are_as_before_a_turn_in_which_a_rule_raises():
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def attend(state):
+    """Decide by all that sensors show."""
+    memory = state["memory"]
+    memory["asked"] = memory.get("asked", 0) + 1
+    known = [state["sensor"], state["blocked"], memory["asked"], state["draw"].below(3)]
+    state["action"] = state["legal"][zlib.crc32(repr(known).encode()) % len(state["legal"])]
+
+
+def on_streets(kind):
+    """Return a kind of sensor as it is on streets that are ten times as long."""
+    scaled = {name: 10 * kind[name] for name in ("sensor_range", "position_noise_m") if name in kind}
+    others = {"exclude": ["red"]} if "exclude" in kind else {}
+    places = {"at": (20.0, 20.0)} if type(kind.get("at")) is tuple else {}
+    return {**kind, **scaled, **others, **places}
+
+
+def open_with_sensors(sensors, way):
+    settings, speeds = WAYS[way] if way else ({}, [None])
+    one = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*sensors]}
+    game = scene([TAG], teams={"red": one, "blue": one}, sensors=sensors)
+    ctx = game.build(seed=1, strategies={"red": attend, "blue": attend})
+    for name, value in settings.items():
+        setattr(ctx.game, name, value)
+    for number, agent in enumerate(ctx.agent.create_iter()):
+        agent.speed = speeds[number % len(speeds)]
+    return ctx
+
+
+@pytest.mark.parametrize("way", [None, "several edges", "metres"])
+@pytest.mark.parametrize("number", range(len(KINDS)))
+def test_strategies_get_what_any_sensor_shows_in_their_game(number, way):
+    with open_with_sensors({"eye": on_streets(KINDS[number]), "near": {"type": "NEIGHBOR"}}, way) as ctx:
+        ctx.game.conflicts = Conflicts(capacity=1)
+        check(ctx, seeds=[1, 2, 3])
+
+
+@pytest.mark.parametrize("numbers", [[0, 2, 3], [4, 5], [8], [12, 13], [15], [18, 14]])
+def test_what_any_sensor_shows_is_observed_between_turns(numbers):
+    sensors = {f"eye {number}": on_streets(KINDS[number]) for number in numbers}
+    with open_with_sensors(sensors, None) as ctx, ctx.game.batch(seeds=[1, 2, 3]) as games:
+        for _ in range(4):
+            games.step()
+            view = games.observe("red")
+            for number in range(3):
+                shown = games.context(number).game.observation("red_1")["sensor"]
+                for name in sensors:
+                    kind, data = shown[name]
+                    if hasattr(view["sensor"][name], "others"):
+                        mask = view["sensor"][name].mask[number, 1]
+                        assert {view.roster.names[i] for i in np.flatnonzero(mask)} == {*data}, (kind, name)
+                    else:
+                        nodes = np.flatnonzero(view["sensor"][name].mask[number, 1])
+                        known = data["nodes"] if isinstance(data, dict) else data
+                        assert {*view.streets.ids(nodes).tolist()} == {*known}, (kind, name)
+        assert games.detached == {}
+
+
+class Compass:
+    """A sensor of a program, which derives from nothing."""
+
+    sensor_id, type = "compass", SensorType.CUSTOM
+
+    def __init__(self):
+        self.data, self.owner = None, None
+
+    def sense(self, node_id):
+        self.data = [node_id, self.owner]
+
+    def update(self, data):
+        pass
+
+    def set_owner(self, owner):
+        self.owner = owner
+
+
+@pytest.mark.parametrize("way", [None, "several edges", "metres"])
+def test_sensors_of_programs_are_asked_in_the_game_of_their_agent(way):
+    def log(node_id, agent):
+        return [node_id, agent.name, agent.prev_node_id, agent.edge, agent.xy, agent.alive]
+
+    with open_with_sensors({"near": {"type": "NEIGHBOR"}}, way) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.register_sensor("log", ctx.sensor.from_function(f"log of {agent.name}", log))
+            agent.register_sensor("compass", Compass())
+        check(ctx, seeds=[1, 2, 3])
+
+
+def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
+    def jolt(node_id, agent):
+        if node_id == 7:
+            agent.current_node_id = 12
+        return node_id
+
+    with open_with_sensors({"near": {"type": "NEIGHBOR"}}, None) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.register_sensor("jolt", ctx.sensor.from_function(f"jolt of {agent.name}", jolt))
+        check(ctx, seeds=[1, 2, 3], stays=False)

@@ -9,7 +9,7 @@ import pytest
 from batch_scenes import plain
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from random_games import TEAMS, Drawn, games
+from random_games import KINDS, TEAMS, Drawn, games
 from random_players import FirstOnly
 
 from gamms.errors import GammsError
@@ -143,7 +143,7 @@ def test_a_game_is_the_same_among_a_thousand_others_by_itself_and_in_another_ord
 def games_with_plain_parts(draw):
     """A random game with one context that is pointed at its games, in which agents do not decide at arrivals."""
     drawn = draw(games(("one edge", "anywhere", "edges", "metres")))
-    kinds = st.lists(st.sampled_from([0, 1, 9, 13, 14, 16]), min_size=1, max_size=3, unique=True)
+    kinds = st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3, unique=True)
     called = st.tuples(
         st.sampled_from(["look", "push", "purge", "toll", "dig", "dig"]), st.sampled_from(["before", "after"])
     )

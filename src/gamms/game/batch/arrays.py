@@ -15,7 +15,7 @@ from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import Block, CoreGames
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
-from gamms.game.batch.sensing import look, note_sensors
+from gamms.game.batch.sensing import carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.threads import in_threads
 from gamms.game.batch.turn import ArrayTurn
@@ -83,7 +83,8 @@ class GamesOnMap:
         collects = len(game.internals.parts.collectors.by_name) > 0
         calls_each = collects or len(asked) > 0 or any(map(is_plain_rule, rules))
         self._beginning = Beginning(game, state, games)
-        note_sensors(state, range(len(roster.names)), with_nodes=False)
+        carried = [sensor for agent in roster.agents for sensor in carried_by(agent).values()]
+        note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
         pointed = PointedContext(game, state)
         state.look = partial(look, game, state, pointed)
         state.facts.update(game.facts)

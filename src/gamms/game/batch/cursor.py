@@ -31,6 +31,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
+from gamms.typing.sensor_engine import owner_of
 
 _READ = ("began", "counts", "data", "errors", "events", "memories", "moves", "scores")  # made when they are read
 _OWN = ("over", "start", "team_memories")
@@ -201,6 +202,7 @@ class Cursor:
     ) -> None:
         parts = game.internals.parts
         self._game = game
+        self._asked_numbers = asked
         self._pointed = pointed
         self._state = state
         self._core = core
@@ -271,7 +273,9 @@ class Cursor:
         self._show_facts(None)
         access = self._ctx.agent.storage.turn_access
         each = [access(one) for one in self._agents]
-        self._lasts = [one.last for one in each] + [last for one in each for _, last, *_ in one.carried]
+        of_sensors = [last for one in each for _, last, *_ in one.carried]
+        self._lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
+        self._take_sensors()
         self._looks = self._no("what agents have sensed")
         self._living: _Living
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
@@ -315,10 +319,20 @@ class Cursor:
         """Return the numbers and objects that only the turn engine may change."""
         phase, graph = self._phase, self._ctx.graph
         return (
-            *(phase.setting_changes, phase.sensor_changes, phase.owner_changes, phase.strategy_changes),
+            *(phase.setting_changes, phase.sensor_changes, phase.strategy_changes),
+            *map(owner_of, self._sensors),
             *(graph.obstacle_revision, graph.storage.has_placed),
             *(id(self._parts.rules.rules), self._ctx.is_terminated(), id(self._ctx.agent.block)),
         )
+
+    def _take_sensors(self) -> None:
+        """Find the sensors of agents that are asked, and which of them count their looks."""
+        self._sensors = [sensor for agent in self._agents for sensor in agent.sensors.values()]
+        asked = {self._state.roster.names[number] for number in self._asked_numbers}
+        carried = [one for agent in self._agents if agent.name in asked for one in agent.sensors.values()]
+        looks = [(one, one.in_arrays()) for one in carried if hasattr(one, "in_arrays")]
+        self._notices = [one.notice for one, look in looks if look is not None and not look.is_plain]
+        self._sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
 
     def _refuse_changes(self) -> None:
         """Leave the core if a function has changed a value that all games share."""
@@ -393,6 +407,7 @@ class Cursor:
 
     def forget(self, games: IntArray) -> None:
         """Let some games begin again."""
+        self._pointed.forget(games)
         memories, of_teams = self._first_memories
         known = {name: memory for name, memory in memories.items() if memory}
         for number in games.tolist():
@@ -690,13 +705,23 @@ class Cursor:
         memories = self._memories[self._number]
         for name, template in asked.templates:
             template["memory"] = memories[name]
+        for notice in self._notices:
+            notice.reset()
         decisions = self._turns.decide(self._living.order, asked.part)
+        if not self._sees_world_only:
+            self._take_what_sensors_change()
         if self._core.courses is not None:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
             self._take_decisions(decisions, asked)
         found = decisions.ends
         return [found[i] for i in asked.places]
+
+    def _take_what_sensors_change(self) -> None:
+        """Write what sensors of the user's own have changed before agents have decided."""
+        if self._journal.log or self._journal.progressed or self._values.over is not self._over:
+            self._leave("that is a sensor changes agents or ends the game")
+        self._take()
 
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _Asked) -> None:
         """Let agents of the game that the context is pointed at go as they have decided."""
@@ -764,6 +789,7 @@ class Cursor:
         undo = self._state.checkpoint(self._core.moves)
         facts = [*self._facts_of]
         attributes = copied(self._attributes)
+        delayed_looks = [{**looks} for looks in self._pointed.delayed_looks]
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
@@ -776,6 +802,7 @@ class Cursor:
                 one.restore(values)
             self._facts_of[:] = facts
             self._attributes[:] = attributes
+            self._pointed.delayed_looks[:] = delayed_looks
             self._memories[:] = [defaultdict(dict, each) for each in memories]
             self._team_memories[:] = team_memories
             self._undone = undone

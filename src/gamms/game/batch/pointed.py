@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from gamms.core.agents import PointedColumns
+from gamms.core.copies import copied
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.movement import Anywhere, Movement
@@ -26,21 +27,30 @@ class PointedContext:
     Attributes:
         numbers: the number in the roster of each agent of the context, by row.
         alive: which agents of the context live, by row, as bytes; empty: unknown.
+        delayed_looks: what sensors are still to report in each game.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
         self._game = game
         self._state = state
         self._before: Snapshot | None = None
+        self._looks_at_start = copied(game.internals.state.delayed_looks)
+        self.delayed_looks = [copied(self._looks_at_start) for _ in range(len(state))]
         self._own = vars(game.ctx)
         self.numbers: IntArray = np.zeros(0, np.int64)
         self.alive = b""
+
+    def forget(self, games: IntArray) -> None:
+        """Let some games begin again: sensors are to report in them what they were to report at first."""
+        for number in games.tolist():
+            self.delayed_looks[number] = copied(self._looks_at_start)
 
     def hold(self) -> None:
         """Remember the context as it is, for `release`."""
         block = self._game.ctx.agent.block
         number = {name: i for i, name in enumerate(self._state.roster.names)}
         self._before = self._game.snapshot()
+        self._first_looks = self._game.internals.state.delayed_looks
         self._block = block
         self.numbers = np.array([number[name] for name in block.names], np.int64)
         self.alive = b""
@@ -52,6 +62,7 @@ class PointedContext:
         """Restore the context as it was before it was pointed at games."""
         assert self._before is not None  # noqa: S101 - it is held
         self._block.placed.clear()
+        self._game.internals.state.delayed_looks = self._first_looks
         self._game.restore(self._before)
         self._before = None
 
@@ -89,6 +100,7 @@ class PointedContext:
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
             values.turn = played[at]
+            values.delayed_looks = self.delayed_looks[number]
             self._own["_seed"] = state.seeds[number]
             turns.seed_changes += 1
             show_game(block, columns, at)

@@ -147,12 +147,19 @@ def noted_node_sensors(agent: IAgent) -> list[str]:
     return [name for name, one in nodes.items() if one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
 
 
-def why_not_asked_in_core(agent: IAgent) -> Iterator[tuple[str, str]]:
-    """Yield the sensors of an agent that see more of a game than what the core has, and why, in words."""
+def why_not_asked_in_core(agent: IAgent, *, is_called: bool) -> Iterator[tuple[str, str]]:
+    """Yield the sensors of an agent that see more of a game than what the core has, and why, in words.
+
+    Args:
+        agent: the agent.
+        is_called: whether it decides by a plain function, which gets what its sensors show in a context.
+    """
     for name, sensor in carried_by(agent).items():
         look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
         if sensor.type in IN_AIR | FROM_AIR:
             yield name, "looks from the air"
+        elif is_called:
+            continue
         elif turns_with_agent(sensor):
             yield name, "turns with it"
         elif sensor.type in ON_GROUND and look is None:
@@ -353,6 +360,8 @@ def _nodes_shown(
 def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray) -> BoolArray:
     """Return on which nodes sensors on the ground would show agents with some probability, (games, agents, nodes)."""
     found = np.zeros((*node.shape, state.streets.num_nodes), np.bool_)
+    if state.look is not None and not state.noted.keys().isdisjoint(agents.tolist()):
+        state.look(games)
     for column, number in enumerate(agents.tolist()):
         agent, here = state.roster.agents[number], node[:, column]
         for name, sensor in carried_by(agent).items():

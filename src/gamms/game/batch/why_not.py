@@ -28,7 +28,7 @@ def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     ruled = _why_not_ruled(game)
     called = _why_not_called(game, roster)
     ordered = _why_not_in_order(game, roster, is_plain=is_plain)
-    return next(chain(_why_not_played(game), ordered, _why_not_agents(roster), ruled, decided, called), None)
+    return next(chain(_why_not_played(game), ordered, _why_not_agents(game, roster), ruled, decided, called), None)
 
 
 def first_called(game: PlayedGame, roster: Roster) -> str | None:
@@ -58,12 +58,6 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
         yield f"{first}, with facts of single agents or teams"
     if block.has_teams or not all(is_plain(vars(agent)) for agent in roster.agents):
         yield f"{first}, with attributes of agents that cannot be compared"
-    for number in asked:
-        agent = roster.agents[number]
-        for name, sensor in agent.sensors.items():
-            look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
-            if (look is not None and not look.is_plain) or not getattr(sensor, "sees_world_only", False):
-                yield f"the sensor {shown(name)} of agent {shown(agent.name)}"
     if game.settings()["team_memory"] and asked and keep_in_columns(game, roster):
         yield f"{first}, among others of which the teams remember something in columns"
 
@@ -112,14 +106,15 @@ def _why_not_in_order(game: PlayedGame, roster: Roster, *, is_plain: bool) -> It
             yield f"the rule {one.name!r} in arrays, with an order of play"
 
 
-def _why_not_agents(roster: Roster) -> Iterator[str]:
+def _why_not_agents(game: PlayedGame, roster: Roster) -> Iterator[str]:
     """Yield what the core does not have of agents and their sensors."""
+    asked = asked_of(game, roster)
     if not roster.is_first.all():
         yield "agents that may come"
-    for agent in roster.agents:
+    for number, agent in enumerate(roster.agents):
         if agent.type is AgentType.AERIAL:
             yield f"agent {shown(agent.name)}, which flies"
-        for name, why in why_not_asked_in_core(agent):
+        for name, why in why_not_asked_in_core(agent, is_called=number in asked):
             yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
 
 
