@@ -1,9 +1,9 @@
 """Builds the documentation site: `make docs`.
 
-Pages are plain Markdown, which a code host shows as well. Everything else that Sphinx needs is made here: the navigation
-follows the links of `index.md` and of each section's index, the reference is written from the source, replays are made by
-the code of the pages that show them, and a comment `<!-- index: word, other word -->` lets the search find a section
-under these words. Pages for contributors are neither in the navigation nor in the search.
+Pages are plain Markdown, which a code host shows as well. Everything else that Sphinx needs is made here: the
+navigation follows the links of `index.md` and of each section's index, the reference is written from the source,
+replays are made by the code of the pages that show them, and a comment `<!-- index: word, other word -->` lets the
+search find a section under these words. Pages for contributors are neither in the navigation nor in the search.
 """
 
 import os

@@ -32,7 +32,11 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 WORDS_TYPED = {
     "cite": "cite.md",
     "collision": "rules.md",
+    "colors": "pictures.md",
     "gpu": "batches.md",
+    "headless": "pictures.md",
+    "jupyter": "browser.md",
+    "radio": "messages.md",
     "real time": "travel.md",
     "seed": "concepts.md",
 }
@@ -132,13 +136,23 @@ def test_the_search_of_the_site_ranks_guides_before_decisions_and_changes():
 
 
 def test_the_search_finds_pages_under_the_words_that_people_type():
-    entries = {
-        word.strip(): page.relative_to(DOCS).as_posix()
+    found = {
+        (word.strip(), page.relative_to(DOCS).as_posix())
         for page in DOCS.rglob("*.md")
         for words in re.findall(r"^<!-- index: (.+) -->$", page.read_text(encoding="utf-8"), re.MULTILINE)
         for word in words.split(",")
     }
-    assert {word: entries.get(word) for word in WORDS_TYPED} == WORDS_TYPED
+    assert WORDS_TYPED.items() - found == set()
+
+
+def test_the_navigation_has_at_most_60_pages_besides_the_reference():
+    found, waiting = set(), [DOCS / "index.md"]
+    while waiting:
+        page = waiting.pop()
+        linked = {one for _, several in pages.contents_of(page) for one in several} - {page}
+        waiting += [one for one in linked - found if one.name == "index.md"]
+        found |= linked
+    assert 50 < len(found) <= 60
 
 
 def test_one_line_installs_the_extras_of_all_tutorials():
