@@ -9,14 +9,15 @@ cdef double INFINITE, SLACK, LEAST
 
 @cython.final
 cdef class Arcs:
-    cdef const i64[::1] offsets, starts, ends, ids
+    cdef const i64[::1] offsets, ends, ids
     cdef const double[::1] weights
+    cdef i64 first
 
 
 @cython.final
 cdef class Paths:
     cdef travel.Reach reach
-    cdef i64[::1] last, path
+    cdef i64[::1] last, before, path
     cdef readonly i64 count
 
 
@@ -27,7 +28,7 @@ cpdef i64 find(
 ) except -2 nogil
 @cython.locals(left=i64, number=i64)
 cdef i64 list_goals(travel.Reach reach, const i64[::1] goals) except -1 nogil
-@cython.locals(start=i64, end=i64, far=double, rank=i64)
-cdef int go_along(Arcs arcs, Paths paths, i64 arc, double within) except -1 nogil
+@cython.locals(end=i64, place=i64, far=double, rank=i64, before=i64, is_better=bint)
+cdef int go_along(Arcs arcs, Paths paths, i64 start, i64 arc, double within) except -1 nogil
 @cython.locals(count=i64)
-cpdef i64 trace(Arcs arcs, Paths paths, i64 node) except -1 nogil
+cpdef i64 trace(Paths paths, i64 node) except -1 nogil

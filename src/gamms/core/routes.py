@@ -15,28 +15,29 @@ LEAST = 1e-150  # shorter paths may have lost digits
 
 
 class Arcs:
-    """A directed graph as compressed sparse rows: what leaves row `i` is at `offsets[i]` to `offsets[i + 1] - 1`.
+    """A directed graph as compressed sparse rows: what leaves row `i` begins at `offsets[first + i]`.
 
     Attributes:
-        offsets: (nodes + 1,)
-        starts, ends: (arcs,) rows of nodes.
+        offsets: (places + 1,) where the arcs begin that leave the node at each place; those of several graphs with the
+            same nodes may follow each other.
+        ends: (arcs,) rows of nodes.
         weights: (arcs,) not negative, finite.
         ids: (nodes,) different numbers.
+        first: the place of the first node of the graph that is searched.
     """
 
     def __init__(
         self,
         offsets: memoryview[int],
-        starts: memoryview[int],
         ends: memoryview[int],
         weights: memoryview[float],
         ids: memoryview[int],
     ) -> None:
         self.offsets = offsets
-        self.starts = starts
         self.ends = ends
         self.weights = weights
         self.ids = ids
+        self.first = 0
 
 
 class Paths:
@@ -45,13 +46,17 @@ class Paths:
     Attributes:
         reach: scratch; `seen[:count]` of it are the nodes that were seen, and `when` says how far they are.
         last: (nodes,) the last arc on the path to each node that was seen; -1 of a root.
+        before: (nodes,) the node that it leaves; -1 of a root.
         path: (nodes,) gets the rows of nodes on a path.
         count: how many nodes were seen. Those that were not visited may be nearer than `when` says.
     """
 
-    def __init__(self, reach: travel.Reach, last: memoryview[int], path: memoryview[int]) -> None:
+    def __init__(
+        self, reach: travel.Reach, last: memoryview[int], before: memoryview[int], path: memoryview[int]
+    ) -> None:
         self.reach = reach
         self.last = last
+        self.before = before
         self.path = path
         self.count = 0
 
@@ -86,6 +91,7 @@ def find(
     paths.reach.count = 0
     for number in range(len(roots)):
         paths.last[roots[number]] = -1
+        paths.before[roots[number]] = -1
         travel.reach_node(paths.reach, roots[number], 0.0, 0)
     visited = 0
     latest = INFINITE
@@ -99,8 +105,8 @@ def find(
             left -= 1
             if is_nearest:
                 latest = min(latest, widened(paths.reach.when[node]))
-        for arc in range(arcs.offsets[node], arcs.offsets[node + 1]):
-            go_along(arcs, paths, arc, within)
+        for arc in range(arcs.offsets[arcs.first + node], arcs.offsets[arcs.first + node + 1]):
+            go_along(arcs, paths, node, arc, within)
     paths.count = paths.reach.count
     travel.forget_seen(paths.reach)
     return visited
@@ -119,33 +125,32 @@ def list_goals(reach: travel.Reach, goals: memoryview[int]) -> int:
     return left
 
 
-def go_along(arcs: Arcs, paths: Paths, arc: int, within: float) -> int:
-    """Reach the end of an arc whose start was visited, unless a path that is as good leads there."""
-    start = arcs.starts[arc]
+def go_along(arcs: Arcs, paths: Paths, start: int, arc: int, within: float) -> int:
+    """Reach the end of an arc from its start, which was visited, unless a path that is as good leads there."""
     end = arcs.ends[arc]
+    place = paths.reach.places[end]
     far = paths.reach.when[start] + arcs.weights[arc]
     rank = paths.reach.rank[start] + 1
-    if paths.reach.places[end] < 0 or not far < INFINITE or far > within:
+    if place < 0 or not far < INFINITE or far > within:
         return 0
-    if paths.reach.places[end] > 0 and far == paths.reach.when[end] and rank == paths.reach.rank[end]:
-        if paths.last[end] >= 0 and arcs.ids[start] < arcs.ids[arcs.starts[paths.last[end]]]:
-            paths.last[end] = arc
-    elif (
-        paths.reach.places[end] == 0
-        or far < paths.reach.when[end]
-        or (far == paths.reach.when[end] and rank < paths.reach.rank[end])
-    ):
-        paths.last[end] = arc
-        travel.reach_node(paths.reach, end, far, rank)
-    return 0
+    if place > 0:
+        if far > paths.reach.when[end]:
+            return 0
+        if far == paths.reach.when[end]:
+            before = paths.before[end]
+            is_better = before >= 0 and rank == paths.reach.rank[end] and arcs.ids[start] < arcs.ids[before]
+            if rank >= paths.reach.rank[end] and not is_better:
+                return 0
+    paths.last[end] = arc
+    paths.before[end] = start
+    return travel.reach_node(paths.reach, end, far, rank)
 
 
-def trace(arcs: Arcs, paths: Paths, node: int) -> int:
+def trace(paths: Paths, node: int) -> int:
     """Write the nodes on the path from a node that was visited back to its root; return how many there are."""
-    count = 1
-    paths.path[0] = node
-    while paths.last[node] >= 0:
-        node = arcs.starts[paths.last[node]]
+    count = 0
+    while node >= 0:
         paths.path[count] = node
         count += 1
+        node = paths.before[node]
     return count

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws, travel
+from gamms.core cimport draws, routes, travel
 from gamms.core.rules cimport Games
 
 ctypedef unsigned char u8
@@ -23,17 +23,17 @@ cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) e
 
 @cython.final
 cdef class WayTables:
-    cdef const i64[::1] ids, arcs, tails
-    cdef const double[::1] costs
-    cdef travel.Reach search
-    cdef i64[::1] tables, targets, following
+    cdef const i64[::1] ids
+    cdef routes.Arcs arcs
+    cdef routes.Paths paths
+    cdef i64[::1] tables, targets, following, root, goal
     cdef double[::1] far
-    cdef i64 count, first
+    cdef i64 count
 
     @cython.locals(nodes=i64, table=i64, place=i64)
     cpdef take(
         self,
-        const i64[::1] arcs,
+        const i64[::1] offsets,
         const i64[::1] tails,
         const double[::1] costs,
         double[::1] far,
@@ -45,10 +45,8 @@ cdef class WayTables:
     cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
     @cython.locals(table=i64, first=i64, node=i64)
     cdef int begin(self, i64 place) except -1 nogil
-    @cython.locals(first=i64, at=i64, arc=i64, place=i64)
+    @cython.locals(first=i64, is_whole=bint, number=i64, at=i64, place=i64)
     cdef int find(self, i64 target, i64 node) except -1 nogil
-    @cython.locals(rank=i64, is_seen=bint, is_equal=bint)
-    cdef int _come_from(self, i64 first, i64 node, i64 following, double far) except -1 nogil
     cdef double distance(self, i64 node, i64 target) except? -1.0 nogil
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 from typing import Any
 
-from gamms.core import draws, travel
+from gamms.core import draws, routes, travel
 from gamms.core.rules import Games, extended
 
 STAYS = 0  # a step: it stays,
@@ -79,38 +79,38 @@ class WayTables:
 
     Attributes:
         ids: (nodes,) of nodes by their rows.
-        arcs: (places + 1,) where the edges that lead to the node at each place begin in `tails`; see `moves.Streets`.
-        tails, costs: (edges,) the nodes that they lead from, and their lengths.
-        search: scratch.
+        arcs: the edges on all maps, reversed; `arcs.first` is the place of the first node of the map of the game that
+            decides, see `moves.Streets`.
+        paths: scratch.
         tables: (places,) the number of the table of the target at each place; -1: there is none.
         targets: (room,) the places of the targets of tables; -1: on a map that no game has any more.
         far: (room * nodes,) how far it is from a node to the target; infinite where no path leads there.
         following: (room * nodes,) the node that comes next.
         count: how many tables there are.
-        first: the place of the first node of the map of the game that decides.
     """
 
     def __init__(
         self,
         ids: memoryview[int],
-        arcs: memoryview[int],
+        offsets: memoryview[int],
         tails: memoryview[int],
         costs: memoryview[float],
-        search: travel.Reach,
+        paths: routes.Paths,
         far: memoryview[float],
         following: memoryview[int],
     ) -> None:
         self.ids = ids
-        self.search = search
+        self.paths = paths
+        self.root = memoryview(array("q", [0]))
+        self.goal = memoryview(array("q", [0]))
         self.tables = memoryview(array("q"))
         self.targets = memoryview(array("q"))
         self.count = 0
-        self.first = 0
-        self.take(arcs, tails, costs, far, following, self.targets)
+        self.take(offsets, tails, costs, far, following, self.targets)
 
     def take(
         self,
-        arcs: memoryview[int],
+        offsets: memoryview[int],
         tails: memoryview[int],
         costs: memoryview[float],
         far: memoryview[float],
@@ -119,16 +119,15 @@ class WayTables:
     ) -> None:
         """Find ways on other maps from now on.
 
-        `moved` has the first place of each map that there was, -1 of one that is gone. The other arguments are as
-        above; `far` and `following` begin with what they had.
+        `moved` has the first place of each map that there was, -1 of one that is gone. The edges that lead to the node
+        at each place begin at `offsets`; `tails` are the nodes that they lead from, `costs` their lengths. `far` and
+        `following` begin with what they had.
         """
         nodes = max(len(self.ids), 1)
-        self.arcs = arcs
-        self.tails = tails
-        self.costs = costs
+        self.arcs = routes.Arcs(offsets, tails, costs, self.ids)
         self.far = far
         self.following = following
-        self.tables = memoryview(array("q", [-1] * (len(arcs) - 1)))
+        self.tables = memoryview(array("q", [-1] * (len(offsets) - 1)))
         self.targets = extended("q", self.targets, len(far) // nodes)
         for table in range(self.count):
             place = self.targets[table]
@@ -140,10 +139,10 @@ class WayTables:
 
     def place(self, node: int, target: int) -> int:
         """Return where the columns have the way from a node to a target."""
-        if self.tables[self.first + target] < 0:
-            self.begin(self.first + target)
+        if self.tables[self.arcs.first + target] < 0:
+            self.begin(self.arcs.first + target)
             self.find(target, node)
-        place = self.tables[self.first + target] * len(self.ids) + node
+        place = self.tables[self.arcs.first + target] * len(self.ids) + node
         if self.far[place] == NOT_KNOWN:
             self.find(target, -1)
         return place
@@ -165,35 +164,21 @@ class WayTables:
 
     def find(self, target: int, node: int) -> int:
         """Find the ways to a target from all nodes that are no farther from it than a node; -1: from all nodes."""
-        first = self.tables[self.first + target] * len(self.ids)
-        self.search.size = 0
-        self.search.count = 0
-        travel.reach_node(self.search, target, 0.0, 0)
-        while self.search.size > 0 and (node < 0 or self.search.places[node] >= 0):
-            at = travel.visit_first(self.search)
-            self.far[first + at] = self.search.when[at]
-            for arc in range(self.arcs[self.first + at], self.arcs[self.first + at + 1]):
-                self._come_from(first, self.tails[arc], at, self.search.when[at] + self.costs[arc])
-        if self.search.size == 0:
+        first = self.tables[self.arcs.first + target] * len(self.ids)
+        self.root[0] = target
+        self.goal[0] = node
+        routes.find(self.arcs, self.paths, self.root, self.goal, len(self.ids), INFINITE, False)
+        is_whole = self.paths.reach.size == 0
+        for number in range(self.paths.count):
+            at = self.paths.reach.seen[number]
+            if is_whole or at == node or self.paths.reach.when[at] < self.paths.reach.when[node]:
+                self.far[first + at] = self.paths.reach.when[at]
+                self.following[first + at] = self.paths.before[at]
+        if is_whole:
             for place in range(first, first + len(self.ids)):
                 if self.far[place] == NOT_KNOWN:
                     self.far[place] = INFINITE
-        return travel.forget_seen(self.search)
-
-    def _come_from(self, first: int, node: int, following: int, far: float) -> int:
-        """Note how far it is from a node by the one that comes next; of equal ones by the one with the lowest id."""
-        rank = self.search.rank[following] + 1
-        is_seen = self.search.places[node] != 0
-        if self.search.places[node] < 0 or (is_seen and far > self.search.when[node]):
-            return 0
-        is_equal = is_seen and far == self.search.when[node]
-        if is_equal and (
-            rank > self.search.rank[node]
-            or (rank == self.search.rank[node] and self.ids[following] > self.ids[self.following[first + node]])
-        ):
-            return 0
-        self.following[first + node] = following
-        return travel.reach_node(self.search, node, far, rank)
+        return 0
 
     def distance(self, node: int, target: int) -> float:
         """Return how far it is from a node to a target; infinite where no path leads there."""
@@ -326,7 +311,7 @@ def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
 def act(p: Strategies, game: int, agent: int) -> int:
     """Return the node to which an agent of a game goes, which is legal unless it goes far; -1: it stays."""
     node = p.games.node[game * p.games.agents + agent]
-    p.ways.first = p.games.first_node[game]
+    p.ways.arcs.first = p.games.first_node[game]
     p.drawn = 0
     step = p.steps.begins[agent]
     while step < p.steps.begins[agent + 1]:

@@ -48,6 +48,7 @@ class Found(NamedTuple):
     rows: IntArray  # (entries,)
     far: FloatArray  # (entries,)  distances from the nearest root
     arcs: IntArray  # (entries,)  the last arc on the path; -1 at a root
+    before: IntArray  # (entries,)  the row that it leaves; -1 at a root
 
 
 class Way(NamedTuple):
@@ -68,12 +69,12 @@ class _Scratch:
     """What one search writes to: `far` is infinite at nodes that it has not seen."""
 
     def __init__(self, nodes: int) -> None:
-        ints, self.far = np.zeros((8, nodes), np.int64), np.full(nodes, inf)
-        self.last, self.path, self.seen = ints[:3]
-        unused, listed, heap, places, rank = (column.data for column in ints[3:])
+        ints, self.far = np.zeros((9, nodes), np.int64), np.full(nodes, inf)
+        self.last, self.before, self.path, self.seen = ints[:4]
+        unused, listed, heap, places, rank = (column.data for column in ints[4:])
         far: Any = self.far.data
         reach = travel.Reach(unused, far, listed, heap, places, far, rank, self.seen.data)
-        self.core = routes.Paths(reach, self.last.data, self.path.data)
+        self.core = routes.Paths(reach, self.last.data, self.before.data, self.path.data)
 
 
 class Search:
@@ -86,15 +87,11 @@ class Search:
     """
 
     def __init__(self, arcs: Arcs, ids: IntArray) -> None:
-        nodes = len(arcs.offsets) - 1
-        self.starts: IntArray = np.repeat(np.arange(nodes), np.diff(arcs.offsets))
-        ints: list[Any] = [
-            np.ascontiguousarray(column, np.int64).data for column in (arcs.offsets, self.starts, arcs.ends, ids)
-        ]
+        ints: list[Any] = [np.ascontiguousarray(column, np.int64).data for column in (arcs.offsets, arcs.ends, ids)]
         weights: Any = np.ascontiguousarray(arcs.weights, np.float64).data
-        offsets, starts, ends, numbers = ints
-        self._arcs = routes.Arcs(offsets, starts, ends, weights, numbers)
-        self._nodes = nodes
+        offsets, ends, numbers = ints
+        self._arcs = routes.Arcs(offsets, ends, weights, numbers)
+        self._nodes = len(arcs.offsets) - 1
         self._free: list[_Scratch] = []
 
     def find(self, roots: IntArray, *, within: float = inf) -> Found:
@@ -102,7 +99,7 @@ class Search:
         scratch = self._taken()
         routes.find(self._arcs, scratch.core, roots.data, _NEVER.data, _MANY, within, False)
         rows = scratch.seen[: scratch.core.count].copy()
-        found = Found(rows, scratch.far[rows], scratch.last[rows])
+        found = Found(rows, scratch.far[rows], scratch.last[rows], scratch.before[rows])
         self._give_back(scratch)
         return found
 
@@ -131,7 +128,7 @@ class Search:
         visited = routes.find(self._arcs, scratch.core, ends[:1].data, ends[1:].data, most, within, False)
         way = Way([], [], visited)
         if visited >= 0 and scratch.far[row] < inf:
-            rows = scratch.path[: routes.trace(self._arcs, scratch.core, row)]
+            rows = scratch.path[: routes.trace(scratch.core, row)]
             way = Way(rows.tolist(), scratch.far[rows].tolist(), visited)
         self._give_back(scratch)
         return way
@@ -154,6 +151,7 @@ class Reached(NamedTuple):
     rows: IntArray  # (entries,)  of nodes
     far: FloatArray  # (entries,)  distances from the start
     arcs: IntArray  # (entries,)  the last arc on the path; -1 at the start itself
+    before: IntArray  # (entries,)  the row that it leaves; -1 at the start itself
 
 
 def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> Reached:
@@ -168,15 +166,16 @@ def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf)
         cutoff: what is farther away than this counts as out of reach.
     """
     search = Search(arcs, ids)
-    parts = [np.zeros((3, 0), np.int64)]
+    parts = [np.zeros((4, 0), np.int64)]
     far = [np.zeros(0)]
     for number in range(len(roots)):
         found = search.find(roots[number : number + 1], within=cutoff)
         order = np.argsort(found.rows)
-        parts.append(np.stack((np.full(len(order), number), found.rows[order], found.arcs[order])))
+        line = np.full(len(order), number)
+        parts.append(np.stack((line, found.rows[order], found.arcs[order], found.before[order])))
         far.append(found.far[order])
-    lines, rows, last = np.concatenate(parts, axis=1)
-    return Reached(lines, rows, np.concatenate(far), last)
+    lines, rows, last, before = np.concatenate(parts, axis=1)
+    return Reached(lines, rows, np.concatenate(far), last, before)
 
 
 def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
@@ -188,9 +187,7 @@ def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf
     distances: FloatArray = np.full(shape, inf)
     steps: IntArray = np.full(shape, -1, np.int32)  # half the memory
     distances[found.lines, found.rows] = found.far
-    is_led = found.arcs >= 0
-    starts = np.repeat(np.arange(len(ids)), np.diff(arcs.offsets))
-    steps[found.lines[is_led], found.rows[is_led]] = starts[found.arcs[is_led]]
+    steps[found.lines, found.rows] = found.before
     return distances, steps
 
 

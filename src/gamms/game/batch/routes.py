@@ -186,7 +186,7 @@ class RouteTable:
         size = max(1, _AT_ONCE // (nodes + len(self._arcs.ends)))
         for first in range(0, len(new), size):
             some = new[first : first + size]
-            lines, rows, far, last = kernels.route_trees(self._arcs, some, self._streets.columns.node_ids)
+            lines, rows, far, last, _ = kernels.route_trees(self._arcs, some, self._streets.columns.node_ids)
             tables = slice(self._count, self._count + len(some))
             self._far[tables] = np.inf
             self._hops[tables] = -1

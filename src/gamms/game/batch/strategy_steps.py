@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_int
-from gamms.core import rules, strategies
+from gamms.core import routes, rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import CoreStep, strategy_spec_of
@@ -225,7 +225,8 @@ class StrategySteps:
         far, following = np.zeros((room, nodes)), np.zeros((room, nodes), np.int64)
         ids = _column(streets.columns.node_ids, np.int64)
         tables: Any = far.reshape(-1).data, following.reshape(-1).data
-        return _ThreadWays(strategies.WayTables(ids, *arcs, Reach(nodes).core, *tables), far, following)
+        paths = routes.Paths(Reach(nodes).core, *(_column(np.zeros(nodes), np.int64) for _ in range(3)))
+        return _ThreadWays(strategies.WayTables(ids, *arcs, paths, *tables), far, following)
 
     def take_memories(self, games: IntArray) -> None:
         """Take what agents remember in some games from the state of the batch."""
