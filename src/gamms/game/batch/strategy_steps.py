@@ -257,7 +257,8 @@ class StrategySteps:
         room = _room(nodes, len(arcs[0]) - 1)
         for number, known in enumerate(self._ways):
             far, following = _longer(known.far, room), _longer(known.following, room)
-            known.core.take(*arcs, far.reshape(-1).data, following.reshape(-1).data, moved)
+            columns: list[Any] = [*arcs, far.reshape(-1).data, following.reshape(-1).data, moved]
+            known.core.take(*columns)
             self._ways[number] = _ThreadWays(known.core, far, following)
 
 
