@@ -644,3 +644,23 @@ def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
         for agent in ctx.agent.create_iter():
             agent.register_sensor("jolt", ctx.sensor.from_function(f"jolt of {agent.name}", jolt))
         check(ctx, seeds=[1, 2, 3], stays=False)
+
+
+SHIPPED = {
+    "search": gamms.strategies.follow_belief,
+    "exit": lambda ctx: gamms.strategies.safest_exit(ctx, [3, 20]),
+    "sweep": lambda ctx: gamms.strategies.sweep(ctx, by_sight=True, repeat=True),
+    "guard": lambda ctx: gamms.strategies.guard(ctx, 12, 19.0),
+    "intercept": gamms.strategies.intercept,
+    "assign": gamms.strategies.assign,
+}
+
+
+@pytest.mark.parametrize("way", [None, "several edges", "metres"])
+@pytest.mark.parametrize("strategy", SHIPPED)
+def test_strategies_with_beliefs_and_plans_are_called_in_the_core(strategy, way):
+    with open_with_sensors({"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}, way) as ctx:
+        ctx.game.on_illegal = "stay"
+        for agent in ctx.agent.create_iter():
+            agent.strategy = SHIPPED[strategy](ctx) if agent.team == "red" else gamms.strategies.random_walk
+        check(ctx, seeds=[1, 2, 3])

@@ -257,7 +257,8 @@ class Cursor:
             for name, fact in self._facts.items()
         }
         self._first_attributes = [copied(vars(one)) for one in self._agents]
-        self._shared_attributes = self._attributes_shown = [*map(vars, self._agents)]
+        self._shared_attributes: list[dict[str, Any]] = [one.__dict__ for one in self._agents]
+        self._attributes_shown = self._shared_attributes
         self._phase.before_reading = self._own_attributes
         self._living_of = lru_cache(1024)(self._new_living)
         values.__class__ = _PointedState
