@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.bridge import Checks, Feed, Fix, SimulatedClock
-from gamms.bridge.lines import LONGEST_LINE, BadLine, Roads, line_of, parse
-from gamms.bridge.matching import Tracker
+from gamms.bridge.lines import LONGEST_LINE, BadLine, RoadChanges, line_of, parse
+from gamms.bridge.matching import PositionTracker
 from gamms.errors import BadType, BadValue
 
 NAN, INF = float("nan"), float("inf")
 
 
 def tracker(**checks):
-    return Tracker(
+    return PositionTracker(
         Checks(**{"within_m": 10.0, "max_speed": 10.0, "max_age_s": 2.0, **checks}), lambda lat, lon: (lon, lat)
     )
 
@@ -76,7 +76,7 @@ def test_degrees_outside_of_the_map_do_not_count():
     def nowhere(lat, lon):
         raise BadValue("outside")
 
-    one, feed = Tracker(Checks(), nowhere), Feed()
+    one, feed = PositionTracker(Checks(), nowhere), Feed()
     feed.put({"lat": 10.0, "lon": 20.0})
     one.take(feed.take())
     assert one.counts == {"off_map": 1}
@@ -182,7 +182,7 @@ def test_a_line_says_where_an_agent_is():
     fix = Fix(t=1.5, lat=60.1, lon=24.9, heading=90.0, agent="anna")
     assert parse(msgspec.json.encode(fix)) == fix
     assert parse('{"type": "fix", "agent": "anna", "x": 1, "y": 2, "battery": 0.8}') == Fix(x=1, y=2, agent="anna")
-    assert parse(line_of("roads", {"turn": 3, "close": [4], "travel_time": {5: 2.5}})) == Roads(
+    assert parse(line_of("roads", {"turn": 3, "close": [4], "travel_time": {5: 2.5}})) == RoadChanges(
         turn=3, close=[4], travel_time={5: 2.5}
     )
 
@@ -217,4 +217,4 @@ def test_a_line_that_is_none_is_refused(line):
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
 def test_no_line_does_more_than_be_refused(line):
     with suppress(BadLine):
-        assert isinstance(parse(line), Fix | Roads)
+        assert isinstance(parse(line), Fix | RoadChanges)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.bridge import Process, Udp, positions, publish, traffic
-from gamms.bridge.lines import Roads
+from gamms.bridge.lines import RoadChanges
 from gamms.bridge.rules import change_roads
 from gamms.errors import BadType, UnknownName
 
@@ -146,7 +146,7 @@ ids = st.one_of(st.integers(-3, 9), st.sampled_from([1 << 70, -(1 << 70), (1 << 
 @given(
     st.lists(
         st.builds(
-            Roads,
+            RoadChanges,
             turn=st.just(0),
             close=st.lists(ids, max_size=9),
             open=st.lists(ids, max_size=9),

@@ -1,11 +1,11 @@
-"""Robots and other programs: positions out, positions in, and changes of the world from elsewhere.
+"""Robots and other programs: send positions, receive positions, and let other programs change the world.
 
     ctx.game.add(gamms.bridge.drive("anna", feed))
 
-`driving.py` has the rule by which a robot plays an agent; read it first. `lines.py` has the messages, `feeds.py` where
-fixes come from, `matching.py` where on the roads they are, `simulated.py` a robot for trying things out. A client of
-contexts: May import: `scenario`, `rules`, `recordings` and below. `links.py` has the ways to reach robots, to which a
-class may be added, and `rules.py` what is exchanged in every turn.
+`driving.py` has the rule by which a robot plays an agent; read it first. `lines.py` defines the messages, `feeds.py`
+the sources of fixes, `matching.py` matches positions to roads, and `simulated.py` has a robot for experiments. A client
+of contexts: May import: `scenario`, `rules`, `recordings` and below. To add a way to reach robots, add a class to
+`links.py`; `rules.py` has the rules that exchange messages in every turn.
 """
 
 from gamms.bridge.driving import Drive, drive

@@ -1,4 +1,4 @@
-"""Agents that are played by robots: moves go out as waypoints, and a turn waits until the robots have arrived."""
+"""Agents that are played by robots: send moves as waypoints, and hold each turn until the robots have arrived."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.arguments import as_name, as_range
 from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as_feed
-from gamms.bridge.matching import XY, Checks, OnRoute, Route, Tracker, route_along, route_of
+from gamms.bridge.matching import XY, Checks, PositionTracker, RoadRoute, RoutePoint, route_along, route_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.text import shown
@@ -18,10 +18,12 @@ from gamms.typing.game import Move
 from gamms.visual.constants import Layer
 from gamms.visual.legend import SIGN, Row, Rows
 
-ROBOTS = "robots"  # in `ctx.game.data`: agent -> where its robot was measured, and what is wrong with that
+ROBOTS = "robots"  # in `ctx.game.data`: agent -> measured position and status of its robot
 _TICK_S = 0.05
-_REPEAT_S = 1.0  # after which waypoints are sent again, for a robot that has lost them
-_MOST_POINTS = 500  # of one message, so that it fits into a line; the next one goes on from where the robot is
+_REPEAT_S = 1.0  # seconds after which waypoints are sent again, in case the robot has lost them
+_MOST_POINTS = (
+    500  # points in one message, so that it fits into a line; the next message continues from the robot's position
+)
 _DECIMALS, _DEGREES = 3, 8
 _MARK_PX, _LINE_PX, _WAY_PX = 9.0, 2, 4
 
@@ -38,27 +40,27 @@ def drive(
 ) -> "Drive":
     """Make a rule by which a robot plays an agent: add it with `ctx.game.add(drive("anna", feed))`.
 
-    When all agents have decided, its move goes to the robot as waypoints along the road, and the turn waits until the
-    robot has arrived, for all robots at once. Meanwhile the picture is drawn again. A robot that has not
-    arrived within the limit has its move refused: the agent stays, or is put on the last node that the robot has
-    passed, and there is an event `robot_late`. The robot's way begins where it is, even if its agent is elsewhere.
+    When all agents have decided, the rule sends the agent's move to the robot as waypoints along the road. The turn
+    waits for all robots at once until each has arrived; meanwhile the picture is updated. If a robot has not arrived
+    within the limit, its move is refused: the agent stays, or is put on the last node that the robot has passed, and
+    an event `robot_late` is emitted. The robot's route begins at the robot, even if its agent is elsewhere.
 
-    `ctx.game.data["robots"]` has for each agent where its robot was measured, how old that fix is, and the place on the
-    roads that it belongs to; see docs/bridge.md.
+    `ctx.game.data["robots"]` holds for each agent the measured position of its robot, the age of that fix, and the
+    matched position on the roads; see docs/bridge.md.
 
     Args:
         agent: an agent on the ground, or its name.
-        feed: the fixes of the robot: a `Feed`, a function that returns what is new, or an iterable, which is read in a
+        feed: the fixes of the robot: a `Feed`, a function that returns new fixes, or an iterable, which is read in a
             thread; a fix is a mapping with `x` and `y`, or `lat` and `lon`, and `t`.
-        send: called with each message for the robot; None: what the feed has as `send`, if it has one.
-        limit_s: how long a turn waits.
-        arrive_m: how near to the end of its way a robot has arrived.
+        send: called with each message for the robot; None: the `send` of the feed, if it has one.
+        limit_s: how many seconds a turn waits.
+        arrive_m: within how many meters of the end of its route a robot has arrived.
         checks: which fixes count.
-        clock: by which fixes age and turns wait; None: that of the feed, or of the machine.
+        clock: the clock for the age of fixes and the wait of turns; None: that of the feed, or of the machine.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, there is no such agent.
+        BadType, BadValue: an argument has a wrong type or value.
+        UnknownName (KeyError): the agent does not exist, when the rule is added to a game.
     """
     name = as_name(getattr(agent, "name", agent), "an agent")
     own = as_feed(feed, clock)
@@ -66,7 +68,7 @@ def drive(
         raise BadType(f"send must be a function that takes a message, not {shown(send)}.")
     limits = as_range(limit_s, "limit_s"), as_range(arrive_m, "arrive_m")
     if limits[0] == inf:
-        raise BadValue("limit_s must be finite: a robot that never arrives would hold the game for ever.")
+        raise BadValue("limit_s must be finite: a robot that never arrives would hold the game forever.")
     if checks is not None and not isinstance(checks, Checks):
         raise BadType(f"checks must be gamms.bridge.Checks(…), not {shown(checks)}.")
     return Drive(name, own, send or own.send, limits, (checks or Checks()).checked())
@@ -78,23 +80,27 @@ class Drive:
     Attributes:
         agent: the name of the agent.
         feed: the fixes of its robot.
-        limit_s: how long a turn waits for it.
-        rank: before the other rules after a turn.
+        limit_s: how many seconds a turn waits for it.
+        rank: runs before the other rules after a turn.
     """
 
     rank = -1
     __name__ = "drive"
 
     def __init__(self, agent: str, feed: Feed, send: Send | None, limits: tuple[float, float], checks: Checks) -> None:
-        self.agent, self.feed = agent, feed
-        self._send, (self.limit_s, self._arrive_m), self._checks = send, limits, checks
-        self._tracker: Tracker | None = None  # None: the rule is of a fork, in which no robot drives
-        self._route: Route | None = None
-        self._on: OnRoute | None = None  # where on it the robot is
-        self._turn = -1  # that the robot was last sent off in
-        self._way, self._told_at = 0, 0.0  # the number of its way, and when it was sent
+        self.agent = agent
+        self.feed = feed
+        self.limit_s, self._arrive_m = limits
+        self._send = send
+        self._checks = checks
+        self._tracker: PositionTracker | None = None  # None: the rule belongs to a fork, in which no robot drives
+        self._route: RoadRoute | None = None
+        self._on: RoutePoint | None = None  # position of the robot on the route
+        self._turn = -1  # the turn in which the robot last got waypoints
+        self._way = 0  # number of the route
+        self._told_at = 0.0  # time when the route was sent
         self._put_on: int | None = None  # node on which the agent of a late robot is to be put
-        self._has_warned = False  # of degrees on a map without a CRS
+        self._has_warned = False  # about degrees on a map without a CRS
         self.key = ("robot", agent)
         self.drawer = partial(self._draw)
         legend = Rows("", (Row(SIGN, "robot, as measured", sign="ring"),))
@@ -104,19 +110,19 @@ class Drive:
         return f"drive({self.agent!r}, …)"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Return the rule for a game that looks ahead: the robot does not drive for it."""
+        """Return the rule for a fork of the game, which controls no robot."""
         return type(self)(self.agent, Feed(clock=self.feed.clock), None, (self.limit_s, self._arrive_m), self._checks)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many fixes came, were taken, and were not, by reason."""
+        """Counts of fixes: received, taken, and rejected by reason."""
         own = {} if self._tracker is None else self._tracker.counts
         return {**self.feed.counts, **own}
 
-    # -- what a game calls --------------------------------------------------------------------------------------
+    # -- hooks that the game calls ------------------------------------------------------------------------------
 
     def prepare(self, ctx: Context) -> None:
-        """Look for the agent, and for robots with another clock."""
+        """Check the agent and the clocks of other robots, and start to track the robot."""
         one = ctx.agent.get_agent(self.agent)
         if one.type == AgentType.AERIAL:
             raise BadType(f"Agent {self.agent!r} flies, and gamms.bridge.drive is for agents on the ground.")
@@ -138,10 +144,10 @@ class Drive:
             x, y = ctx.graph.graph.from_latlon(lat=lat, lon=lon)
             return float(x), float(y)
 
-        self._tracker = Tracker(self._checks, to_xy)
+        self._tracker = PositionTracker(self._checks, to_xy)
 
     def check(self, ctx: Context) -> None:
-        """Hold the turn for all robots of the game; the first of their rules does it for all."""
+        """Hold the turn for all robots of the game; only the first of their rules does so."""
         phase = next(one.phase for one in ctx.game.rules if one.rule is self)
         if phase != "after":
             raise BadValue(
@@ -150,10 +156,10 @@ class Drive:
             )
         drives = [one for one in drives_of(ctx) if one._tracker is not None]
         if drives and drives[0] is self:
-            hold(ctx, drives)
+            wait_for_robots(ctx, drives)
 
     def __call__(self, ctx: Context) -> None:
-        """Put the agent of a late robot where that is."""
+        """Put the agent of a late robot on the last node that the robot has passed."""
         node, self._put_on = self._put_on, None
         if node is not None and self.agent in ctx.agent.agents:  # a rule may have deleted it meanwhile
             ctx.agent.get_agent(self.agent).current_node_id = node
@@ -161,30 +167,32 @@ class Drive:
     # -- a turn -------------------------------------------------------------------------------------------------
 
     def begin(self, ctx: Context, move: Move | None) -> bool:
-        """Send the robot off; return whether there is something to wait for."""
-        is_new, self._turn = self._turn != ctx.game.turn, ctx.game.turn
+        """Send the robot its waypoints; return whether the turn has to wait for it."""
+        is_new = self._turn != ctx.game.turn
+        self._turn = ctx.game.turn
         is_staying = move is not None and len(move.path) == 1 and not move.legs
         if move is None or (is_staying and not is_new):
-            return False  # it is out of the game, or of a team that has moved before
+            return False  # the agent is out of the game, or its team has moved before
         self.read()
         columns = ctx.graph.columns()
-        self._route = self._from_where_it_is(ctx, route_of(ctx.graph.graph, columns, move))
+        self._route = self._route_from_robot(ctx, route_of(ctx.graph.graph, columns, move))
         self._on = None
         self.read()
         if self.has_arrived():
             return False
         self._way += 1
-        self._tell(ctx)
+        self._send_waypoints(ctx)
         return True
 
     def remind(self, ctx: Context) -> None:
-        """Send the robot its way again, if that was long ago."""
+        """Send the waypoints again if the last message is old."""
         if self.feed.clock.now() - self._told_at >= _REPEAT_S:
-            self._tell(ctx)
+            self._send_waypoints(ctx)
 
     def read(self) -> None:
-        """Take the fixes that have come, and find the robot on its way."""
-        tracker, route = self._tracker, self._route
+        """Take the received fixes, and match the robot to its route."""
+        tracker = self._tracker
+        route = self._route
         if tracker is None:
             return
         before = tracker.last
@@ -192,7 +200,8 @@ class Drive:
         place = tracker.last
         if route is None or place is None or (place is before and self._on is not None):
             return
-        low, high = 0.0, inf
+        low = 0.0
+        high = inf
         if self._on is not None and before is not None:
             slack = self._checks.within_m
             low = self._on.along - slack
@@ -200,11 +209,12 @@ class Drive:
         self._on = route.place(place.xy, low, high)
 
     def note(self, ctx: Context, waited_s: float) -> None:
-        """Write down where the robot is, for rules, pictures and recordings."""
+        """Write the robot's position and status to `ctx.game.data`, for rules, pictures and recordings."""
         tracker = self._tracker
         if tracker is None:
             return
-        now, place = self.feed.clock.now(), tracker.last
+        now = self.feed.clock.now()
+        place = tracker.last
         noted: dict[str, Any] = {"status": self._status(now), "waited_s": round(waited_s, _DECIMALS)}
         if place is not None:
             noted |= {"x": round(place.xy[0], _DECIMALS), "y": round(place.xy[1], _DECIMALS)}
@@ -218,8 +228,9 @@ class Drive:
         ctx.game.data.setdefault(ROBOTS, {})[self.agent] = noted
 
     def give_up(self, ctx: Context, waited_s: float) -> None:
-        """Refuse the move of a robot that is late."""
-        route, on = self._route, self._on
+        """Refuse the move of a late robot."""
+        route = self._route
+        on = self._on
         passed = None
         if route is not None and on is not None and on.off <= self._checks.within_m:
             passed = route.passed(on.along + self._arrive_m)
@@ -233,8 +244,10 @@ class Drive:
     # -- parts --------------------------------------------------------------------------------------------------
 
     def has_arrived(self) -> bool:
-        """Return whether the robot is at the end of its way."""
-        route, on, tracker = self._route, self._on, self._tracker
+        """Return whether the robot is at the end of its route."""
+        route = self._route
+        on = self._on
+        tracker = self._tracker
         if route is None or on is None or tracker is None or self._is_stale(self.feed.clock.now()):
             return False
         bound = self._checks.within_m if route.length else self._arrive_m
@@ -251,21 +264,22 @@ class Drive:
         return "off road" if self._on is None or self._on.off > self._checks.within_m else "ok"
 
     def _matched_xy(self) -> XY:
-        """Return the place of the robot on its way, or where it was measured if it is not near it."""
+        """Return the robot's matched position on its route, or its measured position if that is far from the route."""
         place = self._tracker.last if self._tracker is not None else None
         if self._route is not None and self._on is not None and self._on.off <= self._checks.within_m:
             return self._route.at(self._on.along)
         return (0.0, 0.0) if place is None else place.xy
 
-    def _from_where_it_is(self, ctx: Context, planned: Route) -> Route:
-        """Return the planned way, or another one to its end for a robot that is nowhere near it."""
+    def _route_from_robot(self, ctx: Context, planned: RoadRoute) -> RoadRoute:
+        """Return the planned route; or, if the robot is far from it, a route to the same end from the robot's edge."""
         place = None if self._tracker is None else self._tracker.last
         if place is None or planned.place(place.xy).off <= self._checks.within_m:
             return planned
         near = ctx.graph.routes.nearest_edge(*place.xy, self._checks.within_m)
         if near is None:
             return planned
-        graph, end = ctx.graph.graph, planned.nodes[-1]
+        graph = ctx.graph.graph
+        end = planned.nodes[-1]
         edge = graph.get_edge(near.edge_id)
         ways = [(edge.length - near.offset + graph.distance(edge.target, end), edge.source, edge.target)]
         if edge.source in graph.neighborhoods[edge.target]:
@@ -275,8 +289,8 @@ class Drive:
             return planned
         return route_along(ctx.graph.columns(), (behind, *graph.shortest_path(ahead, end)))
 
-    def _tell(self, ctx: Context) -> None:
-        """Send the robot its way, from where it is."""
+    def _send_waypoints(self, ctx: Context) -> None:
+        """Send the robot the rest of its route as waypoints."""
         self._told_at = self.feed.clock.now()
         if self._send is None or self._route is None:
             return
@@ -291,7 +305,7 @@ class Drive:
         self._send(message)
 
     def _draw(self, ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG002 - as drawers are called
-        """Draw where the robot was measured as a ring, a line to it from its agent, and what is left of its way."""
+        """Draw the measured position as a ring, a line to it from the agent, and the rest of the route."""
         place = None if self._tracker is None else self._tracker.last
         if place is None or self.agent not in ctx.agent.agents:
             return
@@ -305,14 +319,16 @@ class Drive:
 
 
 def drives_of(ctx: Context) -> list[Drive]:
-    """Return the rules of a game by which robots play, in their order."""
+    """Return the `Drive` rules of a game, in their order."""
     return [one.rule for one in ctx.game.rules if isinstance(one.rule, Drive)]
 
 
-def hold(ctx: Context, drives: Sequence[Drive]) -> None:
-    """Send robots off, and wait until each has arrived or is late."""
-    clock, moves = drives[0].feed.clock, ctx.game.moves
-    began, waited = clock.now(), 0.0
+def wait_for_robots(ctx: Context, drives: Sequence[Drive]) -> None:
+    """Send robots their waypoints, and wait until each has arrived or is late."""
+    clock = drives[0].feed.clock
+    moves = ctx.game.moves
+    began = clock.now()
+    waited = 0.0
     going = [one for one in drives if one.begin(ctx, moves.get(one.agent))]
     while True:
         for one in going:

@@ -1,4 +1,4 @@
-"""Where measured positions come from: feeds that other threads may fill, and the clocks by which fixes age."""
+"""Sources of measured positions: feeds, which other threads may fill, and clocks for the age of fixes."""
 
 import asyncio
 import threading
@@ -12,7 +12,7 @@ from gamms.bridge.lines import Fix, as_fix
 from gamms.errors import BadType, BadValue
 from gamms.text import shown
 
-_MOST_WAITING = 256  # fixes; of more, the oldest are dropped
+_MOST_WAITING = 256  # fixes; beyond this number the oldest are dropped
 _JOIN_S = 1.0
 
 FixLike = Fix | Mapping[str, object]
@@ -22,32 +22,32 @@ Source = Callable[[], FixLike | Iterable[FixLike] | None] | Iterable[FixLike] | 
 
 
 class Clock(Protocol):
-    """Says what time it is, and waits."""
+    """Tells the time and waits."""
 
     def now(self) -> float:
-        """Return seconds since any moment; it never goes back."""
+        """Return seconds since an arbitrary moment; never decreasing."""
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for a number of seconds."""
 
 
 class WallClock:
-    """The clock of the machine."""
+    """The monotonic clock of the machine."""
 
     def now(self) -> float:
-        """Return seconds since any moment."""
+        """Return seconds since an arbitrary moment."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for a number of seconds."""
         time.sleep(seconds)
 
 
 def as_clock(value: object) -> Clock:
-    """Return a clock; that of the machine for None.
+    """Return a clock; None: the clock of the machine.
 
     Raises:
-        BadType: it is none.
+        BadType: the value is not a clock.
     """
     if value is None:
         return WallClock()
@@ -57,7 +57,7 @@ def as_clock(value: object) -> Clock:
 
 
 class SimulatedClock:
-    """A clock that goes on only while it is waited for: games with simulated robots take no time, and are the same.
+    """A clock that advances only in `sleep`, so that games with simulated robots are instant and repeatable.
 
     Args:
         start: seconds.
@@ -67,57 +67,57 @@ class SimulatedClock:
         self._now = start
 
     def now(self) -> float:
-        """Return the seconds that have been waited."""
+        """Return the start time plus all seconds slept."""
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Go on."""
+        """Advance the clock."""
         self._now += seconds
 
 
-class Received(NamedTuple):
-    """A fix, and when it came."""
+class ReceivedFix(NamedTuple):
+    """A fix and the time when it arrived."""
 
     fix: Fix
     at: float  # by the clock of the feed
 
 
 class Feed:
-    """The fixes of one robot, as they come; any thread may put some in.
+    """The incoming fixes of one robot; any thread may add some.
 
     Args:
-        source: a function that is asked for what is new, and returns None, a fix or several; or an iterable, also an
-            asynchronous one, that a thread reads until it ends or the feed is closed. None: `put` is called.
-        clock: by which fixes age; None: that of the machine.
-        send: takes messages for the robot; None: it gets none.
+        source: a function that returns new fixes when it is called: None, one fix or several; or an iterable, which
+            may be asynchronous, that a thread reads until it ends or the feed is closed. None: the program calls `put`.
+        clock: the clock for the age of fixes; None: that of the machine.
+        send: takes messages for the robot; None: the robot gets no messages.
 
     Attributes:
-        counts: "received", "bad" (no position), "dropped" (more came than were taken).
+        counts: "received", "bad" (no position), "dropped" (fixes came faster than they were taken).
     """
 
     def __init__(self, source: Source | None = None, *, clock: Clock | None = None, send: Send | None = None) -> None:
         self.clock = as_clock(clock)
         self.send = send
         self.counts: Counter[str] = Counter()
-        self._waiting: deque[Received] = deque(maxlen=_MOST_WAITING)
+        self._waiting: deque[ReceivedFix] = deque(maxlen=_MOST_WAITING)
         self._lock = threading.Lock()
         self._error: Exception | None = None
         self._ask: Callable[[], object] | None = None
-        self._reader: _Reader | None = None
+        self._reader: _FeedReader | None = None
         if callable(source):
             self._ask = source
         elif isinstance(source, (AsyncIterable, Iterable)) and not isinstance(source, (str, bytes, Mapping)):
-            self._reader = _Reader(self, source)
+            self._reader = _FeedReader(self, source)
         elif source is not None:
             raise BadType(f"A feed is a function, an iterable of fixes or a gamms.bridge.Feed, not {shown(source)}.")
 
     def put(self, fix: FixLike) -> None:
-        """Add a fix, at this moment; one without a position is counted and dropped.
+        """Add a fix that arrives now; a fix without a position is counted and dropped.
 
         Raises:
-            BadType, BadValue: it is no fix at all.
+            BadType, BadValue: the value is not a fix.
         """
-        received = Received(as_fix(fix), self.clock.now())
+        received = ReceivedFix(as_fix(fix), self.clock.now())
         with self._lock:
             self.counts["received"] += 1
             if received.fix.flaw is not None:
@@ -127,18 +127,19 @@ class Feed:
                 self.counts["dropped"] += 1
             self._waiting.append(received)
 
-    def take(self) -> list[Received]:
-        """Return what has come since the last call, and forget it.
+    def take(self) -> list[ReceivedFix]:
+        """Return and remove the fixes received since the last call.
 
         Raises:
-            Exception: what the iterable of the feed has raised, once.
+            Exception: an error of the feed's iterable, raised once.
         """
         if self._ask is not None:
             self._put_all(self._ask())
         with self._lock:
             taken = list(self._waiting)
             self._waiting.clear()
-            error, self._error = self._error, None
+            error = self._error
+            self._error = None
         if error is not None:
             raise error
         return taken
@@ -149,7 +150,7 @@ class Feed:
             self._reader.stop()
 
     def fail(self, error: Exception) -> None:
-        """Let the next `take` raise an error."""
+        """Store an error that the next `take` raises."""
         self._error = error
 
     def _put_all(self, given: Any) -> None:
@@ -168,20 +169,22 @@ class Feed:
         self.close()
 
 
-class _Reader:
-    """Reads an iterable in a thread, and lets go of it when its feed is closed or no longer used."""
+class _FeedReader:
+    """Reads an iterable in a thread until its feed is closed or no longer used."""
 
     def __init__(self, feed: Feed, source: AsyncIterable[FixLike] | Iterable[FixLike]) -> None:
-        self._feed, self._is_stopped = weakref.ref(feed), False
+        self._feed = weakref.ref(feed)
+        self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[None] | None = None
         self._thread = threading.Thread(target=self._run, args=(source,), name="gamms feed", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread, at once where it awaits something, else after the next fix."""
+        """End the thread: immediately if it awaits a fix, else after the next fix."""
         self._is_stopped = True
-        loop, task = self._loop, self._task
+        loop = self._loop
+        task = self._task
         if loop is not None and task is not None and not loop.is_closed():
             loop.call_soon_threadsafe(task.cancel)
         if self._thread is not threading.current_thread():
@@ -203,7 +206,8 @@ class _Reader:
                 feed.fail(error)
 
     async def _await(self, source: AsyncIterable[FixLike]) -> None:
-        self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+        self._loop = asyncio.get_running_loop()
+        self._task = asyncio.current_task()
         if self._is_stopped:
             return
         async for fix in source:
@@ -219,10 +223,10 @@ class _Reader:
 
 
 def as_feed(source: object, clock: Clock | None) -> Feed:
-    """Return a feed of what a program gives as one.
+    """Return a feed for any value that `drive` accepts as one.
 
     Raises:
-        BadType, BadValue: it is none, or it has another clock.
+        BadType, BadValue: the value cannot be a feed, or the feed has another clock.
     """
     if not isinstance(source, Feed):
         own: Any = getattr(source, "clock", None) if clock is None else clock

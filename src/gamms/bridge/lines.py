@@ -1,6 +1,7 @@
 """The JSON lines that GAMMS exchanges with robots and other programs, version 1; docs/bridge.md describes them.
 
-What comes in is checked against the types below and against bounds, so that no line can do more than be refused.
+Incoming lines are checked against the types below and against bounds; an invalid line is refused and has no other
+effect.
 """
 
 from collections.abc import Mapping
@@ -27,10 +28,10 @@ class Fix(msgspec.Struct, frozen=True, tag="fix", tag_field="type"):
     """A measured position of a robot.
 
     Attributes:
-        t: when it was measured, seconds by the clock of the sender; None: when it arrives.
+        t: the time of the measurement, seconds by the clock of the sender; None: the time of arrival.
         lat, lon: degrees (WGS84); or
         x, y: map units.
-        heading: degrees clockwise from north; None: not known.
+        heading: degrees clockwise from north; None: unknown.
         agent: the agent that the robot plays.
         gamms: the version of the line.
     """
@@ -46,7 +47,7 @@ class Fix(msgspec.Struct, frozen=True, tag="fix", tag_field="type"):
 
     @property
     def flaw(self) -> str | None:
-        """What is wrong with its numbers; None: nothing."""
+        """The reason why the numbers are not a position; None: they are."""
         given = [value for name in _NUMBERS if (value := getattr(self, name)) is not None]
         if not all(map(isfinite, given)):
             return "a number is NaN or infinite"
@@ -57,14 +58,14 @@ class Fix(msgspec.Struct, frozen=True, tag="fix", tag_field="type"):
         return None if abs(self.lat) <= 90.0 and abs(self.lon) <= 180.0 else "lat and lon are no degrees"
 
 
-class Roads(msgspec.Struct, frozen=True, tag="roads", tag_field="type"):
-    """What changes on the roads before a turn.
+class RoadChanges(msgspec.Struct, frozen=True, tag="roads", tag_field="type"):
+    """Changes of the roads before a turn.
 
     Attributes:
-        turn: how many turns were played.
-        close: ids of edges that are closed from now on.
-        open: ids of closed edges that are open again.
-        travel_time: id of an edge -> seconds that it takes from now on.
+        turn: the number of turns played so far.
+        close: ids of edges to close.
+        open: ids of closed edges to open again.
+        travel_time: id of an edge -> its new travel time in seconds.
         gamms: the version of the line.
     """
 
@@ -75,19 +76,19 @@ class Roads(msgspec.Struct, frozen=True, tag="roads", tag_field="type"):
     gamms: Literal[1] = 1
 
 
-Incoming = Fix | Roads
-_decoder: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Union[Fix, Roads])  # noqa: UP007 - its type argument
+Incoming = Fix | RoadChanges
+_decoder: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Union[Fix, RoadChanges])  # noqa: UP007 - its type argument
 
 
 class BadLine(BadValue):
-    """A line from outside that cannot be used."""
+    """An incoming line that cannot be used."""
 
 
 def parse(line: bytes | str) -> Incoming:
-    """Return what a line says.
+    """Return the message in a line.
 
     Raises:
-        BadLine: it is too long, no JSON, or no line of this version.
+        BadLine: the line is too long, is not JSON, or is not a message of this version.
     """
     if len(line) > LONGEST_LINE:
         raise BadLine(f"A line has at most {LONGEST_LINE:,} bytes, not {len(line):,}.")
@@ -98,16 +99,16 @@ def parse(line: bytes | str) -> Incoming:
 
 
 def line_of(kind: str, fields: Mapping[str, object]) -> bytes:
-    """Return a message as one line of JSON, without the line feed at its end."""
+    """Return a message as one line of JSON, without the final line feed."""
     return msgspec.json.encode({"gamms": VERSION, "type": kind, **fields})
 
 
 def as_fix(value: object) -> Fix:
-    """Return a fix that a program gives as a `Fix` or as a mapping; what is missing in it shows `Fix.flaw`.
+    """Return a fix from a `Fix` or a mapping; `Fix.flaw` tells whether numbers are missing.
 
     Raises:
-        BadType: it is neither, or a value in it is no number.
-        BadValue: it has a key that fixes do not have.
+        BadType: the value is neither, or holds a value that is not a number.
+        BadValue: the mapping has an unknown key.
     """
     if isinstance(value, Fix):
         return value
@@ -122,6 +123,6 @@ def as_fix(value: object) -> Fix:
         if number is not None:
             try:
                 numbers[key] = as_float(number, f"{key!r} of a fix")
-            except BadValue:  # NaN and infinity, which sensors give where they know nothing
+            except BadValue:  # NaN and infinity, which some sensors send instead of a missing value
                 numbers[key] = float("nan")
     return msgspec.structs.replace(Fix(), **numbers)

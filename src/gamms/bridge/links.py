@@ -1,7 +1,7 @@
 """Ways to reach robots and other programs by lines of JSON: UDP, WebSocket, and the pipes of a process.
 
-A link never blocks a game: what cannot be sent at once is counted and dropped, and so is what comes in too large a
-number. A further way is a class that calls `_take` for each line and has `_transmit`.
+A link never blocks a game: lines that cannot be sent at once, and surplus incoming lines, are counted and dropped.
+To add another way, write a class that calls `_take` for each incoming line and implements `_transmit`.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
-from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, Roads, line_of, parse
+from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, line_of, parse
 from gamms.child_processes import die_with_parent
 from gamms.errors import BadType, BadValue, NetworkError
 from gamms.extras import needing
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
 
 Address = tuple[str, int]
 
-_MOST_ROADS = 256  # messages that wait
-_MOST_AT_ONCE = 1_000  # datagrams that are read in one look
+_MOST_ROADS = 256  # waiting messages
+_MOST_AT_ONCE = 1_000  # datagrams that are read in one call
 _MOST_UNSENT = 1_000  # lines that wait to be sent
-_DATAGRAM = 65_507  # bytes that fit into one, by IPv4
-_MOST_BAD = 100  # lines of one viewer
+_DATAGRAM = 65_507  # bytes that fit into one datagram, by IPv4
+_MOST_BAD = 100  # bad lines of one viewer
 _MOST_VIEWERS = 64
-_MOST_A_SECOND = 1_000  # lines of one viewer that are read; the others wait on their way
+_MOST_A_SECOND = 1_000  # lines of one viewer that are read in a second; the others wait in the network
 _MOST_BUFFERED = 1 << 20  # bytes for one viewer
 _GRACE_S = 2.0
-_CLOSE_S = 0.2  # that a peer has to answer when it is disconnected
+_CLOSE_S = 0.2  # seconds that a peer has to answer when it is disconnected
 _PORTS = 1 << 16
-_quiet = logging.getLogger("gamms.websocket")  # of the library, which would say of each connection that it is open
+_quiet = logging.getLogger("gamms.websocket")  # logger of the library, which would report every new connection
 _quiet.setLevel(logging.WARNING)
 
 
@@ -53,35 +53,36 @@ class Link(ABC):
     """Exchanges lines of JSON with another program.
 
     Attributes:
-        counts: lines that were "received", and of these "bad" and "unknown" (of an agent that nothing asks for);
-            "dropped" (more came than were taken); "sent" and "unsent" (the buffers were full, or there was no peer).
+        counts: "received" lines, and among them "bad" and "unknown" (for an agent without a feed) ones; "dropped" (more
+            came than were taken); "sent" and "unsent" (full buffers, or no peer).
     """
 
     def __init__(self, clock: Clock | None = None) -> None:
         self.counts: Counter[str] = Counter()
-        self._clock, self._feeds = clock, dict[str, Feed]()
-        self._roads: deque[Roads] = deque(maxlen=_MOST_ROADS)
+        self._clock = clock
+        self._feeds = dict[str, Feed]()
+        self._roads: deque[RoadChanges] = deque(maxlen=_MOST_ROADS)
         self._has_news = threading.Condition()
 
     def feed(self, agent: str) -> Feed:
-        """Return the fixes of the robot of an agent; what is sent to the robot goes out by this link."""
+        """Return the feed of an agent's robot; its messages to the robot are sent by this link."""
         name = as_name(agent, "an agent")
         if name not in self._feeds:
             self._feeds[name] = Feed(self._look, clock=self._clock, send=self.send)
         return self._feeds[name]
 
     def send(self, message: Message) -> None:
-        """Send a message as one line; it is dropped and counted where that is not possible at once."""
+        """Send a message as one line; if that would block, count and drop it."""
         line = line_of(str(message.get("type", "")), message)
         if len(line) <= LONGEST_LINE and self._transmit(line):
             self._count("sent")
         else:
             self._count("unsent")
 
-    def roads(self, turn: int, wait_s: float = 0.0) -> Roads | None:
-        """Return what has come about the roads for a turn, once it is there; None: nothing did in time.
+    def roads(self, turn: int, wait_s: float = 0.0) -> RoadChanges | None:
+        """Wait for the changes of the roads for a turn and return them; None: they did not come in time.
 
-        What came for earlier turns is forgotten.
+        Changes for earlier turns are discarded.
         """
         ends = monotonic() + wait_s
         with self._has_news:
@@ -101,14 +102,14 @@ class Link(ABC):
 
     @abstractmethod
     def _transmit(self, line: bytes) -> bool:
-        """Send a line, or return False where that is not possible at once."""
+        """Send a line; return False if that would block."""
 
     def _look(self) -> None:
-        """Take the lines that have come."""
-        return  # links with a thread of their own have done so
+        """Read waiting lines, in links without a reader thread."""
+        return  # links with a thread of their own read there
 
     def _may_come(self) -> bool:
-        """Return whether more lines may come."""
+        """Return whether more lines may arrive."""
         return True
 
     def _count(self, what: str) -> None:
@@ -116,7 +117,7 @@ class Link(ABC):
             self.counts[what] += 1
 
     def _take(self, line: bytes | str) -> bool:
-        """Take a line that has come; return whether it is one."""
+        """Process an incoming line; return whether it is valid."""
         self._count("received")
         try:
             message = parse(line)
@@ -124,7 +125,7 @@ class Link(ABC):
             self._count("bad")
             return False
         with self._has_news:
-            if isinstance(message, Roads):
+            if isinstance(message, RoadChanges):
                 if len(self._roads) == self._roads.maxlen:
                     self.counts["dropped"] += 1
                 self._roads.append(message)
@@ -148,16 +149,16 @@ class Udp(Link):
     """Exchanges lines by UDP, one in each datagram. Senders are not checked: listen where no stranger can send.
 
     Args:
-        listen: host and port where datagrams are read; port 0 takes a free one. None: nothing comes in.
-        to: host and port that lines are sent to; None: nothing goes out.
-        clock: by which fixes age; None: that of the machine.
+        listen: host and port to read datagrams at; port 0 takes a free one. None: receive nothing.
+        to: host and port to send lines to; None: send nothing.
+        clock: the clock for the age of fixes; None: that of the machine.
 
     Attributes:
-        address: where it listens; None if it does not.
+        address: the address where it listens; None if it does not.
 
     Raises:
-        BadType, BadValue: an address is none, or there is neither.
-        NetworkError (ConnectionError): the port is taken, or there is no such host.
+        BadType, BadValue: an address is not valid, or both are None.
+        NetworkError (ConnectionError): the port is taken, or the host does not exist.
     """
 
     def __init__(self, listen: Address | None = None, to: Address | None = None, *, clock: Clock | None = None) -> None:
@@ -199,7 +200,7 @@ class Udp(Link):
                 line = self._socket.recv(LONGEST_LINE + 1)
             except BlockingIOError:
                 return
-            except ConnectionError:  # a datagram that was sent before met no one
+            except ConnectionError:  # an earlier datagram reached no one
                 continue
             except OSError:
                 return
@@ -214,10 +215,10 @@ class Process(Link):
 
     Args:
         command: the program and its arguments; no shell reads them.
-        clock: by which fixes age; None: that of the machine.
+        clock: the clock for the age of fixes; None: that of the machine.
 
     Raises:
-        BadType: the command is no list of texts.
+        BadType: the command is not a list of texts.
         OSError: the program cannot be started.
     """
 
@@ -227,7 +228,7 @@ class Process(Link):
         if not words:
             raise BadValue("command must begin with the program that is started, not be empty.")
         self._unsent: Queue[bytes | None] = Queue(_MOST_UNSENT)
-        self._is_read = threading.Event()  # whether the program has closed its output
+        self._is_read = threading.Event()  # set when the program has closed its output
         started: Future[subprocess.Popen[bytes]] = Future()
         self._threads = [
             threading.Thread(target=self._read, args=(words, started), name="gamms lines in", daemon=True),
@@ -238,7 +239,7 @@ class Process(Link):
         self._threads[1].start()
 
     def close(self) -> None:
-        """End the program: it gets the end of its input, and is killed if it does not end by that."""
+        """Close the program's input, and kill the program if it does not end by itself."""
         self._stop_writing()
         try:
             self._process.wait(_GRACE_S)
@@ -268,7 +269,7 @@ class Process(Link):
         return not self._is_read.is_set() or bool(self._roads)
 
     def _read(self, words: list[str], started: "Future[subprocess.Popen[bytes]]") -> None:
-        """Start the program and read its lines until it ends: it is killed when the thread that started it ends."""
+        """Start the program and read its lines until it ends; the program is killed when this thread ends."""
         ending = partial(die_with_parent, os.getpid()) if sys.platform == "linux" else None
         try:
             process = subprocess.Popen(  # noqa: S603 - the caller's
@@ -286,7 +287,7 @@ class Process(Link):
         process.wait()
 
     def _read_lines(self, pipe: IO[bytes] | None) -> None:
-        is_rest = False  # of a line that is too long
+        is_rest = False  # the rest of a line that is too long
         while pipe is not None and (line := pipe.readline(LONGEST_LINE + 1)):
             is_whole = line.endswith(b"\n")
             if not is_rest:
@@ -305,24 +306,24 @@ class Process(Link):
 
 
 class WebSocketServer(Link):
-    """Offers lines to any number of viewers and robots, which connect to it by WebSocket.
+    """Serves lines by WebSocket to any number of viewers and robots, which connect to it.
 
-    It is a server because viewers come and go while a game is played, and pages in a browser can only be clients. One
-    that reads too slowly, or sends nothing but bad lines, is disconnected.
+    It is a server because viewers come and go while a game is played, and pages in a browser can only be clients. A
+    viewer that reads too slowly, or sends only bad lines, is disconnected.
 
     Args:
         port: 0 takes a free one.
-        host: "127.0.0.1" lets programs of this machine connect, "0.0.0.0" those of all others, too.
-        origins: of pages in browsers that may connect, such as "http://localhost:8000"; programs that are no browsers
-            name none, and may.
-        clock: by which fixes age; None: that of the machine.
+        host: "127.0.0.1" accepts programs of this machine, "0.0.0.0" also those of other machines.
+        origins: origins of browser pages that may connect, such as "http://localhost:8000"; programs other than
+            browsers send no origin and may always connect.
+        clock: the clock for the age of fixes; None: that of the machine.
 
     Attributes:
-        url: where it can be reached.
+        url: the address for clients.
 
     Raises:
         MissingExtra (ImportError): websockets is not installed.
-        NetworkError (ConnectionError): the port is taken, or there is no such host.
+        NetworkError (ConnectionError): the port is taken, or the host does not exist.
     """
 
     def __init__(
@@ -349,12 +350,13 @@ class WebSocketServer(Link):
 
     @property
     def viewers(self) -> int:
-        """How many are connected."""
+        """The number of connected viewers."""
         return len(self._viewers)
 
     def close(self) -> None:
-        """Disconnect all, and stop serving."""
-        loop, stop = self._loop, self._stop
+        """Disconnect all viewers, and stop serving."""
+        loop = self._loop
+        stop = self._stop
         if loop is not None and stop is not None and self._thread.is_alive():
             loop.call_soon_threadsafe(stop.set)
             self._thread.join()
@@ -391,7 +393,8 @@ class WebSocketServer(Link):
     async def _serve(self, is_ready: threading.Event) -> None:
         from websockets.asyncio.server import serve
 
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        self._stop = asyncio.Event()
         host, port = self._listen
         serving = serve(
             self._talk,
@@ -417,13 +420,17 @@ class WebSocketServer(Link):
             await viewer.close(1013, "too many viewers")
             return
         self._viewers.add(viewer)
-        bad, count, ends = 0, 0, monotonic() + 1.0
+        bad = 0
+        count = 0
+        ends = monotonic() + 1.0
         try:
             async for line in viewer:
-                bad, count = bad + (not self._take(line)), count + 1
+                bad += not self._take(line)
+                count += 1
                 if count >= _MOST_A_SECOND:
                     await asyncio.sleep(max(0.0, ends - monotonic()))
-                    count, ends = 0, monotonic() + 1.0
+                    count = 0
+                    ends = monotonic() + 1.0
                 if bad >= _MOST_BAD:
                     await viewer.close(1008, "too many bad lines")
                     return
@@ -437,7 +444,7 @@ def as_address(value: object, name: str, least_port: int) -> Address:
     """Return a host and a port.
 
     Raises:
-        BadType, BadValue: it is none.
+        BadType, BadValue: the value is not an address.
     """
     if not isinstance(value, (tuple, list)) or len(value) != 2:
         raise BadType(f"{name} must be (host, port), such as ('127.0.0.1', 9000), not {shown(value)}.")
@@ -454,6 +461,6 @@ def _cannot_listen(address: object, error: OSError) -> NetworkError:
 
 
 def _close_quietly(pipe: IO[bytes] | None) -> None:
-    with suppress(OSError):  # what was not written has no reader any more
+    with suppress(OSError):  # unwritten lines have no reader any more
         if pipe is not None:
             pipe.close()

@@ -1,8 +1,8 @@
-"""Where on the roads a robot is: checks of single fixes, and the place on the way that was planned for it.
+"""Match a robot to the roads: check single fixes, and find the robot's position on its planned route.
 
-A live robot is looked for on its planned way first, not far behind the last place and no farther ahead than it can have
-come: map matching by the connections of the network (White, Bernstein and Kornhauser 2000, algorithm 3, bounded). Whole
-tracks are matched in `tracks.py`.
+A live robot is first looked for on its planned route, not far behind its last position and no farther ahead than it can
+have driven: map matching by the connections of the network (White, Bernstein and Kornhauser 2000, algorithm 3,
+bounded). Whole tracks are matched in `tracks.py`.
 """
 
 from collections import Counter
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.arguments import as_positive
-from gamms.bridge.feeds import Received
+from gamms.bridge.feeds import ReceivedFix
 from gamms.bridge.lines import Fix
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns
@@ -23,17 +23,17 @@ from gamms.typing.game import Move
 from gamms.typing.on_edges import line_along
 
 _AGREEING = 3  # outliers in a row that agree with each other: the robot was carried there
-_DRIFT = 1e-3  # of a second in each second, by which the clocks of robots go wrong at most
+_DRIFT = 1e-3  # largest drift of a robot's clock, seconds per second
 
 XY = tuple[float, float]
 
 
 class Checks(NamedTuple):
-    """What a fix has to be for it to count.
+    """Conditions that a fix must meet to count.
 
     Attributes:
-        within_m: metres from the road, and by how much positions are wrong.
-        max_speed: metres per second that the robot can go.
+        within_m: the largest distance from the road in meters, which is also the largest error of positions.
+        max_speed: the top speed of the robot in meters per second.
         max_age_s: seconds after which a fix is stale.
     """
 
@@ -42,55 +42,56 @@ class Checks(NamedTuple):
     max_age_s: float = 2.0
 
     def checked(self) -> "Checks":
-        """Return them with plain numbers.
+        """Return the conditions as checked plain numbers.
 
         Raises:
-            BadType, BadValue: one of them is no positive number.
+            BadType, BadValue: a value is not a positive number.
         """
         return Checks(*(as_positive(value, f"{name} of Checks") for name, value in self._asdict().items()))
 
 
-class Place(NamedTuple):
-    """Where a robot was measured."""
+class MeasuredPosition(NamedTuple):
+    """A measured position of a robot, with its time and heading."""
 
     xy: XY  # map units
     at: float  # by the clock of the feed
     heading: float | None  # degrees clockwise from north
 
 
-class Tracker:
-    """Takes the fixes of one robot that can be true.
+class PositionTracker:
+    """Filters the fixes of one robot and keeps its last plausible position.
 
-    A fix is measured before it arrives. How much before shows by comparison: the least delay counts as none (Cristian
-    1989), so that fixes that waited on the way are as old as they are.
+    A fix is measured before it arrives. The delay is estimated by comparison: the least delay counts as zero (Cristian
+    1989), so fixes that were delayed on the way get their true age.
 
     Args:
-        checks: for each fix.
-        to_xy: from degrees of latitude and longitude to map units; raises BadValue where that is impossible.
+        checks: the conditions for each fix.
+        to_xy: converts latitude and longitude in degrees to map units; raises BadValue if that is impossible.
 
     Attributes:
-        last: the last place that counts.
+        last: the last position that counts.
         counts: "taken", "off_map", "out_of_order", "outlier".
     """
 
     def __init__(self, checks: Checks, to_xy: Callable[[float, float], XY]) -> None:
-        self._checks, self._to_xy = checks, to_xy
-        self.last: Place | None = None
+        self._checks = checks
+        self._to_xy = to_xy
+        self.last: MeasuredPosition | None = None
         self.counts: Counter[str] = Counter()
         self._offset = inf  # from the sender's clock to ours, with the least delay
-        self._newest: Received | None = None  # with a time of the sender
-        self._odd: list[Place] = []  # the last outliers, which agree with each other
+        self._newest: ReceivedFix | None = None  # the newest fix with a time of the sender
+        self._odd: list[MeasuredPosition] = []  # the last outliers, which agree with each other
 
-    def take(self, received: Iterable[Received]) -> None:
-        """Take what has come."""
+    def take(self, received: Iterable[ReceivedFix]) -> None:
+        """Judge the received fixes in order, and update the last position."""
         for one in received:
             self.counts[self._judge(one)] += 1
 
     def age(self, now: float) -> float:
-        """Return how old the last place is, seconds; infinite where there is none."""
+        """Return the age of the last position in seconds; infinity if there is no position."""
         return inf if self.last is None else max(0.0, now - self.last.at)
 
-    def _judge(self, received: Received) -> str:
+    def _judge(self, received: ReceivedFix) -> str:
         fix = received.fix
         xy = self._position(fix)
         if xy is None:
@@ -98,12 +99,13 @@ class Tracker:
         at = self._measured_at(received)
         if at is None or (self.last is not None and at < self.last.at):
             return "out_of_order"
-        place = Place(xy, at, fix.heading)
+        place = MeasuredPosition(xy, at, fix.heading)
         if self.last is not None and not self._can_follow(self.last, place):
             self._odd = [*self._odd, place] if self._odd and self._can_follow(self._odd[-1], place) else [place]
             if len(self._odd) < _AGREEING:
                 return "outlier"
-        self._odd, self.last = [], place
+        self._odd = []
+        self.last = place
         return "taken"
 
     def _position(self, fix: Fix) -> XY | None:
@@ -116,80 +118,86 @@ class Tracker:
         except BadValue:
             return None
 
-    def _measured_at(self, received: Received) -> float | None:
-        """Return when a fix was measured by our clock; None: before another one that has come already."""
-        (fix, at), newest = received, self._newest
+    def _measured_at(self, received: ReceivedFix) -> float | None:
+        """Return the time of a fix's measurement by our clock; None: a newer fix has arrived already."""
+        fix, at = received
+        newest = self._newest
         if fix.t is None:
             return at
         silent = inf if newest is None else at - newest.at
         if newest is not None and fix.t < (newest.fix.t or 0.0):
             if silent <= self._checks.max_age_s:
                 return None
-            self._offset = inf  # its clock has begun again
+            self._offset = inf  # the sender's clock has restarted
         self._offset = min(at - fix.t, self._offset + _DRIFT * silent if silent < inf else inf)
         self._newest = received
         return min(at, fix.t + self._offset)
 
-    def _can_follow(self, before: Place, after: Place) -> bool:
+    def _can_follow(self, before: MeasuredPosition, after: MeasuredPosition) -> bool:
         reach = self._checks.max_speed * max(0.0, after.at - before.at) + self._checks.within_m
         return hypot(after.xy[0] - before.xy[0], after.xy[1] - before.xy[1]) <= reach
 
 
-class OnRoute(NamedTuple):
-    """The point of a route that is nearest to a place."""
+class RoutePoint(NamedTuple):
+    """The point of a route that is nearest to a position."""
 
-    along: float  # map units from its beginning
-    off: float  # how far from the place
+    along: float  # map units from the start of the route
+    off: float  # map units from the position
 
 
-class Route:
-    """A way along roads that a robot is to go.
+class RoadRoute:
+    """A route along roads for a robot to follow.
 
     Args:
         points: (points, 2) of its line.
-        nodes: ids of the nodes on it.
-        node_at: how far along it each of them is, map units.
+        nodes: ids of its nodes, in order.
+        node_at: the distance of each node from the start of the route, map units.
     """
 
     def __init__(self, points: FloatArray, nodes: list[int], node_at: list[float]) -> None:
-        self.points, self.nodes, self._node_at = points, nodes, node_at
+        self.points = points
+        self.nodes = nodes
+        self._node_at = node_at
         self._steps = np.diff(points, axis=0)
         self._lengths = np.hypot(self._steps[:, 0], self._steps[:, 1])
         self._divisors = np.where(self._lengths > 0.0, self._lengths, 1.0)
         self._begins = np.concatenate([[0.0], np.cumsum(self._lengths)])
         self.length = float(self._begins[-1])
 
-    def place(self, xy: XY, low: float = 0.0, high: float = inf) -> OnRoute:
-        """Return the nearest point between two distances from the beginning."""
+    def place(self, xy: XY, low: float = 0.0, high: float = inf) -> RoutePoint:
+        """Return the point nearest to `xy` between the distances `low` and `high` from the start."""
         if not len(self._lengths):
-            return OnRoute(0.0, hypot(xy[0] - self.points[0, 0], xy[1] - self.points[0, 1]))
-        starts, steps, begins = self.points[:-1], self._steps, self._begins[:-1]
-        low, high = min(max(low, 0.0), self.length), max(min(high, self.length), 0.0)
+            return RoutePoint(0.0, hypot(xy[0] - self.points[0, 0], xy[1] - self.points[0, 1]))
+        starts = self.points[:-1]
+        steps = self._steps
+        begins = self._begins[:-1]
+        low = min(max(low, 0.0), self.length)
+        high = max(min(high, self.length), 0.0)
         ahead = ((np.array(xy) - starts) * steps).sum(axis=1) / self._divisors
         ahead = np.clip(np.clip(ahead, 0.0, self._lengths), low - begins, high - begins)
         is_open = (ahead >= 0.0) & (ahead <= self._lengths)
         shares = np.clip(ahead / self._divisors, 0.0, 1.0)
         off = np.where(is_open, np.hypot(*(starts + shares[:, None] * steps - xy).T), inf)
         best = int(off.argmin())
-        return OnRoute(float(begins[best] + ahead[best]), float(off[best]))
+        return RoutePoint(float(begins[best] + ahead[best]), float(off[best]))
 
     def at(self, along: float) -> XY:
-        """Return the point after some map units."""
+        """Return the point at a distance from the start."""
         x, y = (float(np.interp(along, self._begins, self.points[:, axis])) for axis in (0, 1))
         return x, y
 
     def rest(self, along: float) -> FloatArray:
-        """Return the line from a point on (points, 2)."""
+        """Return the rest of the line from a distance on (points, 2)."""
         later = self.points[self._begins > along + 1e-6]
         return np.concatenate([[self.at(along)], later])
 
     def passed(self, along: float) -> int:
-        """Return the id of the last node that is passed after some map units; the first one before that."""
+        """Return the id of the last node up to a distance from the start; the first node if there is none."""
         return [self.nodes[0], *(node for node, at in zip(self.nodes, self._node_at, strict=True) if at <= along)][-1]
 
 
-def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> Route:
-    """Return the way that a move leads, by its legs where the game is by metres."""
+def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
+    """Return the route of a move, by its legs if the game measures moves in meters."""
     if not move.legs:
         return route_along(columns, move.path)
     lines, ends = [], []
@@ -200,13 +208,13 @@ def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> Route:
     return _joined(lines, move.start, ends)
 
 
-def route_along(columns: GraphColumns, path: Iterable[int]) -> Route:
-    """Return the way along nodes, each next to the one before, by the shortest edge where there are several."""
+def route_along(columns: GraphColumns, path: Iterable[int]) -> RoadRoute:
+    """Return the route along a path of adjacent nodes, by the shortest of parallel edges."""
     order = np.argsort(columns.node_ids, kind="stable")
     nodes = list(path)
     rows = order[np.searchsorted(columns.node_ids[order], nodes)].tolist()
     if len(rows) == 1:
-        return Route(columns.xy[rows], nodes, [0.0])
+        return RoadRoute(columns.xy[rows], nodes, [0.0])
     lines: list[FloatArray] = []
     for source, target in pairwise(rows):
         out = columns.out_edges[columns.offsets[source] : columns.offsets[source + 1]]
@@ -214,18 +222,20 @@ def route_along(columns: GraphColumns, path: Iterable[int]) -> Route:
         if len(fit):
             edge = int(fit[columns.lengths[fit].argmin()])
             lines.append(columns.polylines.get(edge, columns.xy[[source, target]]))
-        else:  # moves need no edges where `ctx.game.legal` is "any"
+        else:  # moves need no edges if `ctx.game.legal` is "any"
             lines.append(columns.xy[[source, target]])
     return _joined(lines, nodes[0], nodes[1:])
 
 
-def _joined(lines: list[FloatArray], start: int, ends: Iterable[int | None]) -> Route:
-    """Return a route of lines, each of which ends at a node or at none."""
-    nodes, node_at, along = [start], [0.0], 0.0
+def _joined(lines: list[FloatArray], start: int, ends: Iterable[int | None]) -> RoadRoute:
+    """Return the route that joins lines; each line ends at a node, or at None."""
+    nodes = [start]
+    node_at = [0.0]
+    along = 0.0
     for line, end in zip(lines, ends, strict=True):
         along += float(np.hypot(*np.diff(line, axis=0).T).sum())
         if end is not None:
             nodes.append(end)
             node_at.append(along)
     points = np.concatenate([lines[0], *(line[1:] for line in lines[1:])])
-    return Route(points, nodes, node_at)
+    return RoadRoute(points, nodes, node_at)

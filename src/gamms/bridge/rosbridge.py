@@ -1,4 +1,4 @@
-"""Robots that run ROS, by the protocol of rosbridge: poses come in by topics, and waypoints go out as paths."""
+"""Robots that run ROS, by the rosbridge protocol: receive poses from topics, and publish waypoints as paths."""
 
 import logging
 from collections import Counter
@@ -36,7 +36,7 @@ class _Header(msgspec.Struct):
 
     @property
     def seconds(self) -> float | None:
-        """When it was; None: it does not say."""
+        """The time in seconds; None: the header holds no time."""
         seconds = self.stamp.secs + self.stamp.sec + (self.stamp.nsecs + self.stamp.nanosec) * 1e-9
         return seconds or None
 
@@ -58,7 +58,8 @@ class _Pose(msgspec.Struct):
     orientation: _Quaternion = msgspec.field(default_factory=_Quaternion)
 
     def fix(self, header: _Header, origin: Sequence[float]) -> Fix:
-        q, heading = self.orientation, None
+        q = self.orientation
+        heading = None
         if q.w or q.z:
             yaw = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
             heading = degrees(pi / 2.0 - yaw) % 360.0
@@ -92,7 +93,7 @@ class _NavSatFix(msgspec.Struct):
     header: _Header = msgspec.field(default_factory=_Header)
 
     def fix(self, origin: Sequence[float]) -> Fix:  # noqa: ARG002 - degrees have an origin of their own
-        """Return it as a fix; without a position where the receiver has none."""
+        """Return the message as a fix; without a position if the receiver has none."""
         if self.status.status < 0:
             return Fix(t=self.header.seconds)
         return Fix(t=self.header.seconds, lat=self.latitude, lon=self.longitude)
@@ -109,33 +110,37 @@ class RosBridge:
     """A connection to rosbridge; made by `gamms.bridge.rosbridge`.
 
     Attributes:
-        counts: "bad" (no messages of their type), "sent", "unsent" (there was no connection).
+        counts: "bad" (not a message of its topic's type), "sent", "unsent" (not connected).
     """
 
     def __init__(self, ros: "Ros", origin: Sequence[float], frame_id: str, clock: Clock | None) -> None:
-        self._ros, self._origin, self._frame_id, self._clock = ros, origin, frame_id, clock
+        self._ros = ros
+        self._origin = origin
+        self._frame_id = frame_id
+        self._clock = clock
         self.counts: Counter[str] = Counter()
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is a connection now; one that is lost is made again."""
+        """Whether the connection is open now; a lost connection is opened again."""
         return bool(self._ros.is_connected)
 
     def feed(self, topic: str, type: str = "nav_msgs/Odometry", *, path: str | None = None) -> Feed:
-        """Return the fixes of a robot that publishes where it is.
+        """Return the feed of a robot that publishes its position on a topic.
 
         Args:
             topic: the name of the topic, such as "/anna/odom".
-            type: "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or "sensor_msgs/NavSatFix"; the names of ROS 2, such
-                as "nav_msgs/msg/Odometry", are the same.
-            path: the topic to which waypoints are published, as `nav_msgs/Path`; None: the robot gets none.
+            type: "nav_msgs/Odometry", "geometry_msgs/PoseStamped" or "sensor_msgs/NavSatFix"; or their names in ROS 2,
+                such as "nav_msgs/msg/Odometry".
+            path: the topic for waypoints, published as `nav_msgs/Path`; None: send no waypoints.
 
         Raises:
-            BadType, BadValue: an argument is not one of these.
+            BadType, BadValue: an argument has a wrong type or value.
         """
         from roslibpy import Topic
 
-        name, kind = as_name(topic, "a topic"), str(type).replace("/msg/", "/")
+        name = as_name(topic, "a topic")
+        kind = str(type).replace("/msg/", "/")
         if kind not in _KINDS:
             raise BadValue(f"No fix comes from a {shown(type)}.{nearest(kind, _KINDS)} There are {', '.join(_KINDS)}.")
         feed = Feed(clock=self._clock)
@@ -156,22 +161,22 @@ class RosBridge:
         return feed
 
     def close(self) -> None:
-        """End the connection; the thread of roslibpy, which all connections share, stays."""
+        """Close the connection; the thread of roslibpy, which all connections share, stays."""
         self._ros.factory.maxRetries = 0
         self._ros.close()
 
     def _publish(self, topic: Any, message: Message) -> None:
-        """Publish waypoints as a path; other messages are for robots that read lines of JSON."""
+        """Publish waypoints as a path; ignore other messages, which only robots that read lines of JSON use."""
         if message.get("type") != "waypoints":
             return
-        if not self._ros.is_connected:  # roslibpy would keep it until there is a connection
+        if not self._ros.is_connected:  # roslibpy would keep the message until it is connected
             self.counts["unsent"] += 1
             return
         topic.publish(self.path_of(message["points"]))
         self.counts["sent"] += 1
 
     def path_of(self, points: Sequence[Sequence[float]]) -> Message:
-        """Return waypoints as a `nav_msgs/Path`; each pose looks to the next one."""
+        """Return waypoints as a `nav_msgs/Path`; each pose faces the next one."""
         header = {"frame_id": self._frame_id}
         flat = [(x - self._origin[0], y - self._origin[1]) for x, y in points]
         yaws = [atan2(y1 - y0, x1 - x0) for (x0, y0), (x1, y1) in pairwise(flat)]
@@ -206,18 +211,19 @@ def rosbridge(
 
     Args:
         url: such as "ws://localhost:9090".
-        origin: (x, y) in map units of the origin of the robot's frame: UTM coordinates are too large for what robots
-            reckon with. Degrees need none.
-        frame_id: of the frame in which paths are published.
-        timeout_s: how long it waits for the connection.
-        clock: by which fixes age; None: that of the machine.
+        origin: (x, y) in map units of the origin of the robot's frame: UTM coordinates are too large for the floats of
+            many robots. Not needed for degrees.
+        frame_id: the frame of published paths.
+        timeout_s: how many seconds it waits for the connection.
+        clock: the clock for the age of fixes; None: that of the machine.
 
     Raises:
         MissingExtra (ImportError): roslibpy is not installed.
-        NetworkError (ConnectionError): there is no connection in time.
-        BadType, BadValue: an argument is not one of these.
+        NetworkError (ConnectionError): the server does not answer in time.
+        BadType, BadValue: an argument has a wrong type or value.
     """
-    where, seconds = as_name(url, "a URL"), as_range(timeout_s, "timeout_s")
+    where = as_name(url, "a URL")
+    seconds = as_range(timeout_s, "timeout_s")
     if not where.startswith(("ws://", "wss://")):
         raise BadValue(f"The URL of a rosbridge server begins with ws:// or wss://, unlike {shown(url)}.")
     at = as_numbers(origin, "origin", "(x, y)")
@@ -227,7 +233,7 @@ def rosbridge(
 
     class BoundedRos(roslibpy.Ros):  # type: ignore[misc] # roslibpy has no types
         def connect(self) -> None:
-            """Connect, once it is known how long messages may be."""
+            """Connect with a bounded length of messages."""
             self.factory.setProtocolOptions(
                 maxFramePayloadSize=_LONGEST, maxMessagePayloadSize=_LONGEST, perMessageCompressionOffers=[]
             )
@@ -246,19 +252,19 @@ def rosbridge(
     return RosBridge(ros, at, as_name(frame_id, "a frame"), clock)
 
 
-class _Once(logging.Filter):
-    """Lets each error of roslibpy through once: it logs one for every message that is none."""
+class _LogOnce(logging.Filter):
+    """Logs each error of roslibpy only once, because roslibpy logs an error for every invalid message."""
 
     def __init__(self) -> None:
         super().__init__()
         self._seen: set[object] = set()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether it is logged."""
+        """Return whether to log the record."""
         is_known = record.msg in self._seen
         if record.levelno >= logging.ERROR:
             self._seen.add(record.msg)
         return not is_known
 
 
-_once = _Once()
+_once = _LogOnce()

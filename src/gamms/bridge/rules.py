@@ -1,4 +1,4 @@
-"""Rules that exchange messages with other programs in every turn: where agents are, and what changes on the roads."""
+"""Rules that exchange messages with other programs in every turn: positions of agents, and changes of the roads."""
 
 from collections.abc import Callable, Iterable
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms.arguments import as_context, as_items, as_range
 from gamms.bridge.feeds import Message, Send
-from gamms.bridge.lines import Roads
+from gamms.bridge.lines import RoadChanges
 from gamms.bridge.links import Link
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
@@ -16,23 +16,23 @@ from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
 
 _DECIMALS, _DEGREES = 3, 8
-_LAST = Rank.END + 1  # when it is known whether the game is over
+_LAST = Rank.END + 1  # after the rules that decide whether the game is over
 _SLOWEST_S = 1e9
 
 
 @shown_as_called
 def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
-    """Make a rule that tells other programs after each turn where agents are.
+    """Make a rule that sends the positions of agents to other programs after each turn.
 
-    It sends a message "position" for each living agent, and then one "turn"; docs/bridge.md has their fields.
+    It sends a message "position" for each living agent, and then one "turn"; docs/bridge.md describes their fields.
 
     Args:
         to: a link, or a function that is called with each message, a dict.
-        agents: names of those that are published; None: all.
+        agents: names of the agents to publish; None: all.
 
     Raises:
-        BadType: `to` or `agents` is not one of these.
-        UnknownName (KeyError): when it is added to a game, there is no such agent.
+        BadType: `to` or `agents` has a wrong type.
+        UnknownName (KeyError): an agent does not exist, when the rule is added to a game.
     """
     send = sender_of(to)
     names = None if agents is None else frozenset(as_items(agents, "agents", "names of agents"))
@@ -55,10 +55,10 @@ def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
 
 
 def positions(ctx: Context) -> list[Message]:
-    """Return where the living agents are, as messages in the order of their names.
+    """Return the positions of the living agents as messages, sorted by name.
 
     Raises:
-        BadType: `ctx` is no context.
+        BadType: `ctx` is not a context.
     """
     agents = as_context(ctx, "gamms.bridge.positions").game.agents
     places = [_xyz(agent) for agent in agents]
@@ -80,16 +80,16 @@ def positions(ctx: Context) -> list[Message]:
 def traffic(link: Link, wait_s: float = 5.0) -> Rule:
     """Make a rule for the phase "before" that lets another program close, open and slow roads.
 
-    Before each turn it sends a message "turn", and waits for a line "roads" with the same number. Where none comes in
-    time, the roads stay as they are, and there is an event `traffic_late`. Ids of edges that are not on the map are
+    Before each turn it sends a message "turn", and waits for a line "roads" with the same number. If none comes in
+    time, the roads stay as they are, and an event `traffic_late` is emitted. Ids of edges that are not on the map are
     counted in `link.counts["unknown"]`.
 
     Args:
-        link: to the program.
-        wait_s: how long a turn waits for it.
+        link: the link to the program.
+        wait_s: how many seconds a turn waits for the line.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
+        BadType, BadValue: an argument has a wrong type or value.
     """
     if not isinstance(link, Link):
         raise BadType(f"traffic needs a link, such as gamms.bridge.Process([…]), not {shown(link)}.")
@@ -107,9 +107,10 @@ def traffic(link: Link, wait_s: float = 5.0) -> Rule:
     return traffic
 
 
-def change_roads(ctx: Context, roads: Roads) -> int:
-    """Close, open and slow roads; return how many of the edges that are named are not there."""
-    graph, closed = ctx.graph.graph, frozenset(ctx.graph.closed_roads)
+def change_roads(ctx: Context, roads: RoadChanges) -> int:
+    """Close, open and slow roads; return the number of named edges that do not exist."""
+    graph = ctx.graph.graph
+    closed = frozenset(ctx.graph.closed_roads)
     opened = [edge for edge in dict.fromkeys(roads.open) if edge in closed]
     if opened:
         ctx.graph.open_roads(opened)
@@ -124,10 +125,10 @@ def change_roads(ctx: Context, roads: Roads) -> int:
 
 
 def sender_of(to: object) -> Callable[[Message], object]:
-    """Return the function that sends messages to a link, or that is given itself.
+    """Return the function that sends messages to `to`: the link's `send`, or `to` itself.
 
     Raises:
-        BadType: it is neither.
+        BadType: `to` is neither a link nor a function.
     """
     send = to.send if isinstance(to, Link) else to
     if not callable(send):

@@ -1,4 +1,4 @@
-"""A robot that is simulated: it drives along its waypoints and reports where it is."""
+"""A simulated robot: it drives along its waypoints and reports its position."""
 
 from math import atan2, degrees, hypot
 
@@ -13,22 +13,22 @@ from gamms.typing import IAgent
 
 
 class SimulatedRobot:
-    """Drives along the waypoints that it is sent, at one speed, and returns a fix whenever it is called.
+    """Drives along the waypoints that it receives, at a constant speed, and returns a fix when it is called.
 
-    It is a feed: `ctx.game.add(gamms.bridge.drive("anna", SimulatedRobot(ctx, "anna")))`. With the same clock, speed
-    and seed it does the same.
+    It is a feed: `ctx.game.add(gamms.bridge.drive("anna", SimulatedRobot(ctx, "anna")))`. The same clock, speed and
+    seed give the same fixes.
 
     Args:
         ctx: the context.
-        agent: the agent, or its name: where it begins.
-        clock: by which it drives; None: a `SimulatedClock` of its own. Several robots in one game share a clock.
-        speed: metres per second.
-        noise_m: standard deviation of the error of each coordinate.
-        seed: of the errors.
+        agent: the agent at whose position the robot starts, or its name.
+        clock: the clock for its motion; None: a `SimulatedClock` of its own. Several robots in one game share a clock.
+        speed: meters per second.
+        noise_m: standard deviation of the error of each coordinate, meters.
+        seed: the seed of the errors.
 
     Attributes:
         clock: its clock.
-        xy: where it is.
+        xy: its true position.
     """
 
     def __init__(
@@ -44,16 +44,17 @@ class SimulatedRobot:
         name = as_name(getattr(agent, "name", agent), "an agent")
         one = ctx.agent.get_agent(name)
         self.clock = as_clock(clock or SimulatedClock())
-        self._speed, self._noise_m = as_range(speed, "speed"), as_range(noise_m, "noise_m")
+        self._speed = as_range(speed, "speed")
+        self._noise_m = as_range(noise_m, "noise_m")
         self._rng = kernels.stream(as_int(seed, "seed"), "simulated robot", name)
         self.xy: tuple[float, float] = one.xy
-        self._number: int | None = None  # of its way
+        self._number: int | None = None  # number of the current route
         self._way: list[tuple[float, float]] = []
         self._heading: float | None = None
         self._time = self.clock.now()
 
     def send(self, message: Message) -> None:
-        """Take waypoints, once for each way; whatever else it is sent stops it."""
+        """Take the waypoints of a new route; any other message stops the robot."""
         self._drive()
         points = message["points"] if message.get("type") == "waypoints" else []
         if points and message["way"] == self._number:
@@ -62,15 +63,16 @@ class SimulatedRobot:
         self._way = [(float(x), float(y)) for x, y in points]
 
     def __call__(self) -> Fix:
-        """Return where it is now."""
+        """Return a fix of the current position."""
         self._drive()
         x, y = np.array(self.xy) + self._noise_m * self._rng.standard_normal(2)
         return Fix(t=self._time, x=float(x), y=float(y), heading=self._heading)
 
     def _drive(self) -> None:
-        """Go on for the time that has passed."""
+        """Move along the waypoints for the time since the last call."""
         now = self.clock.now()
-        left, self._time = self._speed * (now - self._time), now
+        left = self._speed * (now - self._time)
+        self._time = now
         while self._way and left > 0.0:
             (x, y), (to_x, to_y) = self.xy, self._way[0]
             dx, dy = to_x - x, to_y - y

@@ -1,8 +1,8 @@
-"""Tracks of real journeys, from GPX and CSV files, as recordings: they are matched to the roads and played again.
+"""Tracks of real journeys, from GPX and CSV files, as recordings: match them to the roads and replay them.
 
-A whole track is matched by a hidden Markov model (Newson and Krumm 2009): the edges near a point are its states, a
-normal distribution says how far from its edge a point is measured, and an exponential one by how much the way between
-two points is longer than the straight line. The Viterbi algorithm finds the likeliest edges.
+A whole track is matched by a hidden Markov model (Newson and Krumm 2009). Its states are the edges near a point. The
+distance of a point from its edge has a normal distribution, and the detour of the route between two points beyond the
+straight line has an exponential distribution. The Viterbi algorithm finds the likeliest edges.
 """
 
 import csv
@@ -31,9 +31,9 @@ from gamms.typing.game import State
 
 _MOST_POINTS = 1_000_000
 _MOST_TURNS = 1_000_000
-_PER_BYTE = 24  # of memory, of a CSV file
+_PER_BYTE = 24  # bytes of memory for each byte of a CSV file
 _CANDIDATES = 8  # edges of a point
-_DETOUR_M = 10.0  # by which ways are longer than the straight line, on average
+_DETOUR_M = 10.0  # mean detour of routes beyond the straight line
 _LONGEST_DETOUR_M = 500.0
 _COLUMNS = {
     "time": ("time", "t", "timestamp"),
@@ -48,14 +48,14 @@ Tracks = Iterable[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str] 
 
 
 class Matched(NamedTuple):
-    """How well a track fits the roads.
+    """The quality of a track's match to the roads.
 
     Attributes:
-        agent: its name.
-        points: how many points with a time it has.
-        off_road: how many of those that were looked at are too far from every road.
-        parts: how many parts it has, between which no road leads.
-        off_m: how far beside their roads the points are on average, map units; NaN where none is on a road.
+        agent: the name of the agent.
+        points: the number of points with a time.
+        off_road: the number of matched points that are too far from every road.
+        parts: the number of parts between which no road leads.
+        off_m: the mean distance of the points from their roads, map units; NaN if no point is on a road.
     """
 
     agent: str
@@ -65,28 +65,28 @@ class Matched(NamedTuple):
     off_m: float
 
 
-class _Points(NamedTuple):
-    """A track as it was measured."""
+class _Track(NamedTuple):
+    """The measured points of a track."""
 
     times: FloatArray  # (points,) in order
     xy: FloatArray  # (points, 2)
 
 
-class _Candidate(NamedTuple):
-    """A place on an edge where a point may be."""
+class _EdgeCandidate(NamedTuple):
+    """A candidate position of a point: on an edge, at an offset."""
 
     edge: int  # row
     offset: float  # from its source, in the unit of lengths
     off: float  # from the point
 
 
-class _Part(NamedTuple):
-    """A way that a track leads along without a gap."""
+class _TrackPart(NamedTuple):
+    """A part of a track that follows the roads without a gap."""
 
     nodes: list[int]  # ids
-    node_at: FloatArray  # (nodes,) how far along the way each of them is
-    times: FloatArray  # (knots,) when the agent is
-    along: FloatArray  # (knots,) how far along the way
+    node_at: FloatArray  # (nodes,) distance of each node from the start
+    times: FloatArray  # (knots,) times
+    along: FloatArray  # (knots,) distances from the start at these times
 
 
 def recording_from_tracks(
@@ -99,27 +99,28 @@ def recording_from_tracks(
     within_m: float = 50.0,
     overwrite: bool = False,
 ) -> list[Matched]:
-    """Write a recording in which agents go along roads as tracks say.
+    """Write a recording in which agents follow tracks along the roads.
 
-    It is a game by metres: after each turn an agent is where its track was then, on the edge. An agent takes part from
-    the first time of its track to the last. Where no road leads on, it is put where the track goes on.
+    The game measures moves in meters: after each turn an agent is at the position of its track at that time, on the
+    edge. An agent is in the game from the first time of its track to the last. Across a gap between roads it jumps to
+    the next part of its track.
 
     Args:
-        tracks: GPX and CSV files; or a mapping from the names of agents to such files, or to fixes with `t`. A CSV file
-            has columns `time` (or `t`), `lat` and `lon` or `x` and `y`, and perhaps `agent`.
+        tracks: GPX and CSV files; or a mapping from the names of agents to files, or to fixes with `t`. A CSV file
+            has columns `time` (or `t`), `lat` and `lon` or `x` and `y`, and optionally `agent`.
         graph: a context with the map, or the file of a map, `.gamms`.
-        path: of the recording.
-        turn_seconds: how long a turn is.
+        path: the file of the recording.
+        turn_seconds: the length of a turn.
         noise_m: the standard deviation of the errors of the positions.
         within_m: points that are farther from every road do not count.
-        overwrite: whether the recording may take the place of a file.
+        overwrite: whether the recording may replace a file.
 
     Returns:
-        How well each track fits the roads, in the order of the names.
+        How well each track fits the roads, sorted by name.
 
     Raises:
-        FileNotFoundError: there is no such file.
-        BadFile (ValueError): a file is no GPX or CSV, is damaged or too large, or has no times.
+        FileNotFoundError: a file does not exist.
+        BadFile (ValueError): a file is not GPX or CSV, is damaged or too large, or has no times.
         BadValue (ValueError): a track does not touch a road, or an argument is impossible.
     """
     seconds, noise, within = (
@@ -144,7 +145,7 @@ def recording_from_tracks(
 
 
 def _empty_copy(graph: object) -> Context:
-    """Return a context with a map, and without agents."""
+    """Return a context with the map and without agents."""
     if isinstance(graph, Context):
         ctx = graph.fork(0)[0]
         for name in list(ctx.agent.agents):
@@ -164,7 +165,7 @@ def _empty_copy(graph: object) -> Context:
 # -- files ----------------------------------------------------------------------------------------------------------
 
 
-def _read_all(tracks: object, graph: IGraph) -> dict[str, _Points]:
+def _read_all(tracks: object, graph: IGraph) -> dict[str, _Track]:
     """Return the points of each track by the name of its agent."""
     rows: dict[str, list[FloatArray]] = {}
     if isinstance(tracks, Mapping):
@@ -184,13 +185,13 @@ def _read_all(tracks: object, graph: IGraph) -> dict[str, _Points]:
     return {name: _in_order(name, np.concatenate(parts)) for name, parts in rows.items()}
 
 
-def _in_order(name: str, rows: FloatArray) -> _Points:
-    """Return rows (time, x, y) in the order of time, the first one of each time."""
+def _in_order(name: str, rows: FloatArray) -> _Track:
+    """Return rows (time, x, y) sorted by time, with the first row of each time only."""
     timed = rows[np.isfinite(rows).all(axis=1)]
     if not len(timed):
-        raise BadFile(f"The track of {shown(name)} has no point with a time and a place, and a recording needs both.")
+        raise BadFile(f"The track of {shown(name)} has no point with both a time and a position.")
     _, first = np.unique(timed[:, 0], return_index=True)
-    return _Points(timed[first, 0], timed[first, 1:])
+    return _Track(timed[first, 0], timed[first, 1:])
 
 
 def _read(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
@@ -234,7 +235,7 @@ def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
 
 
 def _in_map_units(points: FloatArray, keys: tuple[str, str], graph: IGraph) -> FloatArray:
-    """Return rows (time, x, y) of rows whose places are given by `keys`."""
+    """Convert rows (time, lat, lon) to rows (time, x, y) in map units, if `keys` says so."""
     if keys == ("lat", "lon"):
         points[:, 1], points[:, 2] = graph.from_latlon(lat=points[:, 1], lon=points[:, 2])
     return points
@@ -276,10 +277,14 @@ class _Matcher:
     """Matches tracks to the roads of one map."""
 
     def __init__(self, ctx: Context, noise_m: float, within_m: float) -> None:
-        graph, columns = ctx.graph.graph, ctx.graph.columns()
+        graph = ctx.graph.graph
+        columns = ctx.graph.columns()
         if not len(columns.edge_ids):
             raise BadValue("The map has no edges, so tracks cannot be matched to it.")
-        self._graph, self._columns, self._noise_m, self._within_m = graph, columns, noise_m, within_m
+        self._graph = graph
+        self._columns = columns
+        self._noise_m = noise_m
+        self._within_m = within_m
         ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
         self._lines = [columns.polylines.get(row, line) for row, line in enumerate(ends)]
         self._tree = NearLines(self._lines)
@@ -288,9 +293,9 @@ class _Matcher:
         self._shortest = shortest_edges(columns)
         self._search = kernels.Search(ctx.graph.routes.arcs(), columns.node_ids)
 
-    def match(self, name: str, points: _Points) -> tuple[list[_Part], Matched]:
-        """Return the parts of a track."""
-        kept = self._worth_a_look(points)
+    def match(self, name: str, points: _Track) -> tuple[list[_TrackPart], Matched]:
+        """Return the parts of a track, and how well it matches."""
+        kept = self._distant_points(points)
         candidates = self._candidates(points.xy[kept])
         near = [at for at, some in enumerate(candidates) if some]
         if not near:
@@ -299,7 +304,7 @@ class _Matcher:
                 "crs, or give a greater within_m."
             )
         rows = [kept[at] for at in near]
-        runs = self._runs(points.xy[rows], [candidates[at] for at in near])
+        runs = self._likeliest_runs(points.xy[rows], [candidates[at] for at in near])
         parts, off = [], []
         for start, run in runs:
             stop = start + len(run)
@@ -308,38 +313,41 @@ class _Matcher:
             off += [one.off for one in run]
         return parts, Matched(name, len(points.times), len(kept) - len(near), len(parts), float(np.mean(off)))
 
-    def _worth_a_look(self, points: _Points) -> list[int]:
-        """Return the points that are farther from the one before than they may be wrong, the first and the last."""
-        kept, xy = [0], points.xy.tolist()
+    def _distant_points(self, points: _Track) -> list[int]:
+        """Return the indices of points that are farther from the last kept one than measurement errors explain."""
+        kept = [0]
+        xy = points.xy.tolist()
         for at, (x, y) in enumerate(xy):
             before = xy[kept[-1]]
             if hypot(x - before[0], y - before[1]) > 2.0 * self._noise_m:
                 kept.append(at)
         return kept
 
-    def _candidates(self, xy: FloatArray) -> list[list[_Candidate]]:
-        found: list[list[_Candidate]] = [[] for _ in range(len(xy))]
+    def _candidates(self, xy: FloatArray) -> list[list[_EdgeCandidate]]:
+        found: list[list[_EdgeCandidate]] = [[] for _ in range(len(xy))]
         points, lines, off = self._tree.within(xy, self._within_m)
         for at in np.lexsort((lines, off, points)).tolist():
             some = found[points[at]]
             if len(some) < _CANDIDATES:
                 edge = int(lines[at])
                 share, _ = nearest_on(self._lines[edge], (float(xy[points[at], 0]), float(xy[points[at], 1])))
-                some.append(_Candidate(edge, share * self._length(edge), float(off[at])))
+                some.append(_EdgeCandidate(edge, share * self._length(edge), float(off[at])))
         return found
 
     def _length(self, edge: int) -> float:
-        """Return the length of the edge that agents take between the ends of an edge."""
+        """Return the length of the shortest edge between the ends of an edge."""
         return self._shortest[self._sources[edge], self._targets[edge]]
 
-    def _runs(self, xy: FloatArray, candidates: list[list[_Candidate]]) -> list[tuple[int, list[_Candidate]]]:
-        """Return the likeliest places by Viterbi, those of each part with the number of its first point."""
+    def _likeliest_runs(
+        self, xy: FloatArray, candidates: list[list[_EdgeCandidate]]
+    ) -> list[tuple[int, list[_EdgeCandidate]]]:
+        """Return the likeliest candidates by Viterbi, for each part: (number of its first point, candidates)."""
         costs = self._emissions(candidates[0])
         backs: list[IntArray] = [np.full(len(costs), -1)]
-        ends: list[tuple[int, int]] = []  # (number of the last point, its candidate) of the parts before
+        ends: list[tuple[int, int]] = []  # (number of the last point, its candidate) of each finished part
         for at, some in enumerate(candidates[1:], 1):
             straight = hypot(*(xy[at] - xy[at - 1]).tolist())
-            ways = self._ways(candidates[at - 1], some, straight)
+            ways = self._road_distances(candidates[at - 1], some, straight)
             totals = costs[:, None] + np.abs(ways - straight) / _DETOUR_M
             if np.isfinite(totals).any():
                 backs.append(totals.argmin(axis=0))
@@ -350,22 +358,22 @@ class _Matcher:
                 backs.append(np.full(len(some), -1))
                 costs = self._emissions(some)
         ends.append((len(candidates) - 1, int(costs.argmin())))
-        return [self._traced(candidates, backs, *end) for end in ends]
+        return [self._trace_back(candidates, backs, *end) for end in ends]
 
-    def _emissions(self, some: list[_Candidate]) -> FloatArray:
+    def _emissions(self, some: list[_EdgeCandidate]) -> FloatArray:
         return np.array([0.5 * (one.off / self._noise_m) ** 2 for one in some])
 
-    def _traced(
-        self, candidates: list[list[_Candidate]], backs: list[IntArray], at: int, chosen: int
-    ) -> tuple[int, list[_Candidate]]:
+    def _trace_back(
+        self, candidates: list[list[_EdgeCandidate]], backs: list[IntArray], at: int, chosen: int
+    ) -> tuple[int, list[_EdgeCandidate]]:
         run = [candidates[at][chosen]]
         while backs[at][chosen] >= 0:
             chosen, at = int(backs[at][chosen]), at - 1
             run.append(candidates[at][chosen])
         return at, run[::-1]
 
-    def _ways(self, before: list[_Candidate], after: list[_Candidate], straight: float) -> FloatArray:
-        """Return how long the ways are (before, after); infinite where they are far longer than the line."""
+    def _road_distances(self, before: list[_EdgeCandidate], after: list[_EdgeCandidate], straight: float) -> FloatArray:
+        """Return road distances (before, after) between candidates; infinity for long detours."""
         sources, targets = self._columns.sources, self._columns.targets
         ends = {int(sources[one.edge]) for one in after}
         ways = np.full((len(before), len(after)), inf)
@@ -381,22 +389,23 @@ class _Matcher:
         ways[ways > straight + _LONGEST_DETOUR_M] = inf
         return ways
 
-    def _stays(self, one: _Candidate, other: _Candidate) -> bool:
-        """Return whether the agent is still on its edge, ahead or only seemingly back."""
+    def _stays(self, one: _EdgeCandidate, other: _EdgeCandidate) -> bool:
+        """Return whether the agent is still on its edge: ahead, or behind within the measurement error."""
         return one.edge == other.edge and one.offset - other.offset <= 2.0 * self._noise_m
 
     def _distances(self, start: int, ends: set[int]) -> dict[int, float]:
-        """Return the distances from the row of a node to others."""
+        """Return the distances from the row of a node to other rows."""
         goals = sorted(ends)
         far, _ = self._search.far(np.array([start]), np.array(goals, np.int64))
         return dict(zip(goals, far.tolist(), strict=True))
 
-    def _part(self, run: list[_Candidate], rows: list[int], known: FloatArray) -> _Part:
-        """Return the way through some places, and when an agent is where on it; `known` are the times until it ends."""
+    def _part(self, run: list[_EdgeCandidate], rows: list[int], known: FloatArray) -> _TrackPart:
+        """Return the part through these candidates; `known` are the times up to the end of the part."""
         first = run[0]
         nodes = [self._sources[first.edge], self._targets[first.edge]]
         node_at = [0.0, self._length(first.edge)]
-        times, along = [float(known[rows[0]])], [first.offset]
+        times = [float(known[rows[0]])]
+        along = [first.offset]
         for (one, other), (before, row) in zip(pairwise(run), pairwise(rows), strict=True):
             if self._stays(one, other):
                 here = max(along[-1], node_at[-2] + other.offset)
@@ -406,38 +415,40 @@ class _Matcher:
                     node_at.append(node_at[-1] + self._shortest[nodes[-1], node])
                     nodes.append(node)
                 here = max(along[-1], node_at[-2] + other.offset)
-            if row - before > 1:  # it was nearly standing until the point before
+            if row - before > 1:  # the agent hardly moved until the point before
                 times.append(float(known[row - 1]))
                 along.append(along[-1])
             times.append(float(known[row]))
             along.append(here)
-        if len(known) > rows[-1] + 1:  # and from the last one on
+        if len(known) > rows[-1] + 1:  # the agent hardly moves after the last point
             times.append(float(known[-1]))
             along.append(along[-1])
-        return _Part(nodes, np.array(node_at), np.array(times), np.array(along))
+        return _TrackPart(nodes, np.array(node_at), np.array(times), np.array(along))
 
 
 # -- playing --------------------------------------------------------------------------------------------------------
 
 
-class _Journey:
-    """Lets an agent go as a track says."""
+class _TrackFollower:
+    """Moves an agent along its track."""
 
-    def __init__(self, parts: list[_Part]) -> None:
-        self._parts, self._at, self._gone = parts, 0, 0.0
+    def __init__(self, parts: list[_TrackPart]) -> None:
+        self._parts = parts
+        self._at = 0
+        self._gone = 0.0
         self._action: list[int] | None = None
 
     @property
     def start(self) -> int:
-        """The node where it begins."""
+        """The start node of the track."""
         return self._parts[0].nodes[0]
 
     def is_there(self, since: float, until: float) -> bool:
-        """Return whether the track lasts in a turn, but for its first moment."""
+        """Return whether the track covers a part of a turn, apart from the turn's first moment."""
         return bool(self._parts[0].times[0] <= until and since < self._parts[-1].times[-1])
 
     def prepare(self, ctx: Context, name: str, time: float, seconds: float) -> None:
-        """Let the agent go where its track is after the turn that begins at a time."""
+        """Plan the agent's move to the position of its track at the end of the turn that begins at `time`."""
         agent: Any = ctx.agent.get_agent(name)
         is_there = self.is_there(time, time + seconds)
         if agent.alive != is_there:
@@ -446,16 +457,19 @@ class _Journey:
         while later + 1 < len(self._parts) and self._parts[later + 1].times[0] <= time + seconds:
             later += 1
         if later != self._at:
-            self._at, self._gone = later, 0.0
+            self._at = later
+            self._gone = 0.0
             agent.current_node_id = self._parts[later].nodes[0]
         part = self._parts[self._at]
         wanted = float(np.interp(time + seconds, part.times, part.along))
-        metres, self._action = wanted - self._gone, None
-        if metres > 1e-6:
+        distance = wanted - self._gone
+        self._action = None
+        if distance > 1e-6:
             first = int(np.searchsorted(part.node_at, self._gone, "right")) - 1
             last = int(np.searchsorted(part.node_at, wanted, "left")) + 1
             self._action = part.nodes[max(first, 0) : last + 1]
-            agent.speed, self._gone = metres, wanted
+            agent.speed = distance
+            self._gone = wanted
 
     def decide(self, state: State) -> None:
         """Set the action of the agent."""
@@ -464,14 +478,14 @@ class _Journey:
 
 def _play(
     ctx: Context,
-    tracks: dict[str, list[_Part]],
+    tracks: dict[str, list[_TrackPart]],
     began: float,
     turns: int,
     seconds: float,
     path: str | os.PathLike[str],
     overwrite: bool,
 ) -> None:
-    journeys = {name: _Journey(parts) for name, parts in tracks.items()}
+    journeys = {name: _TrackFollower(parts) for name, parts in tracks.items()}
     ctx.game.speed_unit = "metres"
     for name, journey in journeys.items():
         agent = ctx.agent.create_agent(name, start_node_id=journey.start, speed=1.0, strategy=journey.decide)
