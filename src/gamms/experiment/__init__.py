@@ -3,10 +3,10 @@
     rows = gamms.experiment.run(scenario, range(1000), {"teams.red.count": [3, 5, 8]}, workers=4, out="results")
     print(rows.summary())
 
-Read `running.py` first: what is played, where, and what happens when a process dies. `variants.py` has the grids,
-`sampling.py` the samples, `games.py` plays in a worker, `executors.py` chooses where, `folders.py` what a run keeps on
-disk, `rows.py` what it gives back, `statistics.py` the intervals, `tables.py` how they are shown. A
-client of scenarios: May import: `scenario` and below.
+Read `running.py` first: it hands out games and handles processes that die. `variants.py` makes grids, `sampling.py`
+samples, `games.py` plays in a worker, `executors.py` chooses the executor, `folders.py` stores a run on disk,
+`rows.py` is the result, `statistics.py` computes intervals, and `tables.py` prints tables. A client of scenarios: May
+import: `scenario` and below.
 """
 
 from gamms.experiment.folders import merge, pack, unpack

@@ -1,4 +1,4 @@
-"""Where games are played: in this process, in worker processes, or by an executor of the caller's, such as Ray's."""
+"""Executors of games: this process, worker processes, or an executor of the caller, such as Ray's."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -10,17 +10,17 @@ from gamms.errors import BadType, BadValue, MissingExtra
 from gamms.text import shown
 from gamms.workers import WorkerDied, WorkerPool
 
-__all__ = ["Here", "WorkerPool", "executor_for"]
+__all__ = ["InProcessExecutor", "WorkerPool", "executor_for"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
-    """Return the executor of a run, and whether it is to be shut down at its end.
+    """Return the executor of a run, and whether the run has to shut it down.
 
     Raises:
-        BadType, BadValue: `given` is no executor.
+        BadType, BadValue: `given` is not an executor.
         MissingExtra: Ray is not installed.
     """
     if isinstance(given, Executor):
@@ -31,21 +31,21 @@ def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
         raise BadValue(f"executor must be an executor of concurrent.futures or 'ray', not {shown(given)}.")
     if given is not None:
         raise BadType(f"executor must be an executor of concurrent.futures or 'ray', not {shown(given)}.")
-    return (Here(), False) if workers is None else (WorkerPool(as_count(workers, "workers")), True)
+    return (InProcessExecutor(), False) if workers is None else (WorkerPool(as_count(workers, "workers")), True)
 
 
-class Here(Executor):
-    """Plays in this process, as soon as it is asked."""
+class InProcessExecutor(Executor):
+    """Runs each function in this process, as soon as it is submitted."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Call a function."""
+        """Call a function now, and return its finished future."""
         future: Future[T] = Future()
         future.set_result(fn(*args, **kwargs))
         return future
 
 
 def _on_ray() -> Executor:
-    """Return an executor of the cluster of Ray that this program is connected to, or else of one on this machine."""
+    """Return an executor of the connected Ray cluster, or of a new one on this machine."""
     if find_spec("ray") is None:
         raise MissingExtra('executor="ray"', "ray")
     import ray

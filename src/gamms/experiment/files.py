@@ -1,4 +1,4 @@
-"""Files of experiments, YAML or JSON: a scenario, seeds, and what is varied. They are data: reading runs no code."""
+"""Files of experiments, YAML or JSON: a scenario, seeds and variations. They are data: reading runs no code."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -21,8 +21,8 @@ _OF_SAMPLE = ("space", "n", "method", "seed")
 _BYTES = 100  # of a seed
 
 
-class Planned(NamedTuple):
-    """What a file says: the arguments of `run`; `out` and `workers` may be None."""
+class ExperimentFile(NamedTuple):
+    """The content of an experiment file: the arguments of `run`; `out` and `workers` may be None."""
 
     scenario: Scenario
     seeds: list[int]
@@ -33,8 +33,8 @@ class Planned(NamedTuple):
 
 def read_experiment(
     path: str | os.PathLike[str], allow: Iterable[str] = (), key_variable: str | None = None
-) -> Planned:
-    """Read the file of an experiment; the scenario and the results are in its folder.
+) -> ExperimentFile:
+    """Read the file of an experiment; paths of the scenario and the results start from its folder.
 
     Args:
         path: the file.
@@ -42,8 +42,8 @@ def read_experiment(
         key_variable: see `scenario.load`.
 
     Raises:
-        ScenarioError: it is none; the message names the place and the nearest valid key.
-        OSError: it cannot be read.
+        ScenarioError: the file is not valid; the message names the place and the nearest valid key.
+        OSError: the file cannot be read.
     """
     file = as_path(path, "path")
     folder = file.absolute().parent
@@ -66,14 +66,14 @@ def read_experiment(
         workers = raw.get("workers")
         if workers is not None and (type(workers) is not int or workers < 1):
             raise ScenarioError("workers", f"is how many processes play, at least 1, not {shown(workers)}.")
-        return Planned(load(game, allow, key_variable=key_variable), seeds, vary, out, workers)
+        return ExperimentFile(load(game, allow, key_variable=key_variable), seeds, vary, out, workers)
 
 
 def seeds_of(given: Plain) -> list[int]:
     """Return seeds from a list, or from a text: "0:50", which is 0 to 49, or "1,2,5".
 
     Raises:
-        BadValue, BadType: it is neither.
+        BadValue, BadType: the value is neither.
     """
     if isinstance(given, list):
         return given

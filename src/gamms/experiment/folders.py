@@ -1,11 +1,11 @@
-"""What a run keeps in its folder: a journal of rows that survives a crash, a lock, and the files at the end.
+"""The files of a run: a journal of rows that survives a crash, a lock, the plan, and the final tables.
 
-`journal.jsonl` gets rows in the order in which games end; each line is written at once, and a torn last line is left
-out when the journal is read. `experiment.json` is the plan. `rows.jsonl`, `rows.csv` and `rows.parquet` are written
+`journal.jsonl` gets rows in the order in which games end; each line is written at once, and an incomplete last line is
+ignored when the journal is read. `experiment.json` is the plan. `rows.jsonl`, `rows.csv` and `rows.parquet` are written
 when all games are played, in the order of the plan.
 
-`pack` makes one file of a folder, a ZIP file whose bytes follow from what is in it. The file that `unpack` restores may
-come from a stranger: names, kinds, sizes and counts are checked before anything is written.
+`pack` writes a folder as one ZIP file; equal folders give equal bytes. Because the file that `unpack` restores may come
+from a stranger, names, kinds, sizes and counts are checked before anything is written.
 """
 
 import json
@@ -47,19 +47,19 @@ from gamms.text import printable_line, shown
 
 FORMAT = "gamms experiment 1"
 PLAN, JOURNAL = "experiment.json", "journal.jsonl"
-_SYNC_S = 0.5  # how often the disk is waited for
+_SYNC_S = 0.5  # seconds between calls of fsync
 _INT64 = 1 << 63
 _FIRST = ("id", "scenario", "gamms", "python", "numpy")
 _MIDDLE = ("seed", "reason", "winner", "truncated", "turns")
 
 
-class Identified(TypedDict):
+class RowWithId(TypedDict):
     """The column by which a journal finds rows."""
 
     id: str
 
 
-class _Named(Identified):
+class _RowColumns(RowWithId):
     """The columns that every row of an experiment has."""
 
     scenario: str
@@ -70,20 +70,20 @@ class _Named(Identified):
     error: str | None
 
 
-class _Played(_Named, total=False):
-    """The columns of a game that was played to its end."""
+class _FinishedRow(_RowColumns, total=False):
+    """The columns of a finished game."""
 
     turns: int
     truncated: bool
     reason: str
 
 
-ROW = (_Played, dict[str, Scalar])
-"""The types of a row of an experiment: columns that are known, and scalars in all of them."""
+ROW = (_FinishedRow, dict[str, Scalar])
+"""The types of a row of an experiment: known columns, and scalars in all columns."""
 
 
-class Plan(TypedDict):
-    """The plan of an experiment as its file has it."""
+class ExperimentPlan(TypedDict):
+    """The content of the file `experiment.json`."""
 
     format: Literal["gamms experiment 1"]
     scenario: dict[str, Any]
@@ -96,21 +96,21 @@ class Plan(TypedDict):
     versions: dict[str, str]
     rows: list[str]
     changes: NotRequired[list[dict[str, Any] | None]]
-    """What makes each variant of the scenario; None: a program gave functions for it."""
+    """Changes to the scenario for each variant; None: a program gave functions for the variant."""
 
 
 # -- the journal --------------------------------------------------------------------------------------------------
 
 
 class Journal:
-    """The rows of all games that were played for a folder, by id; new ones are appended.
+    """The rows of all games in a folder, by id; new rows are appended.
 
     Args:
-        folder: of the run; it is locked.
+        folder: the folder of the run, which is locked.
         kinds: the types that each row must have, for `gamms.folders.lines_in`.
 
     Raises:
-        BadFile: a line of it is no row.
+        BadFile: a line is not a row.
     """
 
     def __init__(self, folder: Path, *kinds: type[object]) -> None:
@@ -134,7 +134,7 @@ class Journal:
         self.rows |= {row["id"]: row for row in rows}
 
     def close(self) -> None:
-        """Close the file, when the disk has it."""
+        """Write the file to disk and close it."""
         if self._file is not None:
             with naming(self._path, self._path):
                 os.fsync(self._file.fileno())
@@ -142,12 +142,12 @@ class Journal:
 
 
 def rows_in(file: Path, *kinds: type[object]) -> dict[str, Row]:
-    """Return the rows of a journal by id; a torn last line counts as not there.
+    """Return the rows of a journal by id; ignore an incomplete last line.
 
     Raises:
-        BadFile: a line is no row.
+        BadFile: a line is not a row.
     """
-    return {row["id"]: row for row in lines_in(file, "a row", Identified, *kinds)}
+    return {row["id"]: row for row in lines_in(file, "a row", RowWithId, *kinds)}
 
 
 def refuse_incomplete(folder: Path, rows: Mapping[str, Row], ids: Iterable[str], keys: Sequence[str]) -> None:
@@ -172,14 +172,14 @@ def write_plan(folder: Path, plan: Mapping[str, Any]) -> None:
     write_whole(folder / PLAN, (json.dumps({**plan, "format": FORMAT}, indent=1) + "\n").encode())
 
 
-def read_plan(folder: Path) -> Plan:
+def read_plan(folder: Path) -> ExperimentPlan:
     """Read the plan of a run.
 
     Raises:
-        BadFile: there is none, or it is none.
+        BadFile: the plan is missing or not valid.
     """
     try:
-        return json_in(folder / PLAN, "the plan of an experiment", Plan)
+        return json_in(folder / PLAN, "the plan of an experiment", ExperimentPlan)
     except FileNotFoundError:
         raise BadFile(f"{str(folder)!r} is not the folder of an experiment: it has no {PLAN}.") from None
 
@@ -210,7 +210,7 @@ def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list
 
 
 def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
-    """Write columns of scalars; one of several kinds becomes texts."""
+    """Write columns of scalars to Parquet; a column of mixed types becomes texts."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -236,10 +236,10 @@ def _as_text(value: Scalar) -> str:
 
 
 def shard_of(given: object) -> tuple[int, int] | None:
-    """Return which part of how many, from `(3, 20)` or "3/20".
+    """Return (number, count) of a shard, from `(3, 20)` or "3/20".
 
     Raises:
-        BadValue: it is neither.
+        BadValue: the value is neither.
     """
     if given is None:
         return None
@@ -254,10 +254,10 @@ def shard_of(given: object) -> tuple[int, int] | None:
 
 
 def shard_folder(out: Path, shard: tuple[int, int] | None) -> Path:
-    """Return the folder in which a shard keeps its rows.
+    """Return the folder of a shard's rows.
 
     Raises:
-        BadFile: there is a link of its name.
+        BadFile: a link has this name.
     """
     if shard is None:
         return out
@@ -267,14 +267,14 @@ def shard_folder(out: Path, shard: tuple[int, int] | None) -> Path:
 
 
 def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]] | None = None) -> list[Path]:
-    """Put the rows of shards together into the files that one run would have written; return these.
+    """Merge the rows of shards into the files that a single run would have written; return these files.
 
     Args:
         out: the folder of the experiment, which gets the files.
-        folders: those of the shards; None: the folders `shard-…` in `out`.
+        folders: the folders of the shards; None: the folders `shard-…` in `out`.
 
     Raises:
-        BadFile, BadValue: there are none, they are of different experiments, or some of their games are missing.
+        BadFile, BadValue: there are no shards, they belong to different experiments, or some games are missing.
         WriteConflict: a run is writing into `out`.
     """
     into = as_path(out, "out")
@@ -310,7 +310,7 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
 
 
 def as_columns(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, Any]:
-    """Return rows as columns; numbers that are missing are NaN."""
+    """Return rows as columns; missing numbers are NaN."""
     table = table_of({name: [row.get(name) for row in rows] for name in columns_of(rows, varied)})
     return {name: _numbers(column) for name, column in table.items()}
 
@@ -329,21 +329,21 @@ def _numbers(column: Any) -> Any:
 
 # -- one file of a folder -----------------------------------------------------------------------------------------
 
-_TIME = (1980, 1, 1, 0, 0, 0)  # the first that the format knows
+_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time in the format
 _MODE = (stat.S_IFREG | 0o644) << 16
-_UNIX = 3  # the system that the attributes of files are of
+_UNIX = 3  # the system that defines the file attributes
 _KINDS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 1
 _CHUNK = 1 << 20
-_DEEPEST = 8  # folders in each other
-_LONGEST = 200  # bytes of a name, as all systems take them
+_DEEPEST = 8  # nested folders
+_LONGEST = 200  # bytes of a name that all systems accept
 _END, _END_SIZE = b"PK\x05\x06", 22
 _LARGE, _LARGE_SIZE = b"PK\x06\x07", 20  # before the end of a file of more than 4 GiB or 65,535 files
-_LEAST_ENTRY, _BYTES_PER_ENTRY = 46, 2_000  # in the table at the end of the file; of memory
+_LEAST_ENTRY, _BYTES_PER_ENTRY = 46, 2_000  # bytes in the table at the end of the file; bytes of memory
 
 
 def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
-    """Make one file of the folder of an experiment, and return how many files are in it.
+    """Pack the folder of an experiment into one file, and return the number of files in it.
 
     The same files make the same bytes: their times and owners are left out.
 
@@ -446,7 +446,7 @@ def _damage(file: Path) -> Iterator[None]:
 
 
 def _checked_end(stream: BinaryIO, file: Path) -> int:
-    """Return how many files a ZIP file has by its end, which says how large the table of them is before it is read.
+    """Return the number of files from the end of a ZIP file, after checking the size of its file table.
 
     Raises:
         BadFile: it is not the end of a ZIP file, or of a kind that `pack` does not write.
@@ -490,12 +490,12 @@ def _check(entries: list[zipfile.ZipInfo], file: Path) -> None:
 
 
 def _folded(place: PurePosixPath) -> str:
-    """Return what two names have in common that some systems take to be the same."""
+    """Return the key under which names are equal on some systems: without case, in normal form."""
     return normalize("NFC", normalize("NFC", place.as_posix()).casefold())
 
 
 def _fault(one: zipfile.ZipInfo) -> str | None:
-    """Return why an entry of a ZIP file is refused; None: it is not."""
+    """Return why an entry of a ZIP file is refused; None: it is accepted."""
     parts = one.orig_filename.split("/")
     if "" in parts or "." in parts or ".." in parts or len(parts) > _DEEPEST:
         return (

@@ -1,4 +1,4 @@
-"""What a worker does: games of one variant, as rows of plain values."""
+"""The work of a worker: play games of one variant, and return rows of plain values."""
 
 import json
 import pickle
@@ -18,11 +18,11 @@ from gamms.text import printable_line, reason, without_address
 Row = dict[str, Plain]
 Collect = Mapping[str, Callable[[Result], Any]]
 
-_FEW = 2  # games for which no batch is made
+_FEW = 2  # largest number of games that are played without a batch
 
 
-class Settings(NamedTuple):
-    """What all games of an experiment share."""
+class ExperimentSettings(NamedTuple):
+    """Settings shared by all games of an experiment."""
 
     scenario: Scenario
     collect: dict[str, Callable[[Result], Any]]
@@ -30,10 +30,10 @@ class Settings(NamedTuple):
 
 
 class Task(NamedTuple):
-    """Games of one variant, to be played in any process.
+    """Games of one variant, for any process.
 
     Attributes:
-        settings: pickled `Settings`.
+        settings: pickled `ExperimentSettings`.
         variant: a pickled `Variant`.
         seeds: of the games.
     """
@@ -43,28 +43,29 @@ class Task(NamedTuple):
     seeds: tuple[int, ...]
 
 
-class Played(NamedTuple):
-    """What came of a task: a row for each seed, and how long that took."""
+class FinishedTask(NamedTuple):
+    """The result of a task: a row for each seed, and the seconds that the task took."""
 
     rows: list[Row]
     seconds: float
 
 
-class Player:
+class VariantPlayer:
     """Plays the games of one variant."""
 
-    def __init__(self, settings: Settings, variant: Variant) -> None:
-        self._settings, self._strategies = settings, variant.strategies
+    def __init__(self, settings: ExperimentSettings, variant: Variant) -> None:
+        self._settings = settings
+        self._strategies = variant.strategies
         self._scenario = variant.of(settings.scenario)
-        self._is_for_arrays = True  # until a batch says that it is not
+        self._is_for_arrays = True  # until a batch reports the opposite
 
-    def play(self, seeds: Sequence[int]) -> Played:
-        """Play games; one that raises is a row with an error."""
+    def play(self, seeds: Sequence[int]) -> FinishedTask:
+        """Play games and return their rows; a game that raises becomes a row with an error."""
         begin = perf_counter()
         with allowing(self._settings.max_memory):
             rows = self._in_arrays(seeds) if self._is_for_arrays and len(seeds) >= _FEW else None
             rows = [self._alone(seed) for seed in seeds] if rows is None else rows
-        return Played(rows, perf_counter() - begin)
+        return FinishedTask(rows, perf_counter() - begin)
 
     def _alone(self, seed: int) -> Row:
         try:
@@ -73,7 +74,7 @@ class Player:
             return {"error": _error(error)}
 
     def _in_arrays(self, seeds: Sequence[int]) -> list[Row] | None:
-        """Return the rows of games that are played at once; None: they cannot be, or one of them has raised."""
+        """Return the rows of games played as a batch; None: they cannot be, or a game has raised."""
         try:
             with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
                 self._is_for_arrays = games.is_in_arrays
@@ -88,27 +89,27 @@ class Player:
             return None
 
 
-def play(task: Task) -> Played:
+def play(task: Task) -> FinishedTask:
     """Play the games of a task in a worker."""
     return _player(task.settings, task.variant).play(task.seeds)
 
 
 @lru_cache(maxsize=16)
-def _player(settings: bytes, variant: bytes) -> Player:
-    return Player(loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
+def _player(settings: bytes, variant: bytes) -> VariantPlayer:
+    return VariantPlayer(loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
 
 
 @lru_cache(maxsize=2)
 def loaded(settings: bytes) -> Any:
-    """Return pickled settings of many games; the map of their scenario is loaded once in a process."""
+    """Return unpickled settings; each process loads the map of their scenario once."""
     return pickle.loads(settings)  # noqa: S301 - our own
 
 
 def pickled(value: object, name: str) -> bytes:
-    """Return a value for other processes.
+    """Return a pickled value, for other processes.
 
     Raises:
-        BadValue: it cannot be pickled; the message names it.
+        BadValue: the value cannot be pickled; the message names it.
     """
     try:
         return pickle.dumps(value)
@@ -120,21 +121,21 @@ def pickled(value: object, name: str) -> bytes:
 
 
 def row_of(result: Result, collect: Collect) -> Row:
-    """Return the row of a game, with what functions of its result give."""
+    """Return the row of a game, with the values of the `collect` functions."""
     row = {name: _plain(value) for name, value in result.row().items()}
     row |= {f"collector.{name}": _plain(function(result)) for name, function in collect.items()}
     return {**row, "error": None}
 
 
 def _plain(value: object) -> Plain:
-    """Return a scalar as it is, anything else as JSON."""
+    """Return a scalar unchanged, and any other value as JSON."""
     value = as_json(to_plain(value))
     is_scalar = value is None or isinstance(value, (bool, int, float, str))
     return value if is_scalar else json.dumps(value, ensure_ascii=False)
 
 
 def _error(error: BaseException) -> str:
-    """Return in a line what a game has raised, the same in every process."""
+    """Return an error as one line that is the same in every process."""
     notes = getattr(error, "__notes__", ())
     cause = "" if error.__cause__ is None else f" ({type(error.__cause__).__name__}: {reason(error.__cause__)})"
     text = " ".join([f"{type(error).__name__}: {reason(error)}{cause}", *notes])

@@ -1,4 +1,4 @@
-"""What a run gives back: one row a game, as a table, and any of the games again."""
+"""The result of a run: a table with one row for each game; any game can be played again."""
 
 import hashlib
 import os
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _WINS = "wins."
 _VERSIONS = ("gamms", "python", "numpy")
-_METRICS = ("score.", "collector.")  # beginnings of columns that a summary has
+_METRICS = ("score.", "collector.")  # prefixes of columns in a summary
 _TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow."
 
 
@@ -62,9 +62,11 @@ class Rows(Sequence[Row]):
         variants: Sequence[Variant] = (),
         sample: tuple[Sequence[str], int] | None = None,
     ) -> None:
-        self._rows, self.keys = list(rows), tuple(keys)
-        self._scenario, self._variants = scenario, variants
-        self._sample = sample  # keys and n of one for Sobol indices
+        self._rows = list(rows)
+        self.keys = tuple(keys)
+        self._scenario = scenario
+        self._variants = variants
+        self._sample = sample  # keys and n of a sample for Sobol indices
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -78,11 +80,11 @@ class Rows(Sequence[Row]):
         return f"Rows({len(self)} games{varied}{f', {errors} with errors' if errors else ''})"
 
     def errors(self) -> list[Row]:
-        """Return the rows of games that have raised, or whose process has died."""
+        """Return the rows of games that raised, or whose process died."""
         return [row for row in self._rows if row["error"] is not None]
 
     def table(self) -> dict[str, Any]:
-        """Return all rows as a dict of columns; numbers that are missing are NaN."""
+        """Return all rows as a dict of columns; missing numbers are NaN."""
         return as_columns(self._rows, self.keys)
 
     def sha256(self) -> str:
@@ -107,7 +109,7 @@ class Rows(Sequence[Row]):
     # -- statistics -----------------------------------------------------------------------------------------------
 
     def metrics(self) -> list[str]:
-        """Return what `summary` shows: turns, scores, numbers that were collected, and `wins.<team>`."""
+        """Return the metrics of `summary`: turns, scores, collected numbers, and `wins.<team>`."""
         found = {
             name
             for row in self._rows
@@ -151,7 +153,7 @@ class Rows(Sequence[Row]):
         return Table.of(made, notes=[_TOO_NARROW] if is_few else [])
 
     def compare(self, metric: str, by: str, *, confidence: float = 0.95) -> Table:
-        """Compare all values of a key in pairs of games that have the same seed and all other settings in common.
+        """Compare all values of a key in pairs of games that share the seed and all other settings.
 
         Pairs of one seed count as one piece of evidence: their differences are averaged, and interval, effect and p
         are of the means of the seeds.
@@ -185,7 +187,7 @@ class Rows(Sequence[Row]):
         return Table.of(made, notes=[_TOO_NARROW] if is_few else [], least={"p": least})
 
     def _differences(self, metric: str, by: str) -> dict[tuple[Any, Any], dict[int, list[float]]]:
-        """Return the differences of pairs of games by seed, for each two values of a key."""
+        """Return the differences of paired games by seed, for each pair of values of a key."""
         name = self._as_metric(metric)
         as_known(by, "varied key", self.keys)
         others = [one for one in self.keys if one != by]
@@ -344,7 +346,7 @@ def _value(name: str, row: Row) -> float:
 
 
 def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
-    """Return the values of games by their seeds."""
+    """Return the values of games by seed."""
     found: dict[int, list[float]] = {}
     for row in rows:
         value = _value(name, row)
@@ -374,7 +376,7 @@ def power(
     power: float = 0.8,
     alpha: float = 0.05,
 ) -> int:
-    """Return how many seeds `rows.compare` needs to find a difference.
+    """Return the number of seeds that `rows.compare` needs to detect a difference.
 
     The normal approximation of the two-sided paired test with the correction of Guenther (The American Statistician
     35, 1981). Each seed is one pair, however many games it has.

@@ -1,4 +1,4 @@
-"""Runs an experiment: which games are played where, and what becomes of those that raise or kill their process."""
+"""Run an experiment: hand out its games, and repeat or report games that raise or kill their process."""
 
 import os
 import time
@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
-from gamms.experiment.executors import Here, executor_for
-from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play
+from gamms.experiment.executors import InProcessExecutor, executor_for
+from gamms.experiment.games import Collect, ExperimentSettings, FinishedTask, Row, Task, VariantPlayer, pickled, play
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
@@ -29,14 +29,14 @@ from gamms.text import printable_line, shown, without_address
 from gamms.versions import versions
 from gamms.workers import WorkerPool, cores, first_done, refuse_in_worker
 
-_BYTES = 3_000  # of a row
-_TASK_S = 2.0  # how long a task should take
-_MOST_GAMES = 1024  # of a task
-_PARTS = 8  # of a task in which a process has died
-_FIRST_GAMES = 4  # of the first tasks, of which it is not known how long games take
+_BYTES = 3_000  # bytes of a row
+_TASK_S = 2.0  # target duration of a task
+_MOST_GAMES = 1024  # games in a task
+_PARTS = 8  # number of parts into which a task is split after its process died
+_FIRST_GAMES = 4  # games in the first tasks, when their duration is unknown
 
 
-class _Plan(NamedTuple):
+class _GamePlan(NamedTuple):
     """All games of an experiment."""
 
     scenario: Scenario
@@ -44,10 +44,10 @@ class _Plan(NamedTuple):
     digests: list[str]
     seeds: list[int]
     collect: dict[str, Any]
-    sample: tuple[list[str], int] | None  # keys and n of one for Sobol indices
+    sample: tuple[list[str], int] | None  # keys and n of a sample for Sobol indices
 
     def ids(self) -> list[str]:
-        """Return the ids of all rows in their order."""
+        """Return the ids of all rows, in order."""
         names = list(self.collect)
         return [
             row_id(digest, variant.settings, names, seed)
@@ -59,7 +59,7 @@ class _Plan(NamedTuple):
         return list(self.variants[0].settings)
 
     def on_disk(self, ids: list[str]) -> dict[str, Any]:
-        """Return what a folder has of it."""
+        """Return the plan as plain values for its file."""
         return {
             "scenario": self.scenario.to_dict(),
             "keys": self.keys(),
@@ -88,31 +88,30 @@ def run(  # noqa: PLR0913 - each option is independent of the others
 ) -> Rows:
     """Play a game for each seed of each variant of a scenario, and return a row for each; see docs/experiments.md.
 
-    The rows are the same whatever plays them, in any order: this process, processes, a cluster, one by one or in
-    batches. A game that raises is a row with an error.
+    The rows do not depend on the executor, the order, or the use of batches. A game that raises becomes a row with an
+    error.
 
     Args:
         scenario: the scenario, or its file.
-        seeds: of the games of each variant.
-        vary: path in the scenario, such as `teams.red.count`, or `strategies.<team>` -> its values, of which all
-            combinations are played; a dict of values gives them names. Or a list of variants, each a dict of path ->
-            value, such as `sample` gives.
-        workers: in how many processes; None: in this one.
-        executor: plays instead: any executor of `concurrent.futures`, or "ray". `workers` is how many tasks it gets at
-            once.
-        out: a folder that keeps the rows. A run that was ended goes on there: games whose rows are there already are
-            not played.
-        shard: plays only a part of the games, `(3, 20)` or "3/20" for the third of 20; `merge` puts them together.
+        seeds: the seeds of the games of each variant.
+        vary: path in the scenario, such as `teams.red.count`, or `strategies.<team>` -> its values; all combinations
+            are played. A dict of values names them. Or a list of variants, each a dict of path -> value, such as
+            `sample` returns.
+        workers: the number of worker processes; None: play in this process.
+        executor: plays instead: any executor of `concurrent.futures`, or "ray". `workers` is the number of tasks that
+            it gets at once.
+        out: a folder that keeps the rows. An interrupted run continues there: games with a row are not played again.
+        shard: plays only a part of the games, `(3, 20)` or "3/20" for the third of 20; `merge` joins the parts.
         collect: name -> function of the result of a game, for the column `collector.<name>`.
-        progress: show how far it is on a line of stderr, where that is a terminal.
+        progress: show the progress on a line of stderr, if that is a terminal.
 
     Raises:
-        ScenarioError, UnknownName: a key of `vary` is misspelt, or a value cannot be there.
-        BadType, BadValue: an argument is not what it should be, or cannot be sent to other processes.
+        ScenarioError, UnknownName: a key of `vary` is misspelled, or a value is not allowed for its key.
+        BadType, BadValue: an argument has a wrong type or value, or cannot be sent to other processes.
         WriteConflict: another run is writing into `out`, or another version has written its rows.
     """
     refuse_in_worker()
-    plan = _planned(scenario, seeds, vary, collect)
+    plan = _make_plan(scenario, seeds, vary, collect)
     chosen, part = executor_for(executor, workers), folders.shard_of(shard)
     if part is not None and out is None:
         raise BadValue("A shard needs out, the folder in which merge finds its rows.")
@@ -145,16 +144,16 @@ def load(
     folder: str | os.PathLike[str] | None = None,
     allow: Iterable[str] = (),
 ) -> Rows:
-    """Return the rows that are in the folder of an experiment, also of one that has not ended.
+    """Return the rows in the folder of an experiment, even if it has not ended.
 
-    Reading them runs no code. To play a game again, the plan in the folder says how: it may name code, and only that of
-    GAMMS is used unless you allow more.
+    Reading the rows runs no code. Playing a game again follows the plan in the folder. The plan may name code, but only
+    code of GAMMS is used unless you allow more.
 
     Args:
         out: the folder.
-        scenario: the scenario of the experiment, where functions were varied; None: that of the plan.
-        vary: what was varied in this scenario.
-        folder: the folder of the code and maps that the plan names; None: none.
+        scenario: the scenario of the experiment, if functions were varied; None: that of the plan.
+        vary: the variations of this scenario.
+        folder: the folder of the code and maps that the plan names; None: no folder.
         allow: installed packages whose functions the plan may name.
 
     Raises:
@@ -186,7 +185,7 @@ def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
     return load_scenario(given)
 
 
-def _planned(scenario: object, seeds: Iterable[int], vary: Vary | None, collect: object) -> _Plan:
+def _make_plan(scenario: object, seeds: Iterable[int], vary: Vary | None, collect: object) -> _GamePlan:
     base = _as_scenario(scenario)  # type: ignore[arg-type] # which is checked there
     chosen = as_ids(seeds, "seeds")
     if not chosen or len(set(chosen)) < len(chosen):
@@ -201,11 +200,11 @@ def _planned(scenario: object, seeds: Iterable[int], vary: Vary | None, collect:
         as_function_of(function, f"{name!r} of collect", "a result")
     digests = [digest_of(variant.of(base)) for variant in variants]
     sample = (list(vary.keys), vary.n) if isinstance(vary, Sample) and vary.method == "sobol" else None
-    return _Plan(base, variants, digests, chosen, wanted, sample)
+    return _GamePlan(base, variants, digests, chosen, wanted, sample)
 
 
-class _Games(NamedTuple):
-    """Games of one variant that are to be played."""
+class _PendingGames(NamedTuple):
+    """Games of one variant that wait to be played."""
 
     variant: int
     seeds: tuple[int, ...]
@@ -215,20 +214,25 @@ class _Runner:
     """Hands out tasks and collects rows."""
 
     def __init__(
-        self, plan: _Plan, ids: list[str], executor: Executor, workers: int | None, journal: folders.Journal | None
+        self, plan: _GamePlan, ids: list[str], executor: Executor, workers: int | None, journal: folders.Journal | None
     ) -> None:
-        self._plan, self._ids, self._executor, self._workers = plan, ids, executor, workers
+        self._plan = plan
+        self._ids = ids
+        self._executor = executor
+        self._workers = workers
         self._journal = journal
         self.rows: dict[str, Row] = {} if journal is None else dict(journal.rows)
         self._refuse_other_versions()
-        self._settings, self._variants = self._packed()
-        self._queue: deque[_Games] = deque()
-        self._waiting: dict[Future[Played], tuple[_Games, bool]] = {}  # and whether it is in a process of its own
+        self._settings, self._variants = self._pickle_inputs()
+        self._queue: deque[_PendingGames] = deque()
+        self._waiting: dict[
+            Future[FinishedTask], tuple[_PendingGames, bool]
+        ] = {}  # games of each task, and whether the task runs in a process of its own
         self._alone: WorkerPool | None = None
         self._pools = ExitStack()
-        self._players: dict[int, Player] = {}  # of the variant that is played in this process
+        self._players: dict[int, VariantPlayer] = {}  # player of the variant that is played in this process
         self._places = {seed: place for place, seed in enumerate(plan.seeds)}
-        self._seconds: dict[int, float] = {}  # variant -> of a game of its last task
+        self._seconds: dict[int, float] = {}  # variant -> seconds per game in its last task
 
     def _refuse_other_versions(self) -> None:
         present = versions()
@@ -238,24 +242,24 @@ class _Runner:
                 old = printable_line(", ".join(f"{name} {row[name]}" for name in present if row[name] != present[name]))
                 raise WriteConflict(f"Games in this folder were played by {old}: choose another folder.")
 
-    def _packed(self) -> tuple[bytes, list[bytes]]:
-        """Pickle all that goes to workers, before anything starts; in this process nothing is needed of it."""
+    def _pickle_inputs(self) -> tuple[bytes, list[bytes]]:
+        """Pickle all data for workers before any of them starts; return nothing for this process."""
         plan = self._plan
-        if isinstance(self._executor, Here):
+        if isinstance(self._executor, InProcessExecutor):
             return b"", []
         for variant in plan.variants:
             for of, strategy in variant.strategies.items():
                 pickled(strategy, f"strategies.{of} of vary, {without_address(shown(strategy))},")
         for name, function in plan.collect.items():
             pickled(function, f"The function {name!r} of collect, {without_address(shown(function))},")
-        shared = pickled(Settings(plan.scenario, plan.collect, max_memory()), "The scenario")
+        shared = pickled(ExperimentSettings(plan.scenario, plan.collect, max_memory()), "The scenario")
         return shared, [pickled(variant, "A variant") for variant in plan.variants]
 
     # -- the games ------------------------------------------------------------------------------------------------
 
     def play(self, shard: tuple[int, int] | None, is_shown: bool) -> None:
         """Play all games of a shard that have no row yet."""
-        wanted = self._wanted(shard)
+        wanted = self._missing_games(shard)
         total, begin = sum(len(games.seeds) for games in wanted), time.monotonic()
         self._queue.extend(wanted)
         before = len(self.rows)
@@ -266,7 +270,7 @@ class _Runner:
                 if is_shown:
                     _show(show, len(self.rows) - before, total, time.monotonic() - begin)
 
-    def _wanted(self, shard: tuple[int, int] | None) -> list[_Games]:
+    def _missing_games(self, shard: tuple[int, int] | None) -> list[_PendingGames]:
         number, count = shard or (1, 1)
         known, found = set(self.rows), []
         seeds = self._plan.seeds
@@ -275,11 +279,11 @@ class _Runner:
             new = [place for place in places if place % count == number - 1 and self._ids[place] not in known]
             known |= {self._ids[place] for place in new}
             if new:
-                found.append(_Games(variant, tuple(seeds[place - places.start] for place in new)))
+                found.append(_PendingGames(variant, tuple(seeds[place - places.start] for place in new)))
         return found
 
     def _hand_out(self) -> None:
-        slots = 1 if isinstance(self._executor, Here) else 2 * (self._workers or cores())
+        slots = 1 if isinstance(self._executor, InProcessExecutor) else 2 * (self._workers or cores())
         while self._queue and len(self._waiting) < slots:
             games = self._queue.popleft()
             per_game = self._seconds.get(games.variant)
@@ -290,19 +294,19 @@ class _Runner:
                 games = games._replace(seeds=games.seeds[:size])
             self._submit(games)
 
-    def _submit(self, games: _Games) -> None:
+    def _submit(self, games: _PendingGames) -> None:
         try:
-            future = self._asked(self._executor, games)
-        except BrokenExecutor:  # one of the caller's, whose workers have died
+            future = self._submit_to(self._executor, games)
+        except BrokenExecutor:  # the workers of the caller's executor have died
             self._executor = self._own_pool()
-            future = self._asked(self._executor, games)
+            future = self._submit_to(self._executor, games)
         self._waiting[future] = games, False
 
-    def _asked(self, executor: Executor, games: _Games) -> Future[Played]:
-        if isinstance(executor, Here):
+    def _submit_to(self, executor: Executor, games: _PendingGames) -> Future[FinishedTask]:
+        if isinstance(executor, InProcessExecutor):
             if games.variant not in self._players:
-                settings = Settings(self._plan.scenario, self._plan.collect, max_memory())
-                self._players = {games.variant: Player(settings, self._plan.variants[games.variant])}
+                settings = ExperimentSettings(self._plan.scenario, self._plan.collect, max_memory())
+                self._players = {games.variant: VariantPlayer(settings, self._plan.variants[games.variant])}
             return executor.submit(self._players[games.variant].play, games.seeds)
         return executor.submit(play, Task(self._settings, self._variants[games.variant], games.seeds))
 
@@ -312,7 +316,7 @@ class _Runner:
         return pool
 
     def _collect(self) -> None:
-        """Note what has been played; play again what a process has died of."""
+        """Store the rows of finished tasks; play games again whose process died."""
         for future in first_done(self._waiting):
             games, is_alone = self._waiting.pop(future)
             try:
@@ -323,8 +327,8 @@ class _Runner:
                 self._seconds[games.variant] = played.seconds / len(games.seeds)
                 self._note(games, played.rows)
 
-    def _play_again(self, games: _Games, why: str, *, is_alone: bool) -> None:
-        """Play games whose process has died in smaller parts, then each in a process of its own, then not again."""
+    def _play_again(self, games: _PendingGames, why: str, *, is_alone: bool) -> None:
+        """Play games whose process died in smaller parts, then each in its own process, then give up."""
         if is_alone:
             self._note(games, [{"error": f"WorkerDied: {why}"}])
         elif len(games.seeds) > _PARTS:
@@ -334,9 +338,9 @@ class _Runner:
                 self._alone = self._own_pool(is_fresh=True)
             for seed in games.seeds:
                 one = games._replace(seeds=(seed,))
-                self._waiting[self._asked(self._alone, one)] = one, True
+                self._waiting[self._submit_to(self._alone, one)] = one, True
 
-    def _note(self, games: _Games, played: list[Row]) -> None:
+    def _note(self, games: _PendingGames, played: list[Row]) -> None:
         plan, rows = self._plan, []
         first = games.variant * len(plan.seeds)
         variant = plan.variants[games.variant]

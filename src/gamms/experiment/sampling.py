@@ -1,4 +1,4 @@
-"""Samples of a space of settings: at random, evenly spread, or as Sobol indices need them."""
+"""Samples of a space of settings: random, evenly spread, or for Sobol indices."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from gamms.text import shown
 
 Range = Sequence[Any] | Mapping[str, float]
 METHODS = ("sobol", "latin", "random")
-_BYTES = 2_000  # of a point
+_BYTES = 2_000  # bytes of a point
 
 
 class Sample(Sequence[dict[str, Plain]]):
@@ -45,13 +45,13 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
     Args:
         space: path in the scenario -> its range, `(low, high)` or `{"min": low, "max": high}`, both ends included, of
             integers if both are; or a list of values.
-        n: how many points; with "sobol" a power of two, which gives n * (keys + 2) points.
+        n: the number of points; with "sobol" a power of two, which gives n * (keys + 2) points.
         method: "sobol" is the design of Saltelli et al. 2010, for `Rows.indices`; "latin" is a Latin hypercube, which
             spreads n points evenly along each key; "random" draws n points independently.
-        seed: of the points.
+        seed: the seed of the points.
 
     Raises:
-        BadType, BadValue: a range is none, or n is no power of two.
+        BadType, BadValue: a range is not valid, or n is not a power of two.
         MissingExtra: SciPy is not installed, which "sobol" and "latin" need.
     """
     given = as_mapping(space, "space")
@@ -75,7 +75,7 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
 
 
 def _saltelli(unit: FloatArray, size: int) -> list[FloatArray]:
-    """Return the points A, B, and for each key A with that key of B."""
+    """Return the point sets A, B, and for each key A with that key taken from B."""
     first, second = unit[:, :size], unit[:, size:]
     mixed = []
     for key in range(size):

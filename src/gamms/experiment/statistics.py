@@ -18,11 +18,11 @@ from gamms.ir.graph import FloatArray, IntArray
 
 _RESAMPLES = 2_000
 _PERMUTATIONS = 9_999
-LEAST_P = 2.0 / (_PERMUTATIONS + 1)  # of a test that draws signs: the true p may be smaller
-FEW_SEEDS = 30  # below, bootstrap intervals of means are too narrow
-_MOST_OF_BCA = 1_000  # values; it takes the square of their number
+LEAST_P = 2.0 / (_PERMUTATIONS + 1)  # smallest p of a test with random signs; the true p may be smaller
+FEW_SEEDS = 30  # with fewer seeds, bootstrap intervals of means are too narrow
+_MOST_OF_BCA = 1_000  # values; the method needs memory for the square of their number
 _SEED = 20
-_CELLS = 1 << 22  # of an array of resamples
+_CELLS = 1 << 22  # elements of an array of resamples
 
 
 class Interval(NamedTuple):
@@ -52,7 +52,7 @@ class Paired(NamedTuple):
 
 
 def mean_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> Interval:
-    """Return the mean and its bootstrap interval: bias-corrected and accelerated, of more than 1,000 values percentile.
+    """Return the mean and its BCa bootstrap interval; for more than 1,000 values, the percentile interval.
 
     Equal values say nothing about their spread, so the ends of their interval are NaN. Intervals of fewer than
     `FEW_SEEDS` values are too narrow.
@@ -96,7 +96,7 @@ def rate_interval(successes: float, trials: float, confidence: float = 0.95) -> 
 
 
 def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float = 0.95) -> Interval:
-    """Return the mean of the rates of seeds and its score interval, for the effective number of games.
+    """Return the mean of the rates of seeds and its score interval, by the effective number of games.
 
     That number is rate * (1 - rate) / variance of the mean over seeds: with one game a seed the number of games,
     with equal games in each seed the number of seeds. It never exceeds the number of games. Where all games are won,
@@ -124,7 +124,7 @@ def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float
 
 
 def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> Paired:
-    """Compare two series by the differences of their pairs.
+    """Compare two paired series by the differences of their pairs.
 
     The interval is that of `mean_interval`; d_z is of Cohen, Statistical Power Analysis, 1988, 2.3.5; p is that of the
     permutation test that draws the signs (Fisher, The Design of Experiments, 1935, section 21), exact for at most 13
@@ -154,7 +154,7 @@ def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) 
 
 
 def seeds_needed(spread: float, difference: float, power: float, alpha: float) -> int:
-    """Return how many pairs a two-sided paired test needs.
+    """Return the number of pairs that a two-sided paired test needs.
 
     The normal approximation with the correction for an estimated standard deviation (Guenther, The American
     Statistician 35, 1981): ((z_alpha + z_power) * spread / difference)^2 + z_alpha^2 / 2. It is at least the number

@@ -1,4 +1,4 @@
-"""How statistics are shown: tables of columns that print and that LaTeX sets, and plots with matplotlib."""
+"""Tables of statistics, printed or as LaTeX, and plots with matplotlib."""
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
@@ -26,7 +26,7 @@ _SPECIAL = {
 
 
 class Table(dict[str, Any]):
-    """Columns of equal length; `print` shows them, and `latex` sets them.
+    """Columns of equal length; `print` shows them, and `latex` returns them as a LaTeX table.
 
     Attributes:
         notes: sentences that are printed below the columns.
@@ -92,7 +92,7 @@ class Table(dict[str, Any]):
         return "\n".join(chain.from_iterable(parts))
 
     def _cells(self, kind: str, digits: str) -> list[list[str]]:
-        """Return the rows as texts; floats of a format."""
+        """Return the rows as texts; floats are formatted."""
         columns = []
         for name, column in self.items():
             least = self.least.get(name)
@@ -116,7 +116,7 @@ def _escaped(text: str) -> str:
     return "".join(_SPECIAL.get(one, one) for one in text)
 
 
-_APART = 0.12  # of the places of categories, between series
+_APART = 0.12  # offset between series of a category
 
 
 def plot(
@@ -147,7 +147,7 @@ def plot(
     is_number = all(isinstance(at, (int, float)) and not isinstance(at, bool) for at in places)
     for number, (name, points) in enumerate(series.items()):
         ordered = sorted(points, key=lambda point: point[0]) if is_number else points
-        aside = _APART * (number - (len(series) - 1) / 2)  # series beside each other, where x has categories
+        aside = _APART * (number - (len(series) - 1) / 2)  # series side by side, if x has categories
         at = [one if is_number else places.index(one) + aside for one, _ in ordered]
         means = np.array([interval for _, interval in ordered], float)  # (points, 3)
         errors = np.abs(means[:, [1, 2]].T - means[:, 0])

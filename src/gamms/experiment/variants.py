@@ -1,4 +1,4 @@
-"""The variants of a scenario that an experiment plays: what differs in them, and how rows name it."""
+"""The variants of a scenario in an experiment: their settings, and the names of these in rows."""
 
 import hashlib
 import json
@@ -18,18 +18,18 @@ from gamms.text import as_code, shown, without_address
 Function = Callable[..., Any]
 Vary = Mapping[str, Sequence[Any] | Mapping[str, Any]] | Sequence[Mapping[str, Any]]
 
-_BYTES = 2_000  # of a variant, and of a row
-_OPEN = ("data", "facts")  # parts of a scenario that may have any keys
+_BYTES = 2_000  # bytes of a variant, and of a row
+_OPEN = ("data", "facts")  # parts of a scenario that accept any keys
 _ROW = ("id", "scenario", "seed", "reason", "winner", "truncated", "turns", "error", "gamms", "python", "numpy")
 
 
 class Variant(NamedTuple):
-    """One variant.
+    """One variant of a scenario.
 
     Attributes:
-        settings: varied key -> what rows say of its value.
-        changes: what `Scenario.replace` takes.
-        strategies: by team or agent, what `Scenario.play` takes.
+        settings: varied key -> the name of its value in rows.
+        changes: the arguments of `Scenario.replace`.
+        strategies: by team or agent, the argument of `Scenario.play`.
     """
 
     settings: dict[str, Plain]
@@ -42,11 +42,11 @@ class Variant(NamedTuple):
 
 
 def variants_of(scenario: Scenario, vary: Vary | None) -> list[Variant]:
-    """Return the variants of a grid, or of a list of settings; each can be made of the scenario.
+    """Return the variants of a grid, or of a list of settings, after checking each with the scenario.
 
     Raises:
-        BadType, BadValue: this is neither, or two values of a key would have one name in the rows.
-        ScenarioError, UnknownName: a key is misspelt, or a value cannot be there.
+        BadType, BadValue: `vary` is neither, or two values of a key would have one name in the rows.
+        ScenarioError, UnknownName: a key is misspelled, or a value is not allowed for its key.
     """
     if vary is None:
         points: list[dict[str, tuple[Plain, Any]]] = [{}]
@@ -73,23 +73,23 @@ def _of_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]]:
     for point in given:
         if list(point) != known:
             raise BadValue(f"All variants have the same keys, {', '.join(known)}; one has {', '.join(point)}.")
-    names = {key: _Names(key) for key in known}
+    names = {key: _ValueNames(key) for key in known}
     return [{key: (names[key].of(value), value) for key, value in point.items()} for point in given]
 
 
 def _named(key: str, values: object) -> list[tuple[Plain, Any]]:
-    """Return the values of a key with what rows say of them: a dict gives their names."""
+    """Return the values of a key with their names in rows; a dict gives the names."""
     if isinstance(values, Mapping):
         return [(_name_of(name), value) for name, value in values.items()]
-    names = _Names(key)
+    names = _ValueNames(key)
     found = [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
     if len({(type(name), name) for name, _ in found}) < len(found):
         raise BadValue(f"A value of {shown(key)} in vary is there twice: {shown(values)}.")
     return found
 
 
-class _Names:
-    """What rows say of the values of a key; two values never have one name."""
+class _ValueNames:
+    """Names in rows for the values of a key; different functions must have different names."""
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -107,7 +107,7 @@ class _Names:
 
 
 def _name_of(value: Any) -> Plain:
-    """Return what rows say of a value: numbers and texts themselves, code by its name, anything else as JSON."""
+    """Return the name of a value in rows: a number or text itself, the name of code, or JSON."""
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # a scalar of NumPy
         value = value.item()
     if value is None or isinstance(value, (bool, int, float, str)):
@@ -133,12 +133,12 @@ def _variant(scenario: Scenario, point: Mapping[Any, tuple[Plain, Any]]) -> Vari
         else:
             _check_open(scenario, key)
             found.changes[key] = value
-    found.of(scenario)  # which finds what is misspelt
+    found.of(scenario)  # checks the spelling of keys
     return found
 
 
 def _check_open(scenario: Scenario, key: str) -> None:
-    """Refuse a new key where a scenario may have any: it is misspelt."""
+    """Refuse a new key in a part that accepts any keys: it is probably misspelled."""
     part, _, name = key.partition(".")
     known = scenario.to_dict().get(part) or {} if part in _OPEN else {}
     first = name.partition(".")[0]
@@ -148,7 +148,7 @@ def _check_open(scenario: Scenario, key: str) -> None:
 
 
 def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> None:
-    """Let a team or an agent play by a strategy: a function, a reference to code, or None for that of the scenario."""
+    """Set the strategy of a team or agent: a function, a reference to code, or None for the scenario's own."""
     by_team = members(scenario.spec)
     agents = {member.name: member for team in by_team.values() for member in team}
     if of not in by_team and of not in agents:
@@ -172,7 +172,7 @@ def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> 
 
 
 def digest_of(scenario: Scenario) -> str:
-    """Return the SHA-256 of all that a game follows from besides its seed and the version of GAMMS, in hexadecimal.
+    """Return the SHA-256 of everything that determines a game except seed and GAMMS version, in hexadecimal.
 
     These are the parts of the scenario, the strategies that it names, and the files of the code that it names.
     """

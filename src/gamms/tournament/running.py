@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
 from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
-from gamms.experiment.executors import Here, executor_for
+from gamms.experiment.executors import InProcessExecutor, executor_for
 from gamms.experiment.folders import JOURNAL, Journal, rows_in
 from gamms.experiment.variants import digest_of, row_id
 from gamms.folders import json_in, locked, refuse_link, without_link, write_whole
@@ -338,13 +338,13 @@ class _Runner:
         self._settings = pickle.dumps(settings)
         self._executor = executor
         self._journal = journal
-        self._slots = 1 if isinstance(executor, Here) else 2 * (workers or cores())
+        self._slots = 1 if isinstance(executor, InProcessExecutor) else 2 * (workers or cores())
         self._spare: WorkerPool | None = None
         self._workers = workers or cores()
 
     def tried(self, entries: Sequence[Entry], sides: tuple[str, str], seed: int) -> dict[str, TrialResult]:
         """Return the trial of each entry, by its name."""
-        keeps = isinstance(self._executor, Here | WorkerPool)
+        keeps = isinstance(self._executor, InProcessExecutor | WorkerPool)
         futures = {
             one.name: self._submit(partial(trial, self._settings, one, sides, seed, keeps_launchers=keeps))
             for one in entries
@@ -390,7 +390,7 @@ class _Runner:
             new = [one for one in some if one.id not in self._journal.rows]
             for first in range(0, len(new), _GAMES_OF_A_TASK):
                 games = tuple(new[first : first + _GAMES_OF_A_TASK])
-                yield Task(self._settings, pair, games, isinstance(self._executor, Here | WorkerPool))
+                yield Task(self._settings, pair, games, isinstance(self._executor, InProcessExecutor | WorkerPool))
 
     def _submit(self, function: Callable[[], T]) -> Future[T]:
         try:
