@@ -12,8 +12,8 @@ import pytest
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning import mcts
-from gamms.planning.mcts import _Node, _seen, _Trials
-from gamms.planning.pace import Pace
+from gamms.planning.mcts import _PairedTrials, _seen, _TreeNode
+from gamms.planning.pace import SearchPace
 from gamms.scenario import Scenario, load
 from gamms.sensor import SensorType
 from gamms.strategies import stay
@@ -135,7 +135,7 @@ def test_what_another_action_brings_is_compared_in_the_same_world(line):
 
 
 def test_of_actions_that_bring_as_much_the_one_that_was_tried_less_is_tried_next():
-    trials = _Trials(4)
+    trials = _PairedTrials(4)
     assert [trials.next() for action in (1, 2, 3) for _ in [trials.note(action, 1.0)]] == [2, 3, 1]
     for action in (1, 1, 2):
         trials.note(action, 1.0)
@@ -146,7 +146,7 @@ def test_of_actions_that_bring_as_much_the_one_that_was_tried_less_is_tried_next
 
 
 def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
-    node = _Node()
+    node = _TreeNode()
     node.offer(["a", "b", "c"])
     node.weights = [0.0, 12.0, -3.0]
     shares = [exp(0.2 / 3 * gain) for gain in node.weights]
@@ -164,16 +164,16 @@ def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
     ],
 )
 def test_what_exp3_has_tried_most_is_done_most(counts, chance, action):
-    node = _Node()
+    node = _TreeNode()
     node.offer(["a", "b", "c"])
     node.counts = list(counts)
-    assert node.mixed(chance) == action
+    assert node.draw_by_trials(chance) == action
 
 
 def test_what_was_never_tried_is_done_as_often():
-    node = _Node()
+    node = _TreeNode()
     node.offer(["a", "b", "c"])
-    assert [node.mixed(chance) for chance in (0.1, 0.5, 0.9)] == [0, 1, 2]
+    assert [node.draw_by_trials(chance) for chance in (0.1, 0.5, 0.9)] == [0, 1, 2]
 
 
 def test_agents_try_their_actions_one_after_another(tag):
@@ -327,7 +327,7 @@ def test_garbage_is_not_collected_while_a_decision_has_a_limit(tag, options):
 
 
 def test_a_search_without_time_follows_the_policies_only_if_all_its_agents_have_one():
-    pace, game = Pace(), object()
+    pace, game = SearchPace(), object()
     pace.follow(game, {"ann": gamms.strategies.stay, "bob": gamms.strategies.stay})
     assert pace.knows({"ann": {"fork": game}})
     assert not pace.knows({"ann": {"fork": game}, "cat": {"fork": game}})
@@ -370,7 +370,7 @@ def test_it_plays_the_scenarios_that_come_with_gamms(name):
         ({"depth": 0}, BadValue, "depth"),
         ({"selection": "ucb"}, BadValue, "Did you mean 'uct'"),
         ({"discount": 1.5}, BadValue, "discount"),
-        ({"rollout": "chaise"}, BadValue, "rollout='chaise' is no strategy"),
+        ({"rollout": "chaise"}, BadValue, "rollout='chaise' is not a strategy"),
         ({"opponents": {"blue": 3}}, BadType, "opponents is a strategy"),
         ({"value": "closness"}, BadType, "value is a function of the model"),
         ({"value": 3}, BadType, "value is a function of the model"),

@@ -411,7 +411,7 @@ def test_a_model_needs_the_state_of_a_game(line):
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"opponents": "gamms.strategies:flea"}, BadValue, "no strategy of GAMMS"),
+        ({"opponents": "gamms.strategies:flea"}, BadValue, "is not a strategy of GAMMS"),
         ({"opponents": {"green": walk}}, UnknownName, "team in opponents=.*blue"),
         ({"rollout": 3}, BadType, "rollout is a strategy"),
         ({"sampel": None}, UnknownName, "Did you mean 'sample'"),

@@ -1,4 +1,4 @@
-"""Planning: agents that play their game ahead, as far as they know it, before they decide.
+"""Planning: agents that simulate their game ahead, from their own knowledge, before they decide.
 
     strategy = gamms.planning.mcts(200, depth=15, rollout="gamms.strategies:chase")
 
@@ -8,10 +8,10 @@
         model.play(10, {state["name"]: state["legal"][-1]})
         ...
 
-`model.py` has the game that is played ahead; read it first. `hidden.py` draws where agents are that are out of sight,
-`mcts.py` searches, `pace.py` says for how long. A client of the game, beliefs and scenarios: May import: `scenario`,
-`strategies`, `belief` and below. To add a planner write a strategy, or a plan of a team, that makes a `Model` of what
-it gets.
+`model.py` has the simulated game; read it first. `hidden.py` samples the positions of agents that are out of sight,
+`mcts.py` searches, and `pace.py` limits the time of a search. A client of the game, beliefs and scenarios: May import:
+`scenario`, `strategies`, `belief` and below. To add a planner write a strategy, or a plan of a team, that makes a
+`Model` from its state.
 """
 
 from gamms.planning.mcts import SearchOptions, mcts
@@ -20,4 +20,4 @@ from gamms.planning.model import Model, ModelOptions, Policy, closeness
 __all__ = ["Model", "ModelOptions", "Policy", "SearchOptions", "closeness", "mcts"]
 
 FOR_SCENARIOS = {"closeness": closeness, "mcts": mcts}
-"""What scenario files may name."""
+"""Names that scenario files may use."""

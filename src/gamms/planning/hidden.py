@@ -1,4 +1,4 @@
-"""Where agents are that are out of sight: drawn by what the agents that plan, and their team, have seen."""
+"""Sample the positions of agents that are out of sight, from the observations of the planning agents and their team."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,22 +12,24 @@ from gamms.typing import AgentType, IAgent
 from gamms.typing.game import State
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
-_MOST_STEPS = 50  # of a teammate that was not seen for long; more change little
+_MOST_STEPS = 50  # steps of a teammate that was not seen for long; more change little
 
 
-class Hidden:
-    """What agents know of where the others are, and worlds in which that is so.
+class HiddenPositions:
+    """The planning agents' knowledge of other agents' positions, and samples of worlds that fit it.
 
-    They remember what they see, as `gamms.belief.observe` does; teammates as well, and where they are themselves.
+    The agents remember their observations, as `gamms.belief.observe` does; also those of teammates and their own
+    positions.
 
     Args:
-        ctx: of the copy of the game in which the others are placed.
-        states: of the agents, by name.
-        motion: how agents of other teams move.
+        ctx: the context of the copy of the game in which the others are placed.
+        states: the states of the planning agents, by name.
+        motion: the motion model of other teams.
     """
 
     def __init__(self, ctx: Context, states: Mapping[str, State], motion: belief.Motion) -> None:
-        self._ctx, self._states = ctx, states
+        self._ctx = ctx
+        self._states = states
         others = [one for name, one in sorted(ctx.agent.agents.items()) if name not in states and one.alive]
         self._flying = {one.name: one for one in others if one.type is AgentType.AERIAL}
         walking = [one for one in others if one.name not in self._flying]
@@ -47,34 +49,36 @@ class Hidden:
         memory = belief.merge(*(part for parts in both for part in parts))
         now: Any = {"memory": memory, **{key: one for key, one in next(iter(states.values())).items() if key == "turn"}}
         known = belief.believed(ctx, now)
-        self._turn, self._last_seen = known.turn, known.last_seen
+        self._turn = known.turn
+        self._last_seen = known.last_seen
         names = [one.name for one in self._enemies]
         self._chances = np.cumsum(known.probabilities(names, motion), axis=1) if names else np.zeros((0, 1))
         self._node_ids = ctx.graph.columns().node_ids
 
     def place(self) -> dict[str, int]:
-        """Put all others somewhere where they can be; return the nodes of those on the ground.
+        """Place all other agents at sampled positions; return the nodes of those on the ground.
 
-        What is drawn follows from the seed of the context and the name of each agent.
+        The seed of the context and the name of each agent determine the sample.
         """
-        ctx, places = self._ctx, dict[str, int]()
+        ctx = self._ctx
+        places = dict[str, int]()
         key = kernels.purpose_key(ctx.seed, "hidden places")
         for enemy, chances in zip(self._enemies, self._chances, strict=True):
             chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(enemy.name), 0))
-            places[enemy.name] = int(self._node_ids[_drawn(chances, chance)])
+            places[enemy.name] = int(self._node_ids[_draw_index(chances, chance)])
         for mate in self._mates:
-            places[mate.name] = self._walked(mate, key)
+            places[mate.name] = self._random_walk(mate, key)
         for name, node in places.items():
             agent: Any = ctx.agent.get_agent(name)
             agent.current_node_id = agent.prev_node_id = node
         for name, flyer in self._flying.items():
             if name in self._seen_in_air:
-                for _ in range(2):  # so that its position before is the same
+                for _ in range(2):  # so that its previous position is the same
                     flyer.position = self._seen_in_air[name]
         return places
 
-    def _walked(self, mate: IAgent, key: int) -> int:
-        """Return where a teammate is after a random walk from where it was known to be; unknown, anywhere."""
+    def _random_walk(self, mate: IAgent, key: int) -> int:
+        """Return the node of a teammate after a random walk from its last known node; if unknown, any node."""
         seen = self._last_seen.get(mate.name)
         name = kernels.name_key(mate.name)
         if seen is None or not self._ctx.graph.graph.has_node(seen.node):
@@ -86,7 +90,7 @@ class Hidden:
         return int(node)
 
     def _observe(self) -> None:
-        """Remember what the agents see now; one that decides by itself tells its team, for which a plan knows all."""
+        """Store what the agents observe now; an agent that decides alone also shares it with its team."""
         is_alone = len(self._states) == 1
         mates = {one.name for one in self._mates}
         for name, state in self._states.items():
@@ -99,6 +103,6 @@ class Hidden:
                 belief.note(self._ctx, state, mate, int(node), share=is_alone)
 
 
-def _drawn(sums: FloatArray, chance: float) -> int:
-    """Return which of some numbers is drawn, by their sums so far."""
+def _draw_index(sums: FloatArray, chance: float) -> int:
+    """Return the index drawn from weights, given their cumulative sums and a number from 0 to 1."""
     return min(int(np.searchsorted(sums, chance * sums[-1], side="right")), len(sums) - 1)

@@ -1,4 +1,4 @@
-"""Search for agents that decide at once: Monte Carlo tree search in worlds that fit what they know."""
+"""Monte Carlo tree search for agents that decide simultaneously, in sampled worlds that fit their knowledge."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
@@ -11,7 +11,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.limits import GarbagePause
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
-from gamms.planning.pace import Pace, Timer
+from gamms.planning.pace import SearchPace, SearchTimer
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown, shown_as_called
@@ -24,37 +24,40 @@ Value = Callable[[Model], float]
 Key = tuple[Any, ...]
 
 _ITERATIONS = 200
-_EXPLORATION = 0.7  # how much UCT is for actions that it does not know yet; gains are from 0 to 1
-_TRIED = 2  # how often an agent does something else than its policy, in each world
-_EXPLORED = 0.2  # the share of moves that Exp3 makes at random
+_EXPLORATION = 0.7  # weight of exploration in UCT; gains are scaled to 0 to 1
+_TRIED = 2  # alternative actions that an agent tries in each world
+_EXPLORED = 0.2  # share of actions that Exp3 chooses uniformly at random
 
 
 class SearchOptions(ModelOptions, total=False):
-    """Further keywords of `mcts`; and those of a `Model`."""
+    """Further keywords of `mcts`, in addition to those of a `Model`."""
 
     selection: Literal["uct", "exp3"]
-    """How actions are chosen. Default: "uct", and at the end the one that was better than the policy by most. "exp3"
-    draws one by how often each was tried, for games in which opponents must not foresee it."""
+    """How actions are chosen. Default: "uct", which finally takes the action with the largest gain over the policy.
+    "exp3" draws an action in proportion to its number of trials, for games in which opponents must not foresee it.
+    """
     actions: Callable[[State], Sequence[Action]]
-    """The actions that are searched: a function of the state. Default: `state["legal"]`, nodes."""
+    """The actions to search: a function of the state. Default: `state["legal"]`, nodes."""
     confidence: float
-    """By how many standard errors another action has to be better than that of the rollout policy. Default: 1; for the
-    random walk 0."""
+    """By how many standard errors another action must be better than the rollout policy's.
+
+    Default: 1; for the random walk 0.
+    """
     discount: float
-    """What a point is worth that is made a turn later, from 0 to 1. Default: 0.98."""
+    """The weight of a point that is scored one turn later, from 0 to 1. Default: 0.98."""
     seed: int
-    """Of all draws. Default: 0."""
+    """The seed of all draws. Default: 0."""
 
 
 class _Settings(NamedTuple):
-    """The arguments of `mcts`, checked."""
+    """The checked arguments of `mcts`."""
 
     iterations: float
     seconds: float
     depth: int
     rollout: Policy | Mapping[Any, Policy]
     opponents: Policy | Mapping[Any, Policy]
-    are_searched: bool  # the opponents
+    are_searched: bool  # whether opponents search as well
     value: Value | None
     is_uct: bool
     actions: Callable[[State], Sequence[Action]]
@@ -75,42 +78,44 @@ def mcts(
     value: str | Value | None = None,
     **options: Unpack[SearchOptions],
 ) -> Callable[[States], None]:
-    """Make a strategy, or a plan of a team, that searches for actions by playing the game ahead.
+    """Make a strategy, or a plan of a team, that searches for actions by simulating the game.
 
-    In each iteration it samples a world of a `Model`, and plays `depth` turns in it. Each agent of the team has a tree
-    of its own, whose nodes are what it has done and seen, and chooses at once with the others by UCT or Exp3, on its
-    own gains: decoupled search for simultaneous moves (Tak, Lanctot, Winands: Monte Carlo tree search variants for
-    simultaneous move games, CIG 2014; Lanctot, Lisy, Winands: Monte Carlo tree search in simultaneous move games with
-    applications to Goofspiel, 2014), with trees of information sets (Cowling, Powley, Whitehouse: Information set Monte
-    Carlo tree search, 2012). Behind its tree an agent follows the rollout policy. At a node that was visited n times it
-    chooses among sqrt(n) actions, first that of the policy (progressive widening; Coulom: Computing Elo ratings of move
-    patterns in the game of Go, 2007).
+    Each iteration samples a world of a `Model`, and plays `depth` turns in it. Each agent of the team has its own tree;
+    a node stands for the actions and observations of the agent. All agents choose simultaneously by UCT or Exp3, on
+    their own gains: decoupled search for simultaneous moves (Tak, Lanctot, Winands: Monte Carlo tree search variants
+    for simultaneous move games, CIG 2014; Lanctot, Lisy, Winands: Monte Carlo tree search in simultaneous move games
+    with applications to Goofspiel, 2014), with trees of information sets (Cowling, Powley, Whitehouse: Information set
+    Monte Carlo tree search, 2012). Below its tree an agent follows the rollout policy. At a node with n visits it
+    chooses among sqrt(n) actions, the policy's action first (progressive widening; Coulom: Computing Elo ratings of
+    move patterns in the game of Go, 2007).
 
-    What agents do now they try one after another, in turn with the policy and in the same worlds, so that draws and
-    hidden places are equal where two actions are compared (Tesauro, Galperin: On-line policy improvement using Monte
-    Carlo search, NIPS 1996), while the others do what was found for them so far (Bertsekas: Multiagent reinforcement
-    learning: rollout and policy iteration, 2021). With Exp3 all try at once.
+    For the current turn, the agents try their actions one agent after another. Each alternative action is compared with
+    the policy's action in the same worlds, so that draws and hidden positions are equal in both (Tesauro, Galperin:
+    On-line policy improvement using Monte Carlo search, NIPS 1996). Meanwhile the others take the best actions found so
+    far (Bertsekas: Multiagent reinforcement learning: rollout and policy iteration, 2021). With Exp3 all agents try
+    their actions at once.
 
-    The gain of an iteration is by how much the lead of the team grows (`Model.lead`), later points for less, and what
-    `value` says at its end.
+    The gain of an iteration is the growth of the team's lead (`Model.lead`), with later points discounted, plus the
+    `value` at its end.
 
-    For iterations alone, the same seed gives the same actions; for seconds, how far it comes depends on the machine.
-    Nothing is begun that would end late, by how long turns have taken so far, also in the decisions before.
+    With a limit on iterations alone, the same seed gives the same actions; with a limit on seconds, the result depends
+    on the machine. The search starts no step that would end late, judging by the duration of earlier steps, including
+    those of earlier decisions.
 
     Args:
-        iterations: how many; None: 200, or as many as there are seconds for.
-        seconds: how long a decision may take; None: as long as it takes.
-        depth: how many turns are played ahead.
-        rollout: the policy of the own team behind its trees, and of teammates that decide by themselves.
-        opponents: the policy of the others; "search": they search as well, for what is worst for the team, and go at
-            random behind their trees.
-        value: what the model at the end of an iteration is worth to the team besides its points, such as
-            `gamms.planning.closeness`; None: nothing.
+        iterations: the number of iterations; None: 200, or as many as fit into `seconds`.
+        seconds: the time for a decision; None: no limit.
+        depth: the number of turns of an iteration.
+        rollout: the policy of the own team below its trees, and of teammates that decide by themselves.
+        opponents: the policy of the others; "search": they search as well, for the worst outcome for the team, and move
+            at random below their trees.
+        value: the value of the model at the end of an iteration for the team, besides its points, such as
+            `gamms.planning.closeness`; None: 0.
         options: see `SearchOptions`.
 
     Raises:
         BadType, BadValue: an argument is impossible.
-        UnknownName (KeyError): there is no such option.
+        UnknownName (KeyError): an option does not exist.
     """
     checked_options(options, SearchOptions)
     rest: dict[str, Any] = {name: one for name, one in options.items() if name in ModelOptions.__annotations__}
@@ -152,18 +157,18 @@ def mcts(
         options=cast("ModelOptions", rest),
     )
 
-    return _searching(settings)
+    return _strategy_of(settings)
 
 
-def _searching(settings: _Settings) -> Callable[[States], None]:
-    """Return the strategy, or plan, of checked settings."""
-    pace, limit = Pace(), settings.seconds
+def _strategy_of(settings: _Settings) -> Callable[[States], None]:
+    """Return the strategy, or plan, for checked settings."""
+    pace, limit = SearchPace(), settings.seconds
 
     def mcts(states: States) -> None:
-        # NOTE: a collection of garbage takes 50 to 80 ms on the map of a suburb: with a limit it waits until the
-        # decision was made. Nothing may be made behind this block, or the collection would begin here.
+        # NOTE: garbage collection takes 50 to 80 ms on the map of a suburb: with a time limit, it waits until the
+        # decision is made. Nothing may be allocated after this block, or the collection would begin here.
         with GarbagePause(is_wanted=limit < inf):
-            given, timer = states_of(states), Timer(limit, pace)
+            given, timer = states_of(states), SearchTimer(limit, pace)
             if not pace.has_followed(given, limit):
                 _Search(settings, pace, timer, given).decide()
 
@@ -186,21 +191,21 @@ def _searching(settings: _Settings) -> Callable[[States], None]:
 
 
 def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAgent) -> Strategy:
-    """Return what an agent does in the game itself where there is no time for a search."""
+    """Return the strategy that an agent follows in the game if there is no time for a search."""
     if isinstance(rollout, Mapping) and agent.team not in rollout:
         raise UnknownName("team in rollout=", agent.team, rollout)
     function = as_policy(rollout[agent.team] if isinstance(rollout, Mapping) else rollout, "rollout")
     return cast("Strategy", strategy_in(ctx, function))
 
 
-def _warm_up(ctx: Context, first: IAgent, settings: _Settings, pace: Pace, *, is_plan: bool) -> None:
-    """Search twice in a fork before the first decision: its time is not for loading libraries and making tables."""
+def _warm_up(ctx: Context, first: IAgent, settings: _Settings, pace: SearchPace, *, is_plan: bool) -> None:
+    """Search twice in a fork before the first decision, to load libraries and make tables ahead of it."""
     game = ctx.game.fork(0)
     game.configure({"plans": {}, "max_turns": None, "deadline_s": None, "time_budget": None})
     once = settings._replace(iterations=1, seconds=inf)
 
     def look(states: States) -> None:
-        _Search(once, pace, Timer(inf, pace), states_of(states)).decide()
+        _Search(once, pace, SearchTimer(inf, pace), states_of(states)).decide()
 
     for agent in game.ctx.agent.create_iter():
         agent.register_strategy(random_walk)
@@ -215,48 +220,49 @@ def _legal(state: State) -> Sequence[Action]:
     return state["legal"]
 
 
-class _Range:
-    """The gains of a search so far, by which others are from 0 to 1."""
+class _GainRange:
+    """The range of gains in a search so far, used to scale gains to 0 to 1."""
 
     def __init__(self) -> None:
         self._least, self._most = inf, -inf
 
     def add(self, gain: float) -> None:
-        """Take in a gain."""
-        self._least, self._most = min(self._least, gain), max(self._most, gain)
+        """Extend the range by a gain."""
+        self._least = min(self._least, gain)
+        self._most = max(self._most, gain)
 
     def share(self, gain: float) -> float:
-        """Return where between the least and the most a gain is."""
+        """Return the position of a gain in the range, from 0 to 1."""
         return (gain - self._least) / (self._most - self._least) if self._most > self._least else 0.5
 
 
-class _Node:
-    """What an agent knows at some point of an iteration, and what came of its actions there.
+class _TreeNode:
+    """The knowledge of an agent at a point of an iteration, and the results of its actions there.
 
     Attributes:
-        actions: what it may do; None: no iteration came so far.
-        counts, totals: how often it did each, and the gains that this brought.
-        weights: of Exp3.
-        children: (action, what it saw then) -> the node behind.
+        actions: the actions of the agent; None: not visited yet.
+        counts, totals: the number of trials and the sum of gains of each action.
+        weights: the weights of Exp3.
+        children: (action, observation after it) -> the next node.
     """
 
     __slots__ = ("actions", "children", "counts", "totals", "weights")
 
     def __init__(self) -> None:
         self.actions: Sequence[Action] | None = None
-        self.children: dict[Key, _Node] = {}
+        self.children: dict[Key, _TreeNode] = {}
         self.counts: list[int] = []
         self.totals: list[float] = []
         self.weights: list[float] = []
 
     def offer(self, actions: Sequence[Action]) -> None:
-        """Set what the agent may do, in the order in which it is tried."""
+        """Set the actions of the agent, in the order in which it tries them."""
         self.actions = actions
         self.counts = [0] * len(actions)
         self.totals, self.weights = ([0.0] * len(actions) for _ in range(2))
 
-    def by_uct(self, known: _Range, draw: Draws) -> int:
-        """Return the action with the highest upper bound, of several any; of n visits, the first sqrt(n) are open."""
+    def by_uct(self, known: _GainRange, draw: Draws) -> int:
+        """Return the action with the highest upper bound, ties at random, among the first sqrt(n) after n visits."""
         tries = sum(self.counts)
         among = range(min(len(self.counts), max(1, isqrt(tries))))
         if not self.counts[among[-1]]:
@@ -270,21 +276,21 @@ class _Node:
         return draw.choice([action for action, bound in enumerate(bounds) if bound == highest])
 
     def chances(self) -> list[float]:
-        """Return how probably Exp3 chooses each action."""
+        """Return the probabilities with which Exp3 chooses each action."""
         highest, number = max(self.weights), len(self.weights)
         shares = [exp(_EXPLORED / number * (weight - highest)) for weight in self.weights]
         total = sum(shares)
         return [(1.0 - _EXPLORED) * share / total + _EXPLORED / number for share in shares]
 
-    def mixed(self, chance: float) -> int:
-        """Return an action by how often each was tried, but for what Exp3 tries in any case."""
+    def draw_by_trials(self, chance: float) -> int:
+        """Return an action drawn in proportion to its trials, without the share that Exp3 explores at random."""
         number, tries = len(self.counts), sum(self.counts)
         shares = [max(0.0, one - tries * _EXPLORED / number) for one in self.counts]
-        return _drawn(shares if any(shares) else [1.0] * number, chance)
+        return _draw_index(shares if any(shares) else [1.0] * number, chance)
 
 
-def _drawn(shares: Sequence[float], chance: float) -> int:
-    """Return which of some shares a number from 0 to 1 falls into."""
+def _draw_index(shares: Sequence[float], chance: float) -> int:
+    """Return the index drawn from weights by a number from 0 to 1."""
     left = chance * sum(shares)
     for number, share in enumerate(shares):
         left -= share
@@ -293,11 +299,11 @@ def _drawn(shares: Sequence[float], chance: float) -> int:
     return max(number for number, share in enumerate(shares) if share)
 
 
-class _Trials:
-    """How much more each action of an agent brings than that of its policy, in the same worlds.
+class _PairedTrials:
+    """The gains of each action over the policy's action, in the same worlds.
 
     Args:
-        actions: how many; the first is that of the policy.
+        actions: the number of actions; the first is the policy's.
     """
 
     def __init__(self, actions: int) -> None:
@@ -306,13 +312,13 @@ class _Trials:
         self._squares = 0.0
 
     def note(self, action: int, gain: float) -> None:
-        """Note by how much more an action has brought in a world."""
+        """Add the gain of an action over the policy's action in a world."""
         self.counts[action] += 1
         self._totals[action] += gain
         self._squares += gain * gain
 
     def next(self) -> int:
-        """Return the action with the highest upper bound but the first; those that were not tried come first."""
+        """Return the action other than the first with the highest upper bound; untried actions come first."""
         rest = range(1, len(self.counts))
         untried = [action for action in rest if not self.counts[action]]
         if untried:
@@ -322,10 +328,10 @@ class _Trials:
         return max(rest, key=lambda one: self._mean(one) + spread * explore / sqrt(self.counts[one]))
 
     def best(self, confidence: float) -> int:
-        """Return the action with the highest lower bound of its mean, or the first, if no other is surely better.
+        """Return the action with the highest lower bound of its mean, or the first if no other is clearly better.
 
         Args:
-            confidence: by how many standard errors another has to be better than the first.
+            confidence: by how many standard errors another action has to be better than the first.
         """
         tries = sum(self.counts)
         spread, best, most = sqrt(self._squares / max(tries, 1)), 0, 0.0
@@ -339,36 +345,39 @@ class _Trials:
         return self._totals[action] / max(self.counts[action], 1)
 
 
-class _Walker:
+class _TreeWalker:
     """An agent in one iteration, on its way down its tree.
 
     Args:
-        search: its settings, and the gains so far.
-        roots: what it knows at first -> the root of its tree; of an agent that decides, its only root under ().
-        policy: what it does behind its tree.
-        first: the action that it begins with, of an agent that tries others one by one.
-        is_own: whether it decides.
+        search: the search, with its settings and the gains so far.
+        roots: initial observation -> root of the tree; an agent that decides has a single root under ().
+        policy: the policy of the agent below its tree.
+        first: the first action of an agent whose actions are tried one by one.
+        is_own: whether the agent is one that decides.
     """
 
     def __init__(
-        self, search: "_Search", roots: dict[Key, _Node], policy: Strategy, *, first: int | None, is_own: bool
+        self, search: "_Search", roots: dict[Key, _TreeNode], policy: Strategy, *, first: int | None, is_own: bool
     ) -> None:
-        self._search, self._branch, self._policy = search, roots, policy
-        self._first, self._is_own = first, is_own
-        self._action: int | None = None  # that it did last; None: it is at the root
-        self._has_left = False  # whether it is behind its tree
-        self.visits: list[tuple[int, _Node, int, float]] = []  # turn, node, action and how probable that was
+        self._search = search
+        self._branch = roots
+        self._policy = policy
+        self._first = first
+        self._is_own = is_own
+        self._action: int | None = None  # its last action; None: it is at the root
+        self._has_left = False  # whether it is below its tree
+        self.visits: list[tuple[int, _TreeNode, int, float]] = []  # turn, node, action and the action's probability
 
     def __call__(self, state: State) -> Action | None:
-        """Return its action in the tree; None behind it."""
+        """Return the agent's action in the tree; None below it."""
         if self._has_left:
             return None
         key = () if self._is_own and self._action is None else (self._action, *_seen(state))
         node = self._branch.get(key)
         settings = self._search.settings
         if node is None:
-            self._has_left = self._action is not None  # one node is added in an iteration, and the root for nothing
-            node = self._branch[key] = _Node()
+            self._has_left = self._action is not None  # an iteration adds one node, besides the root
+            node = self._branch[key] = _TreeNode()
             if self._has_left:
                 return None
         if node.actions is None:
@@ -383,14 +392,14 @@ class _Walker:
             action = node.by_uct(self._search.known, state["draw"])
         else:
             chances = node.chances()
-            action = _drawn(chances, state["draw"].random())
+            action = _draw_index(chances, state["draw"].random())
             chance = chances[action]
         self.visits.append((self._search.turn, node, action, chance))
         self._branch, self._action = node.children, action
         return node.actions[action]
 
     def _in_order(self, state: State) -> list[Action]:
-        """Return the actions to search, first what the policy says, and the others by lot."""
+        """Return the actions to search: the policy's first, the others in random order."""
         rest, draw = list(self._search.settings.actions(state)), state["draw"]
         actions = [rest.pop(draw.below(len(rest))) for _ in range(len(rest))]
         self._policy(state)
@@ -398,10 +407,10 @@ class _Walker:
 
 
 def _options(settings: _Settings, state: State) -> list[Action]:
-    """Return the actions to search, of which there has to be one.
+    """Return the actions to search.
 
     Raises:
-        BadType, BadValue: there is none.
+        BadType, BadValue: there are no actions.
     """
     actions = as_items(settings.actions(state), "What actions(state) returns", "actions")
     if actions:
@@ -416,7 +425,7 @@ def _options(settings: _Settings, state: State) -> list[Action]:
 
 
 def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Action]:
-    """Return the actions to search, first what the policy says."""
+    """Return the actions to search, the policy's first."""
     ordered = list(actions)
     if first in ordered:
         ordered.remove(first)
@@ -425,7 +434,7 @@ def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Actio
 
 
 def _seen(state: State) -> Key:
-    """Return what an agent sees of others, and where it is itself."""
+    """Return what an agent observes of others, and its own position."""
     seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in ON_GROUND]
     return (state["curr_pos"], *(pair for pairs in seen for pair in pairs))
 
@@ -434,38 +443,40 @@ class _Search:
     """A search for the actions of one turn.
 
     Args:
-        settings: of the strategy.
-        pace: of the decisions before.
-        timer: begun when it was called.
-        states: what the strategy or plan was given.
+        settings: the settings of the strategy.
+        pace: the duration of steps in earlier decisions.
+        timer: started when the strategy was called.
+        states: the argument of the strategy or plan.
 
     Attributes:
         settings: as given.
-        known: the gains so far.
-        turn: of the iteration under way, from 0.
+        known: the range of gains so far.
+        turn: the turn of the current iteration, from 0.
     """
 
-    def __init__(self, settings: _Settings, pace: Pace, timer: Timer, states: Mapping[str, State]) -> None:
-        self.settings, self.known, self.turn = settings, _Range(), 0
+    def __init__(self, settings: _Settings, pace: SearchPace, timer: SearchTimer, states: Mapping[str, State]) -> None:
+        self.settings = settings
+        self.known = _GainRange()
+        self.turn = 0
         self._timer = timer
         self._model = Model(
             states, seed=settings.seed, rollout=settings.rollout, opponents=settings.opponents, **settings.options
         )
-        self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
+        self._own: dict[str, dict[Key, _TreeNode]] = {name: {} for name in self._model.states}
         self._actions: dict[str, list[Action]] = {}
-        self._has_searched: dict[str, bool] = {}  # of agents that have more than one action
+        self._has_searched: dict[str, bool] = {}  # for agents with more than one action
         preferred = self._model.decide()
         for name, state in self._model.states.items():
             actions = _options(settings, state)
             self._actions[name] = _policy_first(actions, preferred[name])
-            self._own[name][()] = root = _Node()
+            self._own[name][()] = root = _TreeNode()
             root.offer(self._actions[name])
         if not pace.knows(states := self._model.states):
             pace.follow(next(iter(states.values()))["fork"], self._model.policies)
         agents = self._model.ctx.agent.agents.items()
         others = [(name, one.team) for name, one in agents if name not in self._own]
         rivals = [name for name, team in others if team is None or team != self._model.team]
-        self._others: dict[str, dict[Key, _Node]] = {name: {} for name in rivals if settings.are_searched}
+        self._others: dict[str, dict[Key, _TreeNode]] = {name: {} for name in rivals if settings.are_searched}
 
     def decide(self) -> None:
         """Set the actions of all agents."""
@@ -476,7 +487,7 @@ class _Search:
             self._model.states[name]["action"] = self._actions[name][action]
 
     def _at_once(self) -> dict[str, int]:
-        """Return the actions of all agents, who try theirs at once and as often as they will do them."""
+        """Return the actions of all agents, drawn in proportion to trials in which all agents chose at once."""
         for number in count():
             if number >= self.settings.iterations or self._iterate(number, {}) is None:
                 break
@@ -485,16 +496,16 @@ class _Search:
             key = kernels.purpose_key(self.settings.seed, "mcts", state["turn"])
             chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0))
             root = self._own[name][()]
-            found[name] = root.mixed(chance) if any(root.counts) else 0
+            found[name] = root.draw_by_trials(chance) if any(root.counts) else 0
             if len(root.counts) > 1:
                 self._has_searched[name] = any(root.counts)
         return found
 
     def _one_by_one(self) -> dict[str, int]:
-        """Return the actions of all agents: one after another tries its own, as the others will do what they do.
+        """Return the actions of all agents, searched for one agent after another.
 
-        In each world all first do what was found so far, for an agent that has not tried anything what its policy
-        says; then the agent does something else, twice. What counts is the difference.
+        In each world all agents first take the best actions found so far, which for agents not yet searched are the
+        policy's. Then the agent takes another action instead, twice. The difference of the gains counts.
         """
         names, found = list(self._model.states), dict.fromkeys(self._model.states, 0)
         begin = next(iter(self._model.states.values()))["turn"] % len(names)
@@ -510,7 +521,7 @@ class _Search:
             return known[key]
 
         for number, name in enumerate(names[begin:] + names[:begin], 1):
-            trials = _Trials(len(self._actions[name]))
+            trials = _PairedTrials(len(self._actions[name]))
             if len(trials.counts) == 1:
                 continue
             for world in count():
@@ -530,23 +541,26 @@ class _Search:
         return found
 
     def _iterate(self, number: int, first: Mapping[str, int]) -> float | None:
-        """Play ahead once, and note and return what came of it; None, and note nothing, if there is no time for it.
+        """Play one iteration, and store and return its gain; if there is no time for it, store nothing and return None.
 
         Args:
-            number: of the world.
-            first: agent -> which of its actions it begins with; an agent that is not in it chooses.
+            number: the number of the world.
+            first: agent -> number of its first action; agents that are missing choose by themselves.
         """
-        model, rewards, timer = self._model, list[float](), self._timer
+        model = self._model
+        rewards = list[float]()
+        timer = self._timer
         if not timer.fits("world"):
             return None
         model.sample(number)
         policies = model.policies
         walkers = {
-            name: _Walker(self, roots, policies[name], first=first.get(name), is_own=True)
+            name: _TreeWalker(self, roots, policies[name], first=first.get(name), is_own=True)
             for name, roots in self._own.items()
         }
         walkers |= {
-            name: _Walker(self, roots, policies[name], first=None, is_own=False) for name, roots in self._others.items()
+            name: _TreeWalker(self, roots, policies[name], first=None, is_own=False)
+            for name, roots in self._others.items()
         }
         lead = model.lead()
         for turn in range(self.settings.depth):

@@ -1,4 +1,4 @@
-"""The game as agents know it, to play ahead in: `Model`."""
+"""`Model`: the game as some agents know it, for simulating it ahead."""
 
 from collections.abc import Callable, Mapping
 from inspect import iscoroutinefunction
@@ -12,7 +12,7 @@ from gamms.core.copies import copied
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
-from gamms.planning.hidden import Hidden
+from gamms.planning.hidden import HiddenPositions
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown
@@ -21,10 +21,11 @@ from gamms.typing.game import Action, State, Strategy
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 Policy = str | Callable[..., Any]
-"""What agents do in a model: a strategy, what makes one from the context, or the name of one, such as
-"gamms.strategies:chase"."""
+"""The policy of agents in a model: a strategy, a factory that makes one from the context, or the name of one, such as
+"gamms.strategies:chase".
+"""
 Choice = Callable[[State], Action | None]
-"""Chooses an action; None: by the policy of the agent."""
+"""Chooses an action; None: follow the policy of the agent."""
 States = State | Mapping[str, State]
 
 
@@ -32,42 +33,43 @@ class ModelOptions(TypedDict, total=False):
     """Keywords of a `Model`, and of planners that make one."""
 
     information: Literal["private", "full"]
-    """"full": of the game as it is, where `ctx.game.information` allows that. Default: "private"."""
+    """"full": start from the true state of the game, if `ctx.game.information` allows it. Default: "private"."""
     sample: Callable[[Context, Any], object] | None
-    """Sets what else no agent of the team knows, in each world: called with the context of the model, in which agents
-    have been placed, and a NumPy generator. Default: None, all else is as at the start."""
+    """Sets further unknown state in each world; called with the model's context and a NumPy generator, after agents
+    have been placed. Default: None, unknown state is as at the start.
+    """
     motion: belief.Motion
-    """How agents of other teams move until they are seen again. Default: `belief.random_walk()`."""
+    """The motion of other teams' agents until they are seen again. Default: `belief.random_walk()`."""
 
 
 class Model:
-    """A game that agents play ahead while they decide: what they know of it, and random numbers of its own.
+    """A copy of the game that agents simulate while they decide, with only their knowledge and its own random numbers.
 
-    It has many worlds, one for each number: in each, agents that are out of sight are somewhere where they can be by
-    what these agents and their team have seen, and all draws follow from the seed, the turn and the number. What is not
-    known and not drawn is as at the start of the game; docs/planning.md lists it.
+    It has many worlds, numbered from 0. In each world, agents that are out of sight are at positions that fit the
+    observations of these agents and their team, and all draws depend on the seed, the turn and the number. Unknown
+    state that is not sampled is as at the start of the game; docs/planning.md lists it.
 
         model = Model(state, opponents="gamms.strategies:flee")
         model.sample(3)
         model.play(10, {"ann": 17})
 
     Args:
-        state: what the strategy gets; a plan gives the dict of its states.
-        seed: of all that is drawn.
-        rollout: the policy of the own team, or of several teams: team -> policy.
-        opponents: that of all others, likewise.
+        state: the argument of a strategy; or of a plan, a dict of states.
+        seed: the seed of all draws.
+        rollout: the policy of the own team; or for several teams, team -> policy.
+        opponents: the policy of all others, or team -> policy.
         options: see `ModelOptions`.
 
     Attributes:
         names: the agents that decide.
         team: their team.
-        policies: agent -> what it does by itself.
-        game: the game that is played ahead: `game.scores`, `game.turn`, `game.over`, `game.ctx`.
+        policies: agent -> its policy.
+        game: the simulated game: `game.scores`, `game.turn`, `game.over`, `game.ctx`.
 
     Raises:
-        MissingKey (KeyError): the state is not of `ctx.game`.
+        MissingKey (KeyError): the state does not come from `ctx.game`.
         BadType, BadValue: an argument is impossible, or the game does not allow full information.
-        UnknownName (KeyError): there is no such option, strategy, team or agent.
+        UnknownName (KeyError): an option, strategy, team or agent does not exist.
     """
 
     def __init__(
@@ -98,28 +100,28 @@ class Model:
         self._actions: Mapping[str, Action | Choice] = {}
         self.policies: Mapping[str, Strategy] = self._policies({"rollout": rollout, "opponents": opponents}, fork.own)
         for agent in self.ctx.agent.create_iter():
-            agent.register_strategy(self._steered(agent.name, self.policies[agent.name]))
+            agent.register_strategy(self._steer(agent.name, self.policies[agent.name]))
         motion = options.get("motion", belief.random_walk())
-        self._hidden = None if information == "full" else Hidden(self.ctx, self.states, motion)
+        self._hidden = None if information == "full" else HiddenPositions(self.ctx, self.states, motion)
         self._now = self.game.snapshot()
         self.sample(0)
 
     @property
     def ctx(self) -> Context:
-        """The context of the game that is played ahead."""
+        """The context of the simulated game."""
         ctx: Context = self.game.ctx
         return ctx
 
     @property
     def is_over(self) -> bool:
-        """Whether the game that is played ahead has ended."""
+        """Whether the simulated game has ended."""
         return self.game.is_over
 
     def sample(self, number: int) -> None:
-        """Return to where the agents decide, in the world of a number: the same whenever it is sampled.
+        """Go back to the moment of the decision, in the world of this number, which is the same each time.
 
         Raises:
-            BadType, BadValue: the number is not one from 0.
+            BadType, BadValue: the number is not an integer from 0.
         """
         game, which = self.game, as_count(number, "number of a world", 0)
         game.restore(self._now)
@@ -134,8 +136,8 @@ class Model:
         """Play some turns, or to the end of the game.
 
         Args:
-            turns: how many.
-            actions: what agents do in the first of them; all else follows the policies.
+            turns: the number of turns.
+            actions: agents' actions in the first turn; other agents and turns follow the policies.
 
         Raises:
             UnknownName (KeyError): an action is for an unknown agent.
@@ -149,9 +151,9 @@ class Model:
                 return
 
     def decide(self) -> dict[str, Action | None]:
-        """Return what the policies of the agents that decide say in the game, and note in the model what they remember.
+        """Return the actions of the deciding agents' policies in the game, and copy their memories into the model.
 
-        They are asked with the states of the game, where they remember the same. The model goes to world 0.
+        The policies get the states of the game, so their memories there change. The model goes to world 0.
         """
         self.sample(0)
         for name, state in self.states.items():
@@ -166,9 +168,9 @@ class Model:
         return {name: state.get("action") for name, state in self.states.items()}
 
     def lead(self) -> float:
-        """Return by how many points the own team leads, before the team that has most besides; an end counts 1.
+        """Return the lead in points of the own team over the best other team; the result of an ended game adds a point.
 
-        The team that has won has a point more, the others one less; in a tie there is none.
+        The winner gets an extra point and every other team loses one; a tie changes nothing.
         """
         scores, over = self.game.scores, self.game.over
         others = [scores[team] for team in self.ctx.agent.teams if team != self.team]
@@ -178,8 +180,8 @@ class Model:
 
     # -- policies -------------------------------------------------------------------------------------------------
 
-    def _steered(self, name: str, policy: Strategy) -> Strategy:
-        """Return a strategy that does what `play` was given, else what a policy says."""
+    def _steer(self, name: str, policy: Strategy) -> Strategy:
+        """Return a strategy that takes the action given to `play`, or else follows a policy."""
 
         def strategy(state: State) -> None:
             action = self._actions.get(name)
@@ -195,7 +197,7 @@ class Model:
     def _policies(
         self, given: Mapping[str, Policy | Mapping[Any, Policy]], own: Callable[[Any], Any]
     ) -> dict[str, Strategy]:
-        """Return what each agent does that is given no action."""
+        """Return the policy of each agent, for turns without a given action."""
         made: dict[tuple[str, Any], Strategy] = {}
         found = {}
         for name, agent in self.ctx.agent.agents.items():
@@ -209,12 +211,12 @@ class Model:
                 if isinstance(policies, Mapping):
                     as_known(agent.team, f"team in {argument}=", policies)
                     policy = policies[agent.team]
-                made[key] = self._made(policy, argument, own)
+                made[key] = self._make(policy, argument, own)
             found[name] = made[key]
         return found
 
-    def _made(self, policy: Policy, argument: str, own: Callable[[Any], Any]) -> Strategy:
-        """Return the strategy that a policy is, or makes, in this game."""
+    def _make(self, policy: Policy, argument: str, own: Callable[[Any], Any]) -> Strategy:
+        """Return the strategy that a policy names or makes, in this game."""
         function = as_policy(policy, argument)
         return cast("Strategy", strategy_in(self.ctx, function if isinstance(policy, str) else own(function)))
 
@@ -223,12 +225,12 @@ def as_policy(policy: object, argument: str) -> Callable[..., Any]:
     """Return the function that a policy is, or names.
 
     Raises:
-        BadType, BadValue: it is none.
+        BadType, BadValue: the value is not a policy.
     """
     function: Any = offered_function(policy, "gamms.strategies") if isinstance(policy, str) else policy
     if function is None:
         raise BadValue(
-            f"{argument}={shown(policy)} is no strategy of GAMMS, such as 'gamms.strategies:chase'. To use one of your "
+            f"{argument}={shown(policy)} is not a strategy of GAMMS, such as 'gamms.strategies:chase'. To use your "
             "own, give the function; in a scenario file {function: …}."
         )
     if not callable(function) or iscoroutinefunction(function):
@@ -237,11 +239,12 @@ def as_policy(policy: object, argument: str) -> Callable[..., Any]:
 
 
 def closeness(model: Model) -> float:
-    """Say how near a team of a model is to its opponents, by road: a `value` for those that pursue.
+    """Return how near a model's team is to its opponents, by road: a `value` for pursuers.
 
-    Each living opponent counts from 0, where it is, to -1, where no way leads to it: metres / (metres + the diagonal of
-    the map), from the nearest living agent of the team. One that no sensor of the team shows in the last turn counts
-    -1: it has yet to be found. Where the team has no sensor that shows agents, all are known.
+    Each living opponent counts from 0, if it is caught up with, to -1, if no road leads to it: -d / (d + the diagonal
+    of the map), with the road distance d from the nearest living agent of the team. An opponent that no sensor of the
+    team shows in the last turn counts -1: the team still has to find it. If the team has no sensor that shows agents,
+    all opponents are known.
     """
     agents, graph = model.ctx.agent, model.ctx.graph
     living = [one for one in agents.create_iter() if one.alive]
@@ -261,10 +264,10 @@ def closeness(model: Model) -> float:
 
 
 def states_of(given: States) -> dict[str, State]:
-    """Return the states that a plan was given, or that of a strategy, by the names of the agents.
+    """Return the states in the argument of a plan or strategy, by the names of the agents.
 
     Raises:
-        MissingKey (KeyError): they are not of `ctx.game`.
+        MissingKey (KeyError): they do not come from `ctx.game`.
     """
     some: Any = given
     if not isinstance(some, dict) or not some or not all(isinstance(key, str) for key in some):
@@ -281,10 +284,10 @@ def states_of(given: States) -> dict[str, State]:
 
 
 def checked_options(options: Mapping[str, object], kind: type) -> None:
-    """Refuse keywords that are not known, and an information that there is not.
+    """Refuse unknown keywords, and unknown values of `information`.
 
     Raises:
-        UnknownName (KeyError): there is no such option.
+        UnknownName (KeyError): an option does not exist.
         BadType, BadValue: `information` is neither "private" nor "full".
     """
     for name in options:
