@@ -149,7 +149,7 @@ def test_json_that_is_no_json_is_refused(text):
         ("big.yaml", b"# " + b"x" * 1_000_000, "1,000,000 bytes"),
         ("odd.yaml", b"\xff\xfe\xfa", "UTF-8"),
         ("list.yaml", b"- 1", "mapping"),
-        ("empty.json", b"", "no JSON"),
+        ("empty.json", b"", "not JSON"),
         ("empty.yaml", b"", "mapping"),
         ("game.txt", b"a: 1", "ends in .yaml, .yml, .json"),
         ("own.yaml", b"folder: /\nmap: {}\nteams: {}", "folder: unknown key"),

@@ -19,9 +19,11 @@ from gamms.text import printable_line, shown
 if TYPE_CHECKING:
     from gamms.game import Result
     from gamms.scenario import Scenario
-    from gamms.scenario.code import Found
+    from gamms.scenario.code import CodeReference
 
-Strategies = Mapping[str, tuple["Found", Path]]  # by team or agent: where its code is, and the folder to import it from
+Strategies = Mapping[
+    str, tuple["CodeReference", Path]
+]  # by team or agent: where its code is, and the folder to import it from
 _MOST = 1_000_000  # seeds
 _MOST_IN_A_BATCH = 20  # games that a process plays before it says what came of them
 

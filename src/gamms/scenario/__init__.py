@@ -3,11 +3,10 @@
     scenario = gamms.scenario.load("match.yaml")
     result = scenario.replace(**{"teams.red.count": 8}).play(seed=7)
 
-Read `spec.py` first: the keys of a file and their types. `documents.py` reads files,
-`validation.py` checks what fits together beyond types, `code.py` finds, imports and calls the functions that a file
-names. `scenario.py` has the class: `maps.py` loads the map, `placement.py` draws where agents start, `builder.py` puts
-everything into a context.
-May import: `context` and below. To add a key, write it into `spec.py`, and what it does into `builder.py`.
+Read `spec.py` first: the keys of a file and their types. `documents.py` reads files, `validation.py` checks consistency
+beyond types, and `code.py` finds, imports and calls the functions that a file names. `scenario.py` has the class;
+`maps.py` loads the map, `placement.py` draws starting nodes, and `builder.py` builds the game in a context.
+May import: `context` and below. To add a key, declare it in `spec.py` and implement it in `builder.py`.
 """
 
 from gamms.scenario.documents import ScenarioError

@@ -1,4 +1,4 @@
-"""Builds the game of a scenario in a context, draws it again for another seed, and writes out its defaults."""
+"""Build the game of a scenario in a context, rebuild it for another seed, and write out its defaults."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,8 +24,8 @@ from gamms.scenario.code import (
     GIVEN_LATER,
     HUMAN,
     RULES,
+    CodeLibrary,
     Function,
-    Library,
     called,
     first_of,
     is_defined_in,
@@ -36,7 +36,7 @@ from gamms.scenario.code import (
 )
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.maps import digest_of
-from gamms.scenario.placement import Member, Placing, members, node_at
+from gamms.scenario.placement import AgentPlacement, TeamMember, members, node_at
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
 from gamms.scenario.validation import NamedCode, call_in, code_in, flies, sensor_type
 from gamms.sensor.catalog import KINDS
@@ -45,61 +45,64 @@ from gamms.typing.actions import strategy_in
 from gamms.typing.game import IConflicts, Rule
 
 Strategies = Mapping[str, Function]  # by team or agent
-_IN_FULL: dict[str, type[Any]] = {"rule": schema.Rule, "plan": schema.Plan}  # what a reference is short for; else Code
+_IN_FULL: dict[str, type[Any]] = {
+    "rule": schema.Rule,
+    "plan": schema.Plan,
+}  # kind of code -> the mapping that a bare reference stands for; else Code
 _Start = int | tuple[float, float, float]  # a node, or (x, y, z)
 
 
-class _Built(NamedTuple):
-    """An agent, with what it was built of."""
+class _BuiltAgent(NamedTuple):
+    """An agent and the values from which it was built."""
 
     agent: Agent
     node: int
     start: _Start
     meta: Values
-    functions: dict[str, tuple[Any, Function]]  # sensor -> itself and its function
+    functions: dict[str, tuple[Any, Function]]  # sensor name -> the sensor and its function
     strategy: Function | None = None
 
 
-class _Drawn(NamedTuple):
-    """What was made with one seed, which is not to be written to."""
+class _SeededParts(NamedTuple):
+    """Everything built with one seed; read-only."""
 
-    agents: dict[str, _Built]  # by name
+    agents: dict[str, _BuiltAgent]  # by name
     rules: dict[str, Rule]  # by their names in the game
     plans: dict[str, Plan]  # by team
     values: dict[str, dict[Any, Any]]  # of the game
 
 
 class Builder:
-    """Builds a game in a context that has the map already.
+    """Builds a game in a context that already has the map.
 
     Args:
         ctx: the context.
         spec: the scenario.
-        library: its functions.
-        strategies: by team or agent, in place of those of the scenario.
+        library: the functions that it names.
+        strategies: by team or agent, replacing those of the scenario.
     """
 
-    def __init__(self, ctx: Context, spec: Spec, library: Library, strategies: Strategies) -> None:
+    def __init__(self, ctx: Context, spec: Spec, library: CodeLibrary, strategies: Strategies) -> None:
         self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
         self.by_team = members(spec)
         self.members = list(chain.from_iterable(self.by_team.values()))
-        self._agents: dict[str, _Built] = {}
+        self._agents: dict[str, _BuiltAgent] = {}
         self._rules: dict[str, Rule] = {}  # by their names in the game
         self._plans: dict[str, Plan] = {}  # by team
         self._values = _values_of(ctx.game)
-        self._calls = 0  # of what may give something else when it is called again
-        self._again: set[str] = set()  # the parts of the game in which such calls are
-        self._lasting: set[int] = set()  # the rules that are the same for all seeds, by their numbers
-        self._placing: Placing | None = None
-        self._map: MapSnapshot | None = None  # as it was before the code of the scenario changed it, if that did
-        self._called: dict[str, Any] = {}  # where functions of others than GAMMS are named -> what they gave first
-        self._by_seed: list[str] = []  # where functions are named that asked for the seed
+        self._calls = 0  # number of calls whose result may change from call to call
+        self._again: set[str] = set()  # the parts of the game that contain such calls
+        self._lasting: set[int] = set()  # numbers of the rules that are the same for all seeds
+        self._placing: AgentPlacement | None = None
+        self._map: MapSnapshot | None = None  # the map before the scenario's code changed it; None if it did not
+        self._called: dict[str, Any] = {}  # path of a user's function -> its first result
+        self._by_seed: list[str] = []  # paths of functions that used the seed
 
     def build(self) -> None:
         """Put agents, facts, strategies, rules and conflicts into the context.
 
         Raises:
-            ScenarioError: something cannot be done as it is written.
+            ScenarioError: a part cannot be built as it is written.
         """
         map = self.ctx.graph.storage.snapshot()
         nodes = self._placed()
@@ -125,17 +128,17 @@ class Builder:
             self._map = map
 
     def draw_again(self) -> None:
-        """Make again what follows from the seed of the context, which has changed.
+        """Rebuild everything that depends on the context's seed, which has changed.
 
-        These are places, what functions give, strategies and rules. What was changed since then stays as it is: an
-        agent that was moved, another strategy, a fact that was published.
+        This covers positions, results of functions, strategies and rules. Later changes by the program stay: a moved
+        agent, another strategy, a published fact.
 
         Raises:
-            ScenarioError: something cannot be done as it is written; not all agents can be placed, for example.
+            ScenarioError: a part cannot be built as it is written; for example, some agents cannot be placed.
         """
         if self._map is not None:
             self.ctx.graph.storage.restore(self._map)
-        drawn: _Drawn = self.ctx.game.internals.state.drawn
+        drawn: _SeededParts = self.ctx.game.internals.state.drawn
         self._agents, self._rules, self._plans, self._values = drawn
         nodes = self._placed()
         self._agents = {one.name: self._draw_agent(one, nodes[one.name]) for one in self.members}
@@ -144,7 +147,7 @@ class Builder:
         self._keep()
 
     def _call_again(self) -> None:
-        """Make again what code gives, with the values that it writes; others that the program has set stay."""
+        """Call the scenario's functions again and store their values; keep other values that the program has set."""
         game = self.ctx.game
         now, first = _values_of(game), self._values
         changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
@@ -172,10 +175,10 @@ class Builder:
         game.events.extend(changes["events"].values())
 
     def varies(self, others: Iterable["Builder"]) -> str | None:
-        """Return where a function is named that gives something else for other seeds; None: none does.
+        """Return the path of a function whose result depends on the seed; None: there is none.
 
         Args:
-            others: have built the same game with other seeds; asked for if there are functions of others than GAMMS.
+            others: builders of the same game with other seeds; used only if there are functions of users.
         """
         if not self._by_seed and self._called:
             known = {path: image_of(gave) for path, gave in self._called.items()}
@@ -185,14 +188,14 @@ class Builder:
 
     @contextmanager
     def _noting(self, part: str) -> Iterator[None]:
-        """Note in the block whether a part of the game has to be made again for another seed."""
+        """Record whether the block makes calls that another seed has to repeat."""
         before = self._calls
         yield
         if self._calls != before:
             self._again.add(part)
 
-    def _noted(self, function: Function, path: str, call: Callable[[], Any]) -> Any:  # Any: whatever functions give
-        """Return what the call of a function gives, noted where that may be something else for other seeds."""
+    def _noted(self, function: Function, path: str, call: Callable[[], Any]) -> Any:  # Any: whatever functions return
+        """Call a function and return its result, and record whether the result may depend on the seed."""
         before, gave = self.ctx.seed_uses, call()
         if gave is not function and not (is_defined_in(function, RULES) and first_of(function) != "ctx"):
             self._calls += 1
@@ -203,16 +206,16 @@ class Builder:
         return gave
 
     def _keep(self) -> None:
-        """Keep what was drawn in the state of the game, so that snapshots of other seeds bring back what is theirs."""
-        self.ctx.game.internals.state.drawn = _Drawn(self._agents, self._rules, self._plans, self._values)
+        """Store the seeded parts in the state of the game, so that snapshots restore them."""
+        self.ctx.game.internals.state.drawn = _SeededParts(self._agents, self._rules, self._plans, self._values)
 
     def _draw_plans(self) -> None:
-        """Make the plans again, and put them in place of those that are still there."""
+        """Make the plans again, and replace those that are still in use."""
         game, before, self._plans = self.ctx.game, self._plans, self._made_plans()
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
 
     def _draw_rules(self) -> None:
-        """Make the rules of other seeds, prepare all, and put them in place of those that are still there."""
+        """Make the seeded rules again, prepare all rules, and replace those that are still in use."""
         now, known, self._rules = self.ctx.game.rules, self._rules, {}
         for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
@@ -227,9 +230,9 @@ class Builder:
             self.ctx.game.internals.restore_rules(now)
 
     def _placed(self) -> dict[str, int]:
-        """Return the node on which each agent starts with the seed of the context, by name."""
+        """Return the starting node of each agent for the seed of the context, by name."""
         if self._placing is None or self._placing.map.columns is not self.ctx.graph.columns():
-            self._placing = Placing(self.ctx, self.spec, self.by_team)
+            self._placing = AgentPlacement(self.ctx, self.spec, self.by_team)
         return {name: int(nodes[0]) for name, nodes in self._placing.place([self.ctx.seed]).items()}
 
     def _add_values(self) -> None:
@@ -240,7 +243,7 @@ class Builder:
 
     # -- agents and sensors -------------------------------------------------------------------------------------
 
-    def _add_agent(self, member: Member, node: int) -> _Built:
+    def _add_agent(self, member: TeamMember, node: int) -> _BuiltAgent:
         start, meta = self._start(member, node), self._config(member)["meta"]
         keywords: dict[str, Any] = {"team": member.team, "meta": meta}
         if isinstance(start, tuple):
@@ -253,11 +256,11 @@ class Builder:
             agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
         own = ((name, sensor) for name, sensor in sensors.items() if self.spec.sensors[name].function is not None)
         functions = {name: (sensor, sensor.function) for name, sensor in own}
-        return _Built(agent, node, start, deepcopy(meta), functions)
+        return _BuiltAgent(agent, node, start, deepcopy(meta), functions)
 
-    def _draw_agent(self, member: Member, node: int) -> _Built:
+    def _draw_agent(self, member: TeamMember, node: int) -> _BuiltAgent:
         built, start = self._agents[member.name], self._start(member, node)
-        agent: Any = built.agent  # with attributes of its own
+        agent: Any = built.agent  # Any: with attributes of its own
         _move_start(agent, built.start, start)
         if "agents" not in self._again:
             return built._replace(node=node, start=start)
@@ -270,21 +273,21 @@ class Builder:
                 if sensor.function is before:
                     sensor.function = function
             functions[name] = sensor, function
-        return _Built(agent, node, start, deepcopy(meta), functions, built.strategy)
+        return _BuiltAgent(agent, node, start, deepcopy(meta), functions, built.strategy)
 
-    def _of(self, member: Member, key: str) -> Any:
-        """Return what an agent sets for itself, else what its team sets for it; None if neither does."""
+    def _of(self, member: TeamMember, key: str) -> Any:
+        """Return the agent's own value of a key, else its team's value; None if neither is set."""
         own = getattr(member.listed, key, None)
         return getattr(self.spec.teams[member.team], key) if own is None else own
 
-    def _start(self, member: Member, node: int) -> _Start:
+    def _start(self, member: TeamMember, node: int) -> _Start:
         if not flies(self._of(member, "type")):
             return node
         _, x, y = self.ctx.graph.graph.get_node(node)[:3]
         return (x, y, self._of(member, "altitude") or 0.0)
 
-    def _config(self, member: Member) -> Values:
-        """Return what the paper's `map_strategy` gets to know of an agent, but for its node."""
+    def _config(self, member: TeamMember) -> Values:
+        """Return the description of an agent for the paper's `map_strategy`, without its node."""
         meta = {**self.spec.teams[member.team].meta, **(member.listed.meta if member.listed else {})}
         return {
             "team": member.team,
@@ -293,7 +296,7 @@ class Builder:
             "meta": {"team": member.team, **self._parameters(meta, joined(member.path, "meta"))},
         }
 
-    def _sensor(self, name: str, member: Member) -> Any:
+    def _sensor(self, name: str, member: TeamMember) -> Any:
         sensor, id = self.spec.sensors[name], f"{member.name}/{name}"
         with at(f"sensors.{name}"):
             if sensor.function is not None:
@@ -303,7 +306,7 @@ class Builder:
             return self.ctx.sensor.create_sensor(id, kind, **keywords)
 
     def _function(self, name: str) -> Function:
-        """Return the function of a sensor, or what it makes if it is made with parameters."""
+        """Return the function of a sensor; with parameters, the function that it makes."""
         sensor, path = self.spec.sensors[name], f"sensors.{name}"
         function = self.library.get(sensor.function or "", path)
         given = self._given(function, sensor.with_ or {}, path)
@@ -315,7 +318,7 @@ class Builder:
     # -- strategies ---------------------------------------------------------------------------------------------
 
     def _add_strategies(self) -> None:
-        """Make the strategies, and give them to the agents that the program has given no other."""
+        """Make the strategies, and set them on agents whose strategy the program has not replaced."""
         mapped: dict[str, Mapping[str, Function]] = {}
         for name, strategy in {one.name: self._strategy(one, mapped) for one in self.members}.items():
             built = self._agents[name]
@@ -323,7 +326,7 @@ class Builder:
                 built.agent.decide_by(strategy)
             self._agents[name] = built if strategy is None else built._replace(strategy=strategy)
 
-    def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
+    def _strategy(self, member: TeamMember, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
         if given is not None:
             where = f"strategies[{shown(member.team)}]"
@@ -343,14 +346,14 @@ class Builder:
         return self._made(code, path, "strategy")
 
     def _made(self, code: Code, path: str, what: str) -> Function:
-        """Return the strategy, plan or rule that a function is, or makes."""
+        """Return the strategy, plan or rule that a function is or makes."""
         function = self.library.get(code.function, path, RULES if what == "rule" else None)
         parameters = self._given(function, code.with_, path)
         found: Function = self._noted(function, path, partial(made, function, parameters, self.ctx, path, what))
         return found
 
     def _made_plans(self) -> dict[str, Plan]:
-        """Make the plans: team -> its own, of those that have one and are given no strategy instead."""
+        """Return the plan of each team that has one and gets no strategy from the caller."""
         plans = {}
         for name, team in self.spec.teams.items():
             if team.plan is None or name in self.given:
@@ -362,8 +365,8 @@ class Builder:
             plans[name] = Plan(self._made(plan, path, "plan"), plan.arrays)
         return plans
 
-    def _map_strategy(self, code: Code, path: str, listed: list[Member]) -> Mapping[str, Function]:
-        """Call the `map_strategy` of a module for agents; a person plays all of them."""
+    def _map_strategy(self, code: Code, path: str, listed: list[TeamMember]) -> Mapping[str, Function]:
+        """Call the `map_strategy` of a module for agents; "human" makes one person play all of them."""
         if code.function == HUMAN:
             return dict.fromkeys([one.name for one in listed], self._made(code, path, "strategy"))
         config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
@@ -419,15 +422,15 @@ class Builder:
         return conflicts
 
     def _given(self, function: Function, given: Values, path: str) -> Values:
-        """Return the parameters of a function, whose files are in the folder of the scenario."""
+        """Return the parameters of a function, with paths resolved in the folder of the scenario."""
         return self._parameters(located(function, given, self.library.sources, path), joined(path, "with"))
 
     def _parameters(self, given: Values, path: str) -> Values:
-        """Return parameters or facts by name, each as `_value` makes it."""
+        """Return parameters or facts by name, each converted by `_value`."""
         return {name: self._value(one, joined(path, name)) for name, one in given.items()}
 
     def _value(self, value: Plain, path: str) -> Any:
-        """Copy a value, in which `{node_at: [x, y]}` becomes a node, and `{function: …, with: …}` what that gives."""
+        """Copy a value; `{node_at: [x, y]}` becomes a node, and `{function: …, with: …}` the function's result."""
         if isinstance(value, list):
             return [self._value(one, joined(path, number)) for number, one in enumerate(value)]
         if not isinstance(value, Mapping):
@@ -437,12 +440,12 @@ class Builder:
             return self._call(call, path)
         if set(value) == {"node_at"}:
             where = joined(path, "node_at")
-            self._calls += 1  # of a map that may change
+            self._calls += 1  # depends on a map that may change
             return node_at(self.ctx, checked(value["node_at"], schema.LatLon | tuple[float, float], where), where)
         return {key: self._value(one, joined(path, key)) for key, one in value.items()}
 
     def _call(self, call: Code, path: str) -> Any:
-        """Return what a function among the parameters gives, or itself if it is one that is called later."""
+        """Return the result of a function among the parameters, or the function itself if it is called later."""
         function = self.library.get(call.function, path)
         given = self._given(function, call.with_, path)
         first = (self.ctx,) if first_of(function) == "ctx" else ()
@@ -458,7 +461,7 @@ def _is_ours(function: object) -> bool:
 
 
 def _as_node(key: str | int, path: str) -> int:
-    """Return the node that a key stands for: in JSON, all keys are texts."""
+    """Return the node id in a key; in JSON, all keys are texts."""
     try:
         return as_int(int(key), "A node id")
     except ValueError:
@@ -487,13 +490,13 @@ def _changed(now: Mapping[Any, Any], built: Mapping[Any, Any], is_same: Callable
 
 
 def _move_start(agent: Any, before: _Start, now: _Start) -> None:
-    """Move an agent to another start, unless the program has moved it away from the old one."""
+    """Move an agent to another start, unless the program has moved it from its old start."""
     is_aerial = isinstance(now, tuple)
     if (agent.position if is_aerial else agent.current_node_id) != before:
         return
     if is_aerial:
         agent.position = now
-        agent.position = now  # so that its position before is the same
+        agent.position = now  # so that its previous position is the same
     else:
         agent.current_node_id = agent.prev_node_id = now
 
@@ -501,11 +504,11 @@ def _move_start(agent: Any, before: _Start, now: _Start) -> None:
 # -- defaults -----------------------------------------------------------------------------------------------------
 
 
-def written_out(spec: Spec, library: Library) -> Values:
-    """Return a scenario as plain values with the defaults of its keys and functions, as a recording holds it.
+def written_out(spec: Spec, library: CodeLibrary) -> Values:
+    """Return a scenario as plain values with the defaults of its keys and functions, as stored in recordings.
 
-    A later version builds the same game of it. A default that is no plain value, such as a function, is left out.
-    Nothing is imported: what the caller has replaced, such as a strategy, stays as it is written.
+    Later versions build the same game from it. A default that is not a plain value, such as a function, is left out.
+    Nothing is imported, so a replaced part, such as a strategy, stays as it is written.
     """
     plain: Values = copied(to_plain(spec))
     for sensor in plain["sensors"].values():
@@ -518,10 +521,10 @@ def written_out(spec: Spec, library: Library) -> Values:
     return plain
 
 
-def digests(spec: Spec, library: Library, map: MapSnapshot) -> dict[str, str]:
-    """Return the SHA-256 of each part of a scenario that a game depends on, but for those who decide in it.
+def digests(spec: Spec, library: CodeLibrary, map: MapSnapshot) -> dict[str, str]:
+    """Return the SHA-256 of each part of a scenario that a game depends on, without strategies and plans.
 
-    Its rules and what else it names is imported, so that a value that is a default counts as if it were written.
+    The rules and other named code are imported, so that a default counts like the same value written out.
     """
     for one in code_in(spec):
         decides = one.keys[0] == "teams" and not {"strategy", "plan"}.isdisjoint(one.keys[2:])
@@ -538,7 +541,7 @@ def digests(spec: Spec, library: Library, map: MapSnapshot) -> dict[str, str]:
 
 
 def _write_defaults(plain: Values, one: NamedCode, function: Function | None) -> None:
-    """Write a function and its defaults as a mapping, in place of its name alone."""
+    """Replace a bare name of a function by a mapping with its defaults."""
     here: Any = plain
     for key in one.keys[:-1]:
         here = here[key]

@@ -1,9 +1,9 @@
-"""The code that a scenario names: found without importing any of it, then imported, and called.
+"""The code that a scenario names: find it without importing, then import and call it.
 
-A name in a file may mean three things, and nothing else. In the folder of the file: a function that is defined there.
-Of GAMMS: what the modules in `OFFERED` list, and those in `ON_REQUEST` if the caller allows them. Of an installed
-package: what an entry point of the group `gamms.scenario` names, or, if the caller allows the package, what that
-defines itself.
+A name in a file has one of three meanings. In the folder of the file: a function that is defined there. In GAMMS: a
+name that the modules in `OFFERED` list, or those in `ON_REQUEST` if the caller allows them. In an installed package: a
+name that an entry point of the group `gamms.scenario` gives, or, if the caller allows the package, a function that the
+package defines itself.
 """
 
 import ast
@@ -35,30 +35,30 @@ OFFERED = (
     *("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies"),
     *("gamms.planning", "gamms.rl", "gamms.web"),
 )
-HUMAN = "human"  # in place of a reference to a strategy: a person plays
-ON_REQUEST = ("gamms.llm",)  # likewise, but only if the caller allows it: it sends what agents know to a server
+HUMAN = "human"  # instead of a reference to a strategy: a person plays
+ON_REQUEST = ("gamms.llm",)  # offered only if the caller allows it: it sends agents' knowledge to a server
 GROUP = "gamms.scenario"  # of entry points
-RULES = "gamms.rules"  # the module of rules that are named without one
-GIVEN_LATER = ("ctx", "state", "states", "arrays")  # first parameters that the game gives, not the file
+RULES = "gamms.rules"  # the module of rules that are named without a module
+GIVEN_LATER = ("ctx", "state", "states", "arrays")  # first parameters that the game supplies, not the file
 _ARGUMENTS = {"strategy": ("state",), "plan": ("states", "arrays"), "rule": ("ctx",)}
 _FEW = 8  # names that an error lists
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
-_BYTES_PER_LETTER = 1 << 10  # that a file of Python takes as a syntax tree: "f();f();…" takes 720
+_BYTES_PER_LETTER = 1 << 10  # of memory for the syntax tree of a Python file: "f();f();…" takes 720
 _REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
-_stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
+_stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> modification times and sizes of its files
 
 
 Function = Callable[..., Any]
 Parameters = Mapping[str, Plain]
 
 
-class Sources(NamedTuple):
-    """The places where the code of a scenario may be; the caller sets them, never a file.
+class CodeSources(NamedTuple):
+    """The places where the code of a scenario may be; set by the caller, never by a file.
 
     Attributes:
-        folder: of the scenario; None: only GAMMS and installed packages.
+        folder: the folder of the scenario; None: only GAMMS and installed packages.
         allow: installed packages that may be named without an entry point.
-        key_variable: the environment variable with the key of a language model; None: there is none.
+        key_variable: the environment variable with the key of a language model; None: no key.
     """
 
     folder: Path | None = None
@@ -66,15 +66,15 @@ class Sources(NamedTuple):
     key_variable: str | None = None
 
 
-class Found(NamedTuple):
-    """A reference to code, and where it leads."""
+class CodeReference(NamedTuple):
+    """A resolved reference to code: its module, function and file."""
 
-    path: str  # where in the scenario it is
+    path: str  # its place in the scenario
     text: str  # the reference
-    module: str  # dotted; for a file, below the folder of the scenario
+    module: str  # dotted; for a file, relative to the folder of the scenario
     function: str  # its name in the module; "" for the module's `map_strategy`
     file: Path | None  # None for a module of an installed package
-    owner: str | None  # the package that must define the function; None where its name alone says that it may be used
+    owner: str | None  # the package that must define the function; None if its name alone permits its use
 
     def __str__(self) -> str:
         """Name the function and its file, as `gamms run` prints it."""
@@ -83,7 +83,7 @@ class Found(NamedTuple):
 
     @property
     def wanted(self) -> str:
-        """Return the name of the function."""
+        """The name of the function."""
         return self.function or "map_strategy"
 
 
@@ -91,8 +91,8 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
     """Check the packages that a caller allows.
 
     Raises:
-        BadType: they are one text, or not texts.
-        BadValue: one is not a package, or one whose functions are never offered.
+        BadType: they are a single text, or not texts.
+        BadValue: one is not a package, or is a package that can never be allowed.
     """
     names = tuple(as_items(packages, "allow", "names of packages, such as ['my_package'],"))
     if not all(isinstance(name, str) for name in names):
@@ -111,7 +111,7 @@ def private_package(folder: Path) -> str:
 
 
 def is_defined_in(value: object, package: str) -> bool:
-    """Return whether a package defines what is called: a function, a class, or the class of an object."""
+    """Return whether a package defines a callable: a function, a class, or the class of an object."""
 
     def is_own(part: object) -> bool:
         name = getattr(part, "__module__", None)
@@ -129,11 +129,11 @@ def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
     """Return the path of a file in the folder of a scenario or below, whether it exists or not.
 
     Raises:
-        ScenarioError: it would be elsewhere, directly or through a symbolic link, or is a pipe, socket or device.
+        ScenarioError: the path leads elsewhere, directly or through a symbolic link, or to a pipe, socket or device.
     """
     if folder is None:
         raise ScenarioError(path, f"{text!r} is a {what}, and a scenario without a file needs folder= to find it in.")
-    given = PureWindowsPath(text)  # knows both kinds of slash, and drives
+    given = PureWindowsPath(text)  # understands both kinds of slash, and drives
     if given.anchor or ".." in given.parts or "\0" in text:
         raise ScenarioError(path, f"{text!r} leads out of the folder of the scenario. Put the {what} into it.")
     file = folder.joinpath(*given.parts)
@@ -144,26 +144,26 @@ def inside(text: str, folder: Path | None, path: str, what: str) -> Path:
     return file
 
 
-def find(text: str, sources: Sources, path: str, *, short: str | None = None) -> Found:
-    """Find the code of a reference; nothing is imported but the parts of GAMMS that are offered.
+def find(text: str, sources: CodeSources, path: str, *, short: str | None = None) -> CodeReference:
+    """Find the code of a reference; only the offered modules of GAMMS are imported.
 
     Args:
         text: `module:function`, `file.py:function`, or one of these without `:function`.
-        sources: where it may be; the folder is looked through first.
-        path: where in the scenario the reference is.
+        sources: the places where it may be; the folder is searched first.
+        path: the place of the reference in the scenario.
         short: the module of a name without a colon; None if that is a module.
 
     Raises:
-        ScenarioError: there is no such file, module or function, or it may not be named.
+        ScenarioError: the file, module or function does not exist, or may not be named.
     """
     return _checked(_located(text, sources, path, short), is_imported_allowed=False)
 
 
-def chosen(text: str, path: str) -> tuple[Found, Path]:
-    """Find code that a person asks for, and its folder: a file may be anywhere, and import the function.
+def chosen(text: str, path: str) -> tuple[CodeReference, Path]:
+    """Find the code that a person names, in a file anywhere or a module, and return it with its folder.
 
     Raises:
-        ScenarioError: there is no such file, module or function.
+        ScenarioError: the file, module or function does not exist.
     """
     left, colon, function = _in_full(text, None).rpartition(":")
     if not colon:
@@ -172,14 +172,14 @@ def chosen(text: str, path: str) -> tuple[Found, Path]:
     folder = Path.cwd() if file is None else file.parent
     top = left.partition(".")[0]
     allow = (top,) if file is None and _is_dotted(left) and top not in _REFUSED else ()
-    found = _located(f"{left if file is None else file.name}:{function}", Sources(folder, allow), path)
+    found = _located(f"{left if file is None else file.name}:{function}", CodeSources(folder, allow), path)
     return _checked(found, is_imported_allowed=True)._replace(owner=None), folder
 
 
 def offered(module: str) -> Mapping[str, Function]:
-    """Return the functions that a module of GAMMS offers, by name; none if it is for programs only.
+    """Return the functions that a module of GAMMS offers, by name; {} if it is only for programs.
 
-    They are those of its `__all__`, or its `FOR_SCENARIOS`.
+    They are listed by its `FOR_SCENARIOS`, or else by its `__all__`.
     """
     if module not in (*OFFERED, *ON_REQUEST):
         return {}
@@ -195,14 +195,14 @@ def offered_function(text: str, short: str | None = None) -> Function | None:
     return offered(module).get(name)
 
 
-def located(function: Function, given: Parameters, sources: Sources, path: str) -> dict[str, Plain]:
-    """Return parameters with files in the folder of the scenario, and with what only the user may name.
+def located(function: Function, given: Parameters, sources: CodeSources, path: str) -> dict[str, Plain]:
+    """Return parameters with files resolved in the folder of the scenario, and with the user's own settings.
 
-    A function says by its attributes which parameters they are: `files` must be there, `new_files` may be made, and
-    `variables` are environment variables.
+    Attributes of the function name these parameters: `files` must exist, `new_files` may be created, and `variables`
+    are environment variables.
 
     Raises:
-        ScenarioError: a file is not there, or elsewhere; an environment variable is named.
+        ScenarioError: a file does not exist or is elsewhere; or an environment variable is named.
     """
     found = dict(given)
     new = getattr(function, "new_files", ())
@@ -225,8 +225,8 @@ def located(function: Function, given: Parameters, sources: Sources, path: str) 
     return found
 
 
-def _located(text: str, sources: Sources, path: str, short: str | None = None) -> Found:
-    """Find the module of a reference; whether the function is there is not looked at yet."""
+def _located(text: str, sources: CodeSources, path: str, short: str | None = None) -> CodeReference:
+    """Find the module of a reference, without checking whether the function exists."""
     folder = sources.folder
     left, colon, function = _in_full(text, short).partition(":")
     is_file = left.endswith(".py") or "/" in left or "\\" in left
@@ -239,8 +239,8 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
         dotted = ".".join(PureWindowsPath(left).with_suffix("").parts)
         if not _is_dotted(dotted):
             raise ScenarioError(path, f"{left!r} cannot be imported: it may have letters, digits and _ in its name.")
-        return _in(folder or Path(), Found(path, text, dotted, function, file, None))
-    found = Found(path, text, left, function, None, None)
+        return _in(folder or Path(), CodeReference(path, text, dotted, function, file, None))
+    found = CodeReference(path, text, left, function, None, None)
     if left.partition(".")[0] == "gamms":
         if left in ON_REQUEST and left not in sources.allow:
             raise ScenarioError(
@@ -261,16 +261,16 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
     return found._replace(owner=_owner(found, sources))
 
 
-def _in(folder: Path, found: Found) -> Found:
-    """Check that no package that is imported on the way to a module leads out of the folder."""
+def _in(folder: Path, found: CodeReference) -> CodeReference:
+    """Check that no parent package of a module leads out of the folder."""
     *packages, _ = found.module.split(".")
     for depth in range(1, len(packages) + 1):
         inside("/".join([*packages[:depth], "__init__.py"]), folder, found.path, "Python file")
     return found._replace(owner=private_package(folder))
 
 
-def _owner(found: Found, sources: Sources) -> str:
-    """Return the installed package, or the part of it, whose functions may be named."""
+def _owner(found: CodeReference, sources: CodeSources) -> str:
+    """Return the installed package, or its part, whose functions may be named."""
     from importlib.metadata import entry_points
 
     dotted, top, path = found.module, found.module.partition(".")[0], found.path
@@ -297,7 +297,10 @@ def _owner(found: Found, sources: Sources) -> str:
         )
     for entry in entry_points(group=GROUP):
         module, _, function = (part.strip() for part in entry.value.partition("[")[0].partition(":"))
-        if module == dotted and function in ("", found.wanted):  # without a function, it is all that a module defines
+        if module == dotted and function in (
+            "",
+            found.wanted,
+        ):  # without a function, everything that the module defines
             return top if function else module
     raise ScenarioError(
         path,
@@ -308,7 +311,7 @@ def _owner(found: Found, sources: Sources) -> str:
 
 
 def _start_folders() -> set[Path]:
-    """Return the folders of which Python imports modules only because of where it was started."""
+    """Return the folders from which Python imports modules only because of where it was started."""
     folders = {Path.cwd()}
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if main is not None:
@@ -318,15 +321,15 @@ def _start_folders() -> set[Path]:
 
 
 def _neighbour(name: str, folder: Path | None) -> str:
-    """Return a hint at a file of the folder with nearly that name."""
+    """Return a hint at a file in the folder with a similar name."""
     if folder is None or not folder.is_dir():
         return ""
     names = sorted(file.name for file in folder.glob("*.py"))
     return nearest(name, names if name.endswith(".py") else [one.removesuffix(".py") for one in names])
 
 
-def _checked(found: Found, *, is_imported_allowed: bool) -> Found:
-    """Refuse a function that can be seen not to be there, or to be defined elsewhere."""
+def _checked(found: CodeReference, *, is_imported_allowed: bool) -> CodeReference:
+    """Refuse a function that evidently does not exist, or is defined elsewhere."""
     if found.file is not None:
         own, others = _names_in(found.file, found.path)
         if found.wanted in others - own and not is_imported_allowed:
@@ -357,7 +360,7 @@ def _is_dotted(text: str) -> bool:
 def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
     """Return the names that a file binds: its own or the folder's, and those that it imports from elsewhere.
 
-    "*" is among its own where only running it could tell.
+    "*" among its own names means that only running the file could tell.
     """
     with at(path):
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
@@ -386,14 +389,14 @@ def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
 # -- importing and calling --------------------------------------------------------------------------------------
 
 
-class Library:
+class CodeLibrary:
     """The functions of a scenario, each imported once.
 
     Args:
-        sources: where they may be.
+        sources: the places where they may be.
     """
 
-    def __init__(self, sources: Sources) -> None:
+    def __init__(self, sources: CodeSources) -> None:
         self.sources = sources
         self.folder = sources.folder
         self._known: dict[str, Function] = {}
@@ -402,7 +405,7 @@ class Library:
         """Import the function of a reference; see `find`.
 
         Raises:
-            ScenarioError: there is none; it names the path.
+            ScenarioError: it does not exist; the error names the path.
         """
         found = self.known(text, short)
         if found is None:
@@ -421,14 +424,14 @@ def _in_full(text: str, short: str | None) -> str:
     return f"{short}:{text}" if short and ":" not in text else text
 
 
-def function_of(found: Found, folder: Path | None) -> Function:
+def function_of(found: CodeReference, folder: Path | None) -> Function:
     """Import the code of a reference.
 
     A module from the folder gets a private name, so that `strategies.py` of two scenarios are two modules, and
-    `sys.path` stays as it is. Its neighbours are there by relative imports. Nothing is written beside it.
+    `sys.path` stays as it is. Modules beside it are available by relative imports. No files are written beside it.
 
     Raises:
-        ScenarioError: importing it raises, which is then the cause; it has no such function, or one from elsewhere.
+        ScenarioError: importing it raises, which is then the cause; or it does not define the function itself.
     """
     with _raising(found.path, f"importing {found.text!r} failed:"):
         module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
@@ -448,7 +451,7 @@ def function_of(found: Found, folder: Path | None) -> Function:
 
 @contextmanager
 def _raising(path: str, what: str) -> Iterator[None]:
-    """Turn what the code of a scenario raises, SystemExit included, into an error at the place that names it."""
+    """Turn errors of a scenario's code, SystemExit included, into an error at the place that names the code."""
     try:
         yield
     except KeyboardInterrupt:
@@ -457,8 +460,8 @@ def _raising(path: str, what: str) -> Iterator[None]:
         raise ScenarioError(path, f"{what} {type(error).__name__}: {error}") from error
 
 
-def _private(found: Found, folder: Path) -> ModuleType:
-    """Import a module of the folder of a scenario under a private name; again if a file has changed."""
+def _private(found: CodeReference, folder: Path) -> ModuleType:
+    """Import a module of a scenario's folder under a private name, again if a file has changed."""
     folder = folder.resolve()
     package = private_package(folder)
     stamps = _stamps.setdefault(package, {})
@@ -488,21 +491,21 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 def made(function: Function, given: Parameters, ctx: Context, path: str, what: str) -> Function:
-    """Return the strategy, plan or rule that a function is, or that it makes.
+    """Return the strategy, plan or rule that a function is or makes.
 
-    It is one if its first parameter has the name in `_ARGUMENTS`. One whose first parameter is `ctx`, that takes
-    nothing, or that is given all its parameters, makes one. For any other strategy see `strategy_in`; any other plan or
-    rule is one if it is given nothing.
+    A function whose first parameter has a name in `_ARGUMENTS` is one itself. A function whose first parameter is
+    `ctx`, or that can be called with the given parameters alone, makes one. For any other strategy see `strategy_in`;
+    any other plan or rule is one itself if it gets no parameters.
 
     Args:
         function: the function.
         given: its parameters.
         ctx: the context.
-        path: where in the scenario it is named.
+        path: the place in the scenario that names it.
         what: "strategy", "plan" or "rule".
 
     Raises:
-        ScenarioError: the parameters do not fit, or what it makes is not a function.
+        ScenarioError: the parameters do not fit, or its result is not a function.
     """
     first, name = first_of(function), getattr(function, "__name__", function)
     if what == "rule" and first == "state":
@@ -534,10 +537,10 @@ def called(function: Function, given: Parameters, first: tuple[object, ...], pat
 
 
 def check_parameters(function: Function, given: Iterable[str], first: int, path: str) -> None:
-    """Compare parameters with those that a function takes, the `first` ones aside.
+    """Check parameters against a function's signature, without its first `first` parameters.
 
     Raises:
-        ScenarioError: one is not known, or missing.
+        ScenarioError: a parameter is unknown or missing.
     """
     known = _parameters_of(function)
     if known is None:
@@ -555,19 +558,19 @@ def check_parameters(function: Function, given: Iterable[str], first: int, path:
 
 
 def first_of(function: Function) -> str:
-    """Return the name of the first parameter; "" without one."""
+    """Return the name of the first parameter, or ""."""
     return next((one.name for one in _parameters_of(function) or ()), "")
 
 
 def needs(function: Function, first: int = 0) -> bool:
-    """Return whether a function cannot be called with the `first` parameters alone."""
+    """Return whether a function needs more than its first `first` parameters."""
     known = _parameters_of(function)
     variable = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
     return known is None or any(one.default is Parameter.empty and one.kind not in variable for one in known[first:])
 
 
 def plain_defaults(function: Function) -> dict[str, Plain]:
-    """Return the defaults of a function's parameters, those that a file could hold."""
+    """Return the defaults of a function's parameters that a file could hold."""
     defaults = {}
     for one in _parameters_of(function) or ():
         if one.kind in _NAMED and one.default is not Parameter.empty and one.name not in GIVEN_LATER:
@@ -579,8 +582,8 @@ def plain_defaults(function: Function) -> dict[str, Plain]:
 
 
 def _parameters_of(function: Function) -> list[Parameter] | None:
-    """Return the parameters of a function; None of one in C that does not say."""
-    # NOTE: asked for each agent at each reset of a scenario, which has few functions (benchmarks: turns).
+    """Return the parameters of a function; None for a C function without a signature."""
+    # NOTE: called for each agent at each reset of a scenario, which has few functions (benchmarks: turns).
     read = _read_parameters if isinstance(function, FunctionType) else _read_parameters.__wrapped__
     try:
         return read(function)

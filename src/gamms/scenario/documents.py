@@ -1,4 +1,4 @@
-"""Scenario files and plain values: what is read, paths in it, changes by path, and errors that name a path.
+"""Scenario files as plain values: reading, dotted paths, changes by path, and errors that name a path.
 
 The only module that knows YAML. Reading never runs code, and is bounded.
 """
@@ -26,9 +26,9 @@ class ScenarioError(GammsError, ValueError):
     """A scenario that cannot be played as it is written.
 
     Attributes:
-        path: where in the scenario, such as `teams.red.count` or `rules.0`; "" for the whole.
-        place: the same in words, in which items are counted from 1.
-        file: the file it was read from, or None.
+        path: the place in the scenario, such as `teams.red.count` or `rules.0`; "" for the whole.
+        place: the path in words, with items counted from 1.
+        file: the file of the scenario, or None.
     """
 
     def __init__(self, path: str, message: str, file: object = None, place: str | None = None) -> None:
@@ -37,23 +37,23 @@ class ScenarioError(GammsError, ValueError):
         super().__init__(printable(": ".join(part for part in (self.file, self.place, message) if part)))
 
     def within(self, file: object, raw: Plain) -> "ScenarioError":
-        """Return the same error with its file, and its place in words."""
+        """Return the error with its file, and its place in words."""
         place = _in_words(self.path, raw) if self.place == self.path else self.place
         return ScenarioError(self.path, self.message, self.file or file, place)
 
 
 def joined(path: str, key: object) -> str:
-    """Return the path of what `key` leads to; of long ones the beginning, since every value of a file gets one."""
+    """Return the path of a key below a path, cut if it is long."""
     text = f"{path}.{key}" if path else str(key)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
 @contextmanager
 def at(path: str) -> Iterator[None]:
-    """Say of errors of engines where in the scenario they come from.
+    """Turn errors in the block into a `ScenarioError` at a path.
 
     Raises:
-        ScenarioError: instead of any of ours, or of a file that cannot be read.
+        ScenarioError: instead of any error of GAMMS or of reading a file.
     """
     try:
         yield
@@ -65,10 +65,10 @@ def at(path: str) -> Iterator[None]:
 
 @contextmanager
 def named(file: object, raw: Plain = None) -> Iterator[None]:
-    """Say of errors in which file they are, None if there is none; and where, in words, in the values that were read.
+    """Add the file, or None, and the place in words to errors in the block.
 
     Raises:
-        ScenarioError: the same, with both.
+        ScenarioError: with both added.
     """
     try:
         yield
@@ -78,10 +78,10 @@ def named(file: object, raw: Plain = None) -> Iterator[None]:
 
 @contextmanager
 def on_map(number: int | None) -> Iterator[None]:
-    """Say of errors on which of several maps they are, by its number; None: there is one map.
+    """Add the number of the map to errors in the block; None: there is only one map.
 
     Raises:
-        ScenarioError: the same, with `maps[number]` in its place or its message.
+        ScenarioError: with `maps[number]` in its place or its message.
     """
     try:
         yield
@@ -98,7 +98,7 @@ def on_map(number: int | None) -> Iterator[None]:
 
 
 def _in_words(path: str, raw: Plain) -> str:
-    """Return a path in which the items of lists are counted from 1: `item 3 of rules (tag), with.hops`."""
+    """Return a path with list items counted from 1: `item 3 of rules (tag), with.hops`."""
     words, here = "", raw
     for part in path.split("."):
         if isinstance(here, list) and part.isdecimal() and int(part) < len(here):
@@ -120,10 +120,10 @@ _INT64 = 1 << 63
 
 
 def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
-    """Return a copy of dicts, lists and scalars: what a file could hold.
+    """Return a copy of dicts, lists and scalars, as a file could hold.
 
     Raises:
-        ScenarioError: something in it is not a plain value, NaN, or nested too deep.
+        ScenarioError: a part is not a plain value, is NaN, or is nested too deeply.
     """
     if depth > _DEEPEST:
         raise ScenarioError(path, f"this is nested more than {_DEEPEST} deep.")
@@ -145,10 +145,10 @@ def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
 
 
 def checked_key(key: object, path: str = "") -> str | int:
-    """Check a key of a mapping: a text, or an integer of 64 bits. Longer ones can be made to share one hash.
+    """Check a key of a mapping: a text, or an integer of 64 bits, because longer ones could be made to share one hash.
 
     Raises:
-        ScenarioError: it is something else.
+        ScenarioError: the key is something else.
     """
     if isinstance(key, bool) or not isinstance(key, (str, int)):
         raise ScenarioError(path, f"a key must be a text or an integer, not {shown(key)}. Put quotes around it.")
@@ -160,11 +160,11 @@ def checked_key(key: object, path: str = "") -> str | int:
 def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Plain]:
     """Copy a mapping, with another value at each dotted path.
 
-    A part of a path is a key, or the number or the name of an item of a list. The last key may be new, and the first,
+    A part of a path is a key, or the index or the name of a list item. The last key may be new, and so may the first,
     such as settings.
 
     Raises:
-        ScenarioError: a path leads nowhere.
+        ScenarioError: a path does not exist.
     """
     new: dict[str, Plain] = copied(raw)
     for path, value in changes.items():
@@ -187,7 +187,7 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
 
 
 def _found(here: Plain, part: str) -> Plain:
-    """Return the key or index of a part; None if there is none."""
+    """Return the key or index that a part of a path means; None if it does not exist."""
     if isinstance(here, dict):
         return next((key for key in here if str(key) == part), None)
     if isinstance(here, list):
@@ -198,11 +198,11 @@ def _found(here: Plain, part: str) -> Plain:
     return None
 
 
-_MOST_NAMED = 8  # keys, in an error
+_MOST_NAMED = 8  # keys in an error
 
 
 def _known(here: Plain) -> list[str]:
-    """Return the names with which a path can go on."""
+    """Return the names that can follow in a path."""
     if isinstance(here, dict):
         return [str(key) for key in here]
     if isinstance(here, list):
@@ -216,7 +216,7 @@ def _known(here: Plain) -> list[str]:
 MOST_BYTES = 1_000_000
 _SUFFIXES = (".yaml", ".yml", ".json")
 
-# What a plain word of YAML 1.2 means. YAML 1.1, which PyYAML reads otherwise, makes booleans of `on` and `no`.
+# Types of plain words in YAML 1.2. YAML 1.1, which PyYAML reads otherwise, makes booleans of `on` and `no`.
 _WORDS = re.compile(
     r"(?P<null>~|null|Null|NULL|)"
     r"|(?P<bool>true|True|TRUE|false|False|FALSE)"
@@ -231,19 +231,19 @@ def read(file: Path) -> Plain:
     """Read the plain values in a scenario file.
 
     Raises:
-        ScenarioError: it is too large, not a text, not YAML or JSON, or has a key twice.
-        OSError: it cannot be read.
+        ScenarioError: the file is too large, not a text, not YAML or JSON, or repeats a key.
+        OSError: the file cannot be read.
     """
     text = text_of(file)
     return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
 
 
 def text_of(file: Path) -> str:
-    """Return the text in a scenario file.
+    """Return the text of a scenario file.
 
     Raises:
-        ScenarioError: it is too large, or not a text.
-        OSError: it cannot be read.
+        ScenarioError: the file is too large, or not a text.
+        OSError: the file cannot be read.
     """
     if file.is_dir():
         held = sorted(one.name for one in file.iterdir() if one.suffix.lower() in (".yaml", ".yml"))
@@ -268,25 +268,25 @@ def from_json(text: str) -> Plain:
     """Return the plain values in a text of JSON.
 
     Raises:
-        ScenarioError: it is not one, or has a key twice.
+        ScenarioError: the text is not JSON, or repeats a key.
     """
     try:
         return json.loads(text, object_pairs_hook=_once, parse_constant=_refuse_constant, parse_float=_float)
     except (ValueError, RecursionError) as error:
         if isinstance(error, ScenarioError):
             raise
-        raise ScenarioError("", f"this is no JSON: {error}.") from None
+        raise ScenarioError("", f"this is not JSON: {error}.") from None
 
 
 def from_yaml(text: str) -> Plain:
-    """Return the plain values in a text of YAML 1.2, which may use no tags, and aliases within bounds.
+    """Return the plain values in a text of YAML 1.2 without tags and with a bounded number of aliases.
 
     Raises:
-        ScenarioError: it is not one, or has a key twice.
+        ScenarioError: the text is not YAML, or repeats a key.
     """
     import yaml
 
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # NOTE: ten times as fast; only its events are asked for
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # NOTE: ten times as fast; only its events are used
     value, documents = None, 0
     try:
         for event in (events := yaml.parse(text, Loader=loader)):
@@ -294,17 +294,17 @@ def from_yaml(text: str) -> Plain:
                 documents += 1
                 if documents > 1:
                     raise ScenarioError("", f"{_line(event)}: a file holds a single document.")
-                value = _Composer(events).composed(next(events), "", 1)
+                value = _YamlComposer(events).composed(next(events), "", 1)
     except yaml.YAMLError as error:
         raise ScenarioError("", f"this is not YAML: {_flaw(error, text)}") from None
     return value
 
 
-def nodes_of(text: str) -> Any:  # a yaml.Node; its stubs lack what the kinds of nodes have
-    """Return the values of a text that `from_yaml` or `from_json` has read, as nodes that know where they stand.
+def nodes_of(text: str) -> Any:  # a yaml.Node; its stubs lack the attributes of its subclasses
+    """Return the values of a text as YAML nodes, which know their positions.
 
     Raises:
-        ScenarioError: it is JSON with what YAML has not, such as letters written as two escapes.
+        ScenarioError: the text is JSON with features that YAML lacks, such as surrogate escapes.
     """
     import yaml
 
@@ -315,7 +315,7 @@ def nodes_of(text: str) -> Any:  # a yaml.Node; its stubs lack what the kinds of
 
 
 def _flaw(error: "yaml.YAMLError", text: str) -> str:
-    """Return where a text is not YAML, and why."""
+    """Return where and why a text is not YAML."""
     mark = getattr(error, "problem_mark", None)
     if mark is None:
         return f"{' '.join(str(error).split())}."
@@ -329,19 +329,19 @@ def _flaw(error: "yaml.YAMLError", text: str) -> str:
     return f"line {mark.line + 1}, column {mark.column + 1}: {problem}.{hint}"
 
 
-class _Composer:
-    """Makes plain values of the events of a parser; what is not plain is refused before more is read.
+class _YamlComposer:
+    """Makes plain values from the events of a YAML parser; refuses other values at once.
 
-    Aliases (`*name`) stand for what an anchor (`&name`) before them has named. All values count, those in aliases as
-    often as they are there.
+    Aliases (`*name`) repeat the value that an earlier anchor (`&name`) has named. Every value counts, in aliases as
+    often as it appears.
     """
 
     def __init__(self, events: "Iterator[yaml.Event]") -> None:
         self._events, self._made = events, 0
-        self._anchored: dict[str, tuple[Plain, int]] = {}  # and how many values that are
+        self._anchored: dict[str, tuple[Plain, int]] = {}  # each with its number of values
 
     def composed(self, event: "yaml.Event", path: str, depth: int) -> Plain:
-        """Return the value that begins with an event."""
+        """Return the value that starts with an event."""
         import yaml
 
         if depth > _DEEPEST:
@@ -416,7 +416,7 @@ def _line(event: "yaml.Event") -> str:
 
 
 def _once(pairs: list[tuple[str, Plain]]) -> dict[str | int, Plain]:
-    """Return a mapping in which no key is twice."""
+    """Return a mapping from pairs; refuse a repeated key."""
     found: dict[str | int, Plain] = {}
     for key, value in pairs:
         _add_once(found, key, value, "")

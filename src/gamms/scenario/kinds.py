@@ -1,6 +1,6 @@
-"""The kinds of functions that GAMMS offers to scenario files, by their annotations: a file may name each in its place.
+"""The kinds of functions that GAMMS offers to scenario files, and the places where a file may name each.
 
-Nothing is said of other code, whose functions are imported and asked only when a game is built.
+They are derived from annotations. Functions of users are checked only when a game is built and they are imported.
 """
 
 from collections.abc import Awaitable, Callable
@@ -24,7 +24,7 @@ _NAMES = ("by_priority", "at_random", "nobody")
 
 
 def kind_of(function: Callable[..., Any], first: str) -> str | None:
-    """Return what a function of GAMMS is or makes: "strategy", "team strategy", "plan", "rule" or "resolver".
+    """Return the kind of a function of GAMMS or of its result.
 
     Args:
         function: the function.
@@ -50,10 +50,10 @@ def kind_of(function: Callable[..., Any], first: str) -> str | None:
 
 
 def check_kind(kind: str | None, wanted: str, name: str, path: str) -> None:
-    """Check that a function of GAMMS is of the kind that its place in a scenario needs.
+    """Check that a function of GAMMS has the kind that its place in a scenario needs.
 
     Raises:
-        ScenarioError: it is of another kind.
+        ScenarioError: it has another kind.
     """
     fits = {"strategy": ("strategy", "team strategy"), "plan": ("plan", "team strategy"), "rule": ("rule",)}
     if kind in fits.get(wanted, ()):
@@ -71,13 +71,13 @@ def check_parameter(kind: str | None, annotation: object, name: str, path: str) 
     """Check a function of GAMMS that is the parameter of another one.
 
     Args:
-        kind: of the function.
-        annotation: of the parameter.
-        name: of the function.
-        path: where it is named.
+        kind: the kind of the function.
+        annotation: the annotation of the parameter.
+        name: the name of the function.
+        path: the place that names it.
 
     Raises:
-        ScenarioError: it is a strategy, rule or resolver, and the parameter takes none.
+        ScenarioError: it is a strategy, rule or resolver, which the parameter does not accept.
     """
     takes_strategy = annotation is Any or any(map(_is_strategy, _callables_in(annotation)))
     if kind is None or (takes_strategy and kind in ("strategy", "team strategy")):
@@ -87,7 +87,7 @@ def check_parameter(kind: str | None, annotation: object, name: str, path: str) 
 
 
 def _callables_in(annotation: object) -> list[Any]:
-    """Return the types of functions in an annotation."""
+    """Return the function types in an annotation."""
     if get_origin(annotation) is AnyCallable:
         return [annotation]
     parts = get_args(annotation)[:1] if get_origin(annotation) is Annotated else get_args(annotation)
@@ -95,7 +95,7 @@ def _callables_in(annotation: object) -> list[Any]:
 
 
 def _is_strategy(function: object) -> bool:
-    """Return whether a type of functions is that of strategies: they take one argument, and return nothing."""
+    """Return whether a function type is a strategy's: one argument, no result."""
     arguments, result = get_args(function)
     results = get_args(result) or (result,)
     return len(arguments) == 1 and {NoneType, None, Awaitable[None]}.issuperset(results)

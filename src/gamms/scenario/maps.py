@@ -1,4 +1,4 @@
-"""The map of a scenario: loaded once, and put into every game from arrays."""
+"""The map of a scenario: load it once, and copy its arrays into every game."""
 
 import logging
 from hashlib import sha256
@@ -10,17 +10,17 @@ from gamms.errors import nearest
 from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.scenario.code import Library, called, inside
+from gamms.scenario.code import CodeLibrary, called, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
 from gamms.text import shown
 
-_OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # what is for OpenStreetMap files alone
+_OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # options for OpenStreetMap files only
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
 
 
 def quiet() -> Values:
-    """Return how the contexts of scenarios log: as the program has set it, or from warnings on."""
+    """Return the logging settings for contexts of scenarios: the program's level, or warnings."""
     level = logging.getLogger("gamms").level
     return {"level": logging.getLevelName(level) if level else "WARNING"}
 
@@ -29,7 +29,7 @@ def digest_of(columns: GraphColumns, walls: FloatArray) -> str:
     """Return the SHA-256 of streets and obstacles, in hexadecimal.
 
     Args:
-        columns: of the streets.
+        columns: the streets.
         walls: the corners of the obstacles.
     """
     arrays = (columns.node_ids, columns.xy, columns.sources, columns.targets, columns.lengths, walls)
@@ -37,10 +37,10 @@ def digest_of(columns: GraphColumns, walls: FloatArray) -> str:
 
 
 def kind_of(map: Map) -> str:
-    """Return which of the maps it is.
+    """Return the kind of map that is given.
 
     Raises:
-        ScenarioError: none, or several.
+        ScenarioError: no kind or several kinds are given.
     """
     given = [kind for kind in _KINDS if getattr(map, kind) is not None]
     if len(given) != 1:
@@ -50,16 +50,16 @@ def kind_of(map: Map) -> str:
 
 
 def is_data(map: Map) -> bool:
-    """Return whether a map can be loaded without running code and without asking a server."""
+    """Return whether a map can be loaded without running code or asking a server."""
     place = map.place
     return map.generator is None and (place is None or (isinstance(place, MapPlace) and place.offline))
 
 
 def map_file(map: Map, folder: Path | None) -> Path | None:
-    """Return the map file, if it is one.
+    """Return the map file; None if the map is not a file.
 
     Raises:
-        ScenarioError: it is not there, or not in the folder of the scenario.
+        ScenarioError: the file does not exist, or is not in the folder of the scenario.
     """
     if map.file is None:
         return None
@@ -72,10 +72,10 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
 
 
 def check_names(map: Map) -> None:
-    """Check what can be said of a map without looking into files.
+    """Check a map without opening files.
 
     Raises:
-        ScenarioError: there is none or several, or no such mode of travel.
+        ScenarioError: no map or several maps are given, or the mode of travel is unknown.
     """
     kind_of(map)
     if getattr(map.file or map.place, "modes", None) is None:
@@ -83,10 +83,10 @@ def check_names(map: Map) -> None:
 
 
 def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
-    """Return the mode of travel that streets of a file or place are for; None if the scenario names none.
+    """Return the mode of travel for the streets of a file or place; None if the scenario names none.
 
     Raises:
-        ScenarioError: there is no such mode, or its file is not there, not in the folder or no file of modes.
+        ScenarioError: the mode is unknown, or its file is missing, outside the folder or not valid.
     """
     kind, given = kind_of(map), map.file if map.place is None else map.place
     if not isinstance(given, Streets) or (given.osm_type is None and given.modes is None):
@@ -103,7 +103,7 @@ def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
     return known[given.osm_type]
 
 
-def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
+def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
     """Load graph and obstacles, to be copied into contexts.
 
     Raises:
@@ -160,12 +160,12 @@ def _load_place(ctx: Context, given: MapPlace, options: Values) -> None:
 
 
 def _walls_of(given: MapFile | MapPlace, options: Values) -> Values:
-    """Return what is set for the walls of a map."""
+    """Return the options for the walls of a map."""
     return {"barriers": given.barriers, "elevation": options.get("elevation")}
 
 
 def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None, folder: Path | None) -> Values:
-    """Return what is set for the streets of a map, as functions of `gamms.osm` take it."""
+    """Return the options for the streets of a map, as arguments of `gamms.osm` functions."""
     ours = ("path", "location", "buildings", "scenery", "barriers", "modes")
     options = {name: one for name, one in given_values(given).items() if name not in ours}
     if given.elevation is not None:
@@ -174,8 +174,8 @@ def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None, folder: Path |
     return options if mode is None else {**options, "osm_type": mode}
 
 
-def _generate(ctx: Context, given: Code, library: Library) -> None:
-    """Attach the networkx graph that a function makes."""
+def _generate(ctx: Context, given: Code, library: CodeLibrary) -> None:
+    """Attach the networkx graph that a function returns."""
     made = called(library.get(given.function, "map.generator"), given.with_, (), "map.generator")
     if not callable(getattr(made, "is_directed", None)):
         raise ScenarioError("map.generator", f"{given.function} gives {shown(made)}, which is no networkx graph.")

@@ -1,4 +1,4 @@
-"""Places the agents: on the node that is given for them, or on one drawn as their team says."""
+"""Place the agents: on their given nodes, or on nodes drawn under the constraints of their team."""
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -19,40 +19,40 @@ from gamms.scenario.documents import ScenarioError, at, joined
 from gamms.scenario.spec import Agent, From, LatLon, Place, Spec, Team
 from gamms.text import shown
 
-_AGENT_BYTES = 10_000  # that plays; 5,000 measured, and what it remembers
-_SENSOR_BYTES = 2_000  # 1,000 measured, and what it shows
-_TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, unlucky first draws may leave no node
-_AT_ONCE = 1 << 24  # nodes of all games that are looked at together
-_MOST_BYTES = 1 << 26  # of what is remembered of which nodes are near others
+_AGENT_BYTES = 10_000  # of a playing agent with its memory; 5,000 measured
+_SENSOR_BYTES = 2_000  # 1,000 measured, plus its data
+_TRIES = 20  # as `ctx.graph.place`: if agents have to keep apart, unlucky first draws may leave no node
+_AT_ONCE = 1 << 24  # nodes over all games that are processed together
+_MOST_BYTES = 1 << 26  # of the cache of distant nodes
 _BITS = np.arange(16, dtype=np.uint16)
 
-WordArray = np.ndarray[tuple[int, ...], np.dtype[np.uint16]]  # sets of nodes, 16 in each word
+WordArray = np.ndarray[tuple[int, ...], np.dtype[np.uint16]]  # sets of nodes, 16 bits in each word
 
 
-class Member(NamedTuple):
-    """One agent of a team."""
+class TeamMember(NamedTuple):
+    """One agent of a team, with its place in the scenario."""
 
     name: str
     team: str
-    path: str  # in the scenario
+    path: str  # its place in the scenario
     listed: Agent | None  # its entry in the list of agents; None for a counted one
 
 
-def members(spec: Spec) -> dict[str, list[Member]]:
-    """Return the agents of each team of a scenario, in its order: first the listed ones, then the counted.
+def members(spec: Spec) -> dict[str, list[TeamMember]]:
+    """Return the agents of each team of a scenario, in order: first the listed ones, then the counted.
 
     Raises:
-        ScenarioError: a name is there twice, or there are more agents than memory is allowed for.
+        ScenarioError: a name is repeated, or the agents would take more memory than allowed.
     """
-    found: dict[str, list[Member]] = {}
+    found: dict[str, list[TeamMember]] = {}
     total = 0  # bytes
     for name, team in spec.teams.items():
         path = f"teams.{name}"
         with at(f"{path}.count"):
             total += team.count * (_AGENT_BYTES + _SENSOR_BYTES * len(team.sensors or ()))
             refuse_above(total, f"{shown(team.count)} agents")
-        listed = [Member(one.name, name, f"{path}.agents.{number}", one) for number, one in enumerate(team.agents)]
-        found[name] = listed + [Member(f"{name}_{number}", name, path, None) for number in range(team.count)]
+        listed = [TeamMember(one.name, name, f"{path}.agents.{number}", one) for number, one in enumerate(team.agents)]
+        found[name] = listed + [TeamMember(f"{name}_{number}", name, path, None) for number in range(team.count)]
     seen: dict[str, str] = {}
     for member in chain.from_iterable(found.values()):
         if member.name in seen:
@@ -63,30 +63,30 @@ def members(spec: Spec) -> dict[str, list[Member]]:
     return found
 
 
-class Placing:
-    """Places the agents of a scenario on the map that a context has now, with one seed or with many.
+class AgentPlacement:
+    """Places the agents of a scenario on the map of a context, for one seed or many.
 
-    An agent that is placed by chance draws from a stream of its team's and its own name: how many there are in other
-    teams moves no agent, unless a team keeps away `from` them, and more agents of a team do not move those before.
+    A randomly placed agent draws from a stream of its team's and its own name. So the number of agents in other teams
+    changes nothing, unless a team keeps away `from` them, and further agents of a team do not move earlier ones.
 
     Args:
         ctx: the context.
         spec: the scenario.
-        agents: of each team; see `members`.
+        agents: the agents of each team; see `members`.
 
     Attributes:
         map: the nodes.
     """
 
-    def __init__(self, ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> None:
-        self.map = Places(ctx)
-        self._teams = {name: _Team(self.map, name, team, agents[name]) for name, team in spec.teams.items()}
+    def __init__(self, ctx: Context, spec: Spec, agents: Mapping[str, list[TeamMember]]) -> None:
+        self.map = NodePlaces(ctx)
+        self._teams = {name: _TeamPlacement(self.map, name, team, agents[name]) for name, team in spec.teams.items()}
 
     def place(self, seeds: Sequence[int]) -> dict[str, IntArray]:
-        """Return the nodes on which agents start with these seeds: name -> (seeds,) ids.
+        """Return the starting nodes of the agents for these seeds: name -> (seeds,) ids.
 
         Raises:
-            ScenarioError: a node is unknown, or so many do not fit; it says how many did.
+            ScenarioError: a node is unknown, or not all agents fit; the message tells how many did.
         """
         if not len(seeds):
             return {one.name: np.empty(0, np.int64) for team in self._teams.values() for one in team.members}
@@ -107,10 +107,10 @@ class Placing:
 
 
 def node_at(ctx: Context, given: Place, path: str) -> int:
-    """Return the node that an id, [x, y], or a latitude and longitude means.
+    """Return the node for an id, [x, y], a street, or a latitude and longitude.
 
     Raises:
-        ScenarioError: there is no such node, or the map knows no degrees.
+        ScenarioError: the node does not exist, or the map has no degrees.
     """
     with at(path):
         if isinstance(given, LatLon):
@@ -127,8 +127,8 @@ def node_at(ctx: Context, given: Place, path: str) -> int:
         return int(given)
 
 
-class Places:
-    """Rows and positions of the nodes of a map, and sets of them as bits.
+class NodePlaces:
+    """Rows and positions of the nodes of a map, and sets of nodes as bits.
 
     Attributes:
         columns: of the graph.
@@ -146,7 +146,7 @@ class Places:
         return {id: row for row, id in enumerate(self.ids.tolist())}
 
     def far_from(self, rows: IntArray, metres: float) -> WordArray:
-        """Return which nodes are at least so far from each of these, in a straight line, (rows, words)."""
+        """Return sets of nodes at a straight-line distance of at least `metres` from each row, (rows, words)."""
         keys = [(row, metres) for row in rows.tolist()]
         if (len(self._far) + len(keys)) * len(self.ids) // 8 > _MOST_BYTES:
             self._far.clear()
@@ -156,39 +156,39 @@ class Places:
         return np.array([self._far[key] for key in keys])
 
     def _are_within(self, row: int, metres: float) -> BoolArray:
-        """Return which nodes are nearer than so far to a node, in a straight line."""
+        """Return a mask (nodes,) of the nodes nearer than `metres` to a row, in a straight line."""
         dx, dy = self._xs - self._xs[row], self._ys - self._ys[row]
         squares, limit = dx * dx + dy * dy, metres * metres
         within: BoolArray = squares < limit
-        border = np.flatnonzero(np.abs(squares - limit) <= 1e-9 * limit)  # where squares round otherwise than lengths
+        border = np.flatnonzero(np.abs(squares - limit) <= 1e-9 * limit)  # where squares round differently from lengths
         within[border] = np.hypot(dx[border], dy[border]) < metres
         return within
 
 
 def as_words(are_in: BoolArray) -> WordArray:
-    """Return a set of nodes, (nodes,), as bits, (words,)."""
+    """Return a boolean mask of nodes, (nodes,), as bits, (words,)."""
     words = np.zeros(-(-len(are_in) // 16), "<u2")
     words.view(np.uint8)[: -(-len(are_in) // 8)] = np.packbits(are_in, bitorder="little")
     return words.astype(np.uint16, copy=False)
 
 
-class _Team:
+class _TeamPlacement:
     """Places the agents of one team."""
 
-    def __init__(self, map: Places, name: str, spec: Team, team: list[Member]) -> None:
+    def __init__(self, map: NodePlaces, name: str, spec: Team, team: list[TeamMember]) -> None:
         self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
         self.away = [spec.from_] if isinstance(spec.from_, From) else spec.from_
         self.members = team
 
     @cached_property
     def fixed(self) -> dict[int, int]:
-        """The rows of nodes that are given, by the number of the member."""
+        """The rows of given nodes, by the number of the member."""
         given = [(number, one.listed.node, f"{one.path}.node") for number, one in enumerate(self.members) if one.listed]
         map = self.map
         return {number: map.row_of[node_at(map.ctx, node, path)] for number, node, path in given if node is not None}
 
     def place(self, seeds: Sequence[int], others: Mapping[str, IntArray]) -> IntArray:
-        """Return the rows of the agents' nodes, (seeds, agents); `others` are those of the teams before."""
+        """Return the rows of the agents' nodes, (seeds, agents); `others` are those of earlier teams."""
         rows = np.full((len(seeds), len(self.members)), -1)
         rows[:, list(self.fixed)] = list(self.fixed.values())
         free = [number for number in range(len(self.members)) if number not in self.fixed]
@@ -214,7 +214,7 @@ class _Team:
         raise ScenarioError(self.path, self._refusal(int(most[left[0]]), len(free)))
 
     def _try(self, seeds: Sequence[int], free: list[int], allowed: WordArray, attempt: int) -> IntArray:
-        """Draw a node for one agent after the other, of those that are left; -1: there was none, (seeds, agents)."""
+        """Draw a remaining node for one agent after the other, (seeds, agents); -1: no node remained."""
         drawn, at = np.full((len(seeds), len(free)), -1), np.arange(len(seeds))
         for row in self.fixed.values():
             self._close(allowed, np.full(len(seeds), row))
@@ -230,14 +230,14 @@ class _Team:
         return drawn
 
     def _taken(self, words: BitArray) -> IntArray:
-        """Return what `_try` returns where no agent keeps another away, and there are nodes for all."""
+        """Draw nodes like `_try`, if agents keep no distance and there are enough nodes."""
         # NOTE: 1 us for each agent, where `_drawn` takes 50 for one seed (benchmarks: 5 against 5 by reset).
         left = len(self._free_rows) - np.arange(words.shape[1])
         numbers = kernels.below_of_words(words.reshape(-1, words.shape[2]), np.tile(left, len(words)))
         return np.array([self._without_repeats(of_seed) for of_seed in numbers.reshape(words.shape[:2]).tolist()])
 
     def _without_repeats(self, numbers: list[int]) -> list[int]:
-        """Return the rows that these are the numbers of, each among those that are left by the ones before."""
+        """Return the rows for numbers that each count only the rows not yet taken."""
         taken: list[int] = []  # ascending
         rows = list[int]()
         for number in numbers:
@@ -247,27 +247,27 @@ class _Team:
         return rows
 
     def _words(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
-        """Return what agents draw from, (seeds, agents, 8)."""
+        """Return the random words for the agents' draws, (seeds, agents, 8)."""
         names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
         words = kernels.stream_words([kernels.stream_key(seed, *name) for seed in seeds for name in names])
         return words.reshape(len(seeds), len(free), -1)
 
     def _close(self, allowed: WordArray, rows: IntArray) -> None:
-        """Exclude a node of each set, and those that are too near to it."""
+        """Remove a node from each set, and nodes too near to it."""
         allowed[np.arange(len(rows)), rows >> 4] &= ~(np.uint16(1) << (rows & 15).astype(np.uint16))
         if self.spec.apart:
             allowed &= self.map.far_from(rows, self.spec.apart)
 
     @cached_property
     def _free_rows(self) -> list[int]:
-        """The rows of the nodes that the team may start on and that are not given to one of its agents, ascending."""
+        """The rows of nodes where the team may start and that are not given to one of its agents, ascending."""
         near = np.unpackbits(self._near.astype("<u2", copy=False).view(np.uint8), bitorder="little")
         near[list(self.fixed.values())] = 0
         return np.flatnonzero(near).tolist()
 
     @cached_property
     def _near(self) -> WordArray:
-        """On which nodes the team may start, for all that other teams do, (words,)."""
+        """The set of nodes where the team may start, before other teams are considered, (words,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
         if self.spec.near is not None and self.spec.within is not None:
             centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
@@ -294,12 +294,12 @@ _COUNTS = np.unpackbits(np.arange(1 << 16, dtype=np.uint16).view(np.uint8)).resh
 
 
 def _drawn(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> IntArray:
-    """Return a row that is drawn from each set of nodes, (sets,).
+    """Return a row drawn from each set of nodes, (sets,).
 
     Args:
-        words: (sets, 8) of the streams that draw.
-        sets: (sets, words)
-        counts: (sets, words) how many nodes are in each word.
+        words: (sets, 8) random words of the drawing streams.
+        sets: (sets, words) the sets of nodes.
+        counts: (sets, words) the number of nodes in each word.
     """
     ends, at = counts.cumsum(axis=1, dtype=np.int64), np.arange(len(sets))
     number = kernels.below_of_words(words, ends[:, -1])[:, None]
@@ -311,7 +311,7 @@ def _drawn(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...],
 
 
 def _in_words(near: Place | None) -> str:
-    """Return a place as a file gives it."""
+    """Return a place in the words of a file."""
     if isinstance(near, LatLon):
         return f"latitude {near.lat:g}, longitude {near.lon:g}"
     if isinstance(near, str):

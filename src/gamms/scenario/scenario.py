@@ -1,4 +1,4 @@
-"""A game as data: read from a file or made in Python, changed, built and played."""
+"""A game as data: read it from a file or make it in Python, change it, build it and play it."""
 
 import os
 import warnings
@@ -21,29 +21,32 @@ from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, digests, written_out
-from gamms.scenario.code import ON_REQUEST, Found, Library, Sources, allowed
+from gamms.scenario.code import ON_REQUEST, CodeLibrary, CodeReference, CodeSources, allowed
 from gamms.scenario.documents import ScenarioError, named, on_map
-from gamms.scenario.placement import Placing, members, node_at
+from gamms.scenario.placement import AgentPlacement, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
 from gamms.scenario.validation import check_code, check_sense, unread_data
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
 
-_PROBES, _AMONG = 2, 1000  # with how many other seeds, among the first, it is looked whether functions give the same
+_PROBES, _AMONG = (
+    2,
+    1000,
+)  # number of other seeds, among the first, that are tried to see whether functions depend on the seed
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
 
 
 class Scenario(Fixed):
-    """A game, described completely; it does not change.
+    """A complete, immutable description of a game.
 
     Args:
-        folder: the folder of code and maps; None: none.
-        file: named by errors.
-        allow: installed packages whose functions may be named, though they have no entry point that says so.
+        folder: the folder of code and maps; None: no folder.
+        file: the file that errors name.
+        allow: installed packages whose functions may be named without an entry point.
         key_variable: the name of the environment variable with the key of language models; see docs/llm.md.
-        given: the keys of a scenario file, as plain values. Values from elsewhere go through `load` or
-            `from_recording`: among keywords, `folder`, `allow` and `key_variable` would be taken as yours.
+        given: the keys of a scenario file, as plain values. Pass untrusted values to `load` or `from_recording`
+            instead: among keywords, `folder`, `allow` and `key_variable` would be taken as yours.
 
     Attributes:
         spec: its contents, typed; see `Spec`.
@@ -53,7 +56,7 @@ class Scenario(Fixed):
         key_variable: see above.
 
     Raises:
-        ScenarioError: it makes no sense; the message names the place and the nearest valid key.
+        ScenarioError: the contents are not valid; the message names the place and the nearest valid key.
     """
 
     folder: Path | None
@@ -75,7 +78,7 @@ class Scenario(Fixed):
         within = None if folder is None else as_path(folder, "folder").absolute()
         self._put_public(folder=within, file=None if file is None else as_path(file, "file"), allow=allowed(allow))
         self._put_public(key_variable=None if key_variable is None else as_text(key_variable, "key_variable"))
-        self._library = Library(Sources(self.folder, self.allow, self.key_variable))
+        self._library = CodeLibrary(CodeSources(self.folder, self.allow, self.key_variable))
         with named(self.file, given):
             self._raw: dict[str, Any] = documents.copied(given)
             self._put_public(spec=checked(self._raw, Spec))
@@ -84,17 +87,17 @@ class Scenario(Fixed):
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return its contents as plain values: `Scenario(**scenario.to_dict())` is the same."""
+        """Return its contents as plain values; `Scenario(**scenario.to_dict())` is an equal scenario."""
         copy: dict[str, Any] = documents.copied(self._raw)
         return copy
 
     def replace(self, **changes: object) -> "Scenario":
-        """Return the same scenario with other values: `replace(**{"max_turns": 50, "teams.red.count": 8})`.
+        """Return a copy with other values: `replace(**{"max_turns": 50, "teams.red.count": 8})`.
 
-        A part of a path is a key, or the number or the name of an item of a list. The map is shared.
+        A part of a path is a key, or the index or the name of a list item. The map is shared.
 
         Raises:
-            ScenarioError: a path leads nowhere, or the value cannot be there.
+            ScenarioError: a path does not exist, or a value is not allowed there.
         """
         with named(self.file, self._raw):
             raw = documents.changed(self._raw, changes)
@@ -106,10 +109,10 @@ class Scenario(Fixed):
         return new
 
     def columns(self) -> GraphColumns:
-        """Return the map as read-only arrays, for looking up nodes; it is loaded if need be.
+        """Return the map as read-only arrays, for looking up nodes; load it if necessary.
 
         Raises:
-            ScenarioError: it cannot be loaded.
+            ScenarioError: the map cannot be loaded.
         """
         with named(self.file, self._raw):
             return self._loaded().columns
@@ -124,51 +127,51 @@ class Scenario(Fixed):
             return self._loaded()
 
     def starts(self, seeds: Iterable[int]) -> dict[str, IntArray]:
-        """Return the nodes on which the agents start with these seeds: name -> (seeds,) ids. No game is built.
+        """Return the starting nodes of the agents for these seeds, without building a game: name -> (seeds,) ids.
 
         Raises:
-            BadType (TypeError): the seeds are no integers.
-            ScenarioError: with one of them, not all agents can be placed.
+            BadType (TypeError): the seeds are not integers.
+            ScenarioError: for one of them, not all agents can be placed.
         """
         chosen = [as_int(seed, "A seed") for seed in as_items(seeds, "seeds", "integers")]
         with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
-            return Placing(ctx, self.spec, members(self.spec)).place(chosen)
+            return AgentPlacement(ctx, self.spec, members(self.spec)).place(chosen)
 
     def node_at(self, place: int | str | Sequence[float] | Mapping[str, float] | LatLon | None) -> int:
-        """Return the node of the map that `[x, y]`, `{"lat": …, "lon": …}` or a street means, or that has this id.
+        """Return the node for `[x, y]`, `{"lat": …, "lon": …}`, a street, or a node id.
 
         Raises:
-            ScenarioError: there is no such node, or it is not a place.
+            ScenarioError: the node does not exist, or the value is not a place.
         """
         with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
             return node_at(ctx, place if isinstance(place, LatLon) else checked(place, Place, "place"), "place")
 
-    def code(self) -> list[Found]:
-        """Return the code that `build` would import, found without running any of it.
+    def code(self) -> list[CodeReference]:
+        """Return the code that `build` would import, without running any of it.
 
         Raises:
-            ScenarioError: some of it is not there.
+            ScenarioError: some code does not exist.
         """
         with named(self.file, self._raw):
             return check_code(self.spec, self._library.sources)
 
     def warnings(self) -> list[str]:
-        """Return what may be a mistake: keys of `data` that no code of the game names. No code is run.
+        """Return likely mistakes: keys of `data` that no code of the game names. No code is run.
 
         Raises:
-            ScenarioError: some code is not there.
+            ScenarioError: some code does not exist.
         """
         file = "" if self.file is None else f"{self.file}: "
         unread = unread_data(self.spec, self.code())
         return [f"{file}data.{key}: nothing in the code of this game names {shown(key)}." for key in unread]
 
     def check(self) -> list[str]:
-        """Do everything that can be done without running code or asking a server; return what was done.
+        """Check everything that needs neither code nor a server; return a list of the checks.
 
         Raises:
-            ScenarioError: something is wrong.
+            ScenarioError: a check failed.
         """
         found = self.code()
         agents = members(self.spec)
@@ -176,7 +179,7 @@ class Scenario(Fixed):
         if maps.is_data(self.spec.map):
             with named(self.file, self._raw), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
                 ctx.graph.storage.copy_from(self._loaded())
-                Placing(ctx, self.spec, agents).place([ctx.seed])
+                AgentPlacement(ctx, self.spec, agents).place([ctx.seed])
                 done += [
                     f"the map ({len(ctx.graph.graph)} nodes)",
                     f"the places of {sum(map(len, agents.values()))} agents",
@@ -184,13 +187,13 @@ class Scenario(Fixed):
         return done
 
     def digests(self) -> dict[str, str]:
-        """Return the SHA-256 of each part of the game, in hexadecimal; its code is imported, the map is loaded.
+        """Return the SHA-256 of each part of the game, in hexadecimal; this imports its code and loads the map.
 
-        Games of equal parts differ by their seeds and strategies alone. The parts are the keys of a scenario, but for
-        `name`, `description`, `seed`, and the strategies and plans of teams; `map` is that of streets and obstacles.
+        Games with equal parts differ only by their seeds and strategies. The parts are the keys of a scenario, without
+        `name`, `description`, `seed`, and the strategies and plans of teams; `map` covers streets and obstacles.
 
         Raises:
-            ScenarioError: something cannot be done as it is written.
+            ScenarioError: a part cannot be built as it is written.
         """
         if self._digests is None:
             with named(self.file, self._raw):
@@ -221,8 +224,8 @@ class Scenario(Fixed):
         """
         return self._built(seed, strategies, vis_engine, graph_engine)[0]
 
-    def _made_otherwise(self, seed: int, strategies: Strategies | None) -> Builder:
-        """Return what has built the game with another seed."""
+    def _builder_for(self, seed: int, strategies: Strategies | None) -> Builder:
+        """Return the builder of the same game with another seed."""
         ctx, builder = self._built(seed, strategies)
         ctx.terminate()
         return builder
@@ -234,7 +237,7 @@ class Scenario(Fixed):
         vis_engine: Engine | None = None,
         graph_engine: GraphEngine = GraphEngine.MEMORY,
     ) -> tuple[Context, Builder]:
-        """Return a context with the game in it, and what has built it; see `build`."""
+        """Return a context with the game in it, and its builder; see `build`."""
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
         by_team = members(self.spec)
         known = [*by_team, *(member.name for team in by_team.values() for member in team)]
@@ -306,7 +309,7 @@ class Scenario(Fixed):
         most_agents: MostAgents | None = None,
         maps: Iterable[object] | None = None,
     ) -> Batch:
-        """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
+        """Return many games of this scenario, to be played together; game i equals `play(seed=seeds[i])`.
 
         The code that the scenario names is imported now, and makes its strategies and rules once for all games, or,
         if the seed changes them, for each. Close the batch, or use it in a `with` statement. See docs/batches.md.
@@ -367,14 +370,14 @@ class Scenario(Fixed):
     def _source_of_batch(
         self, seeds: Sequence[int], strategies: Strategies | None, vis_engine: Engine | None, reason: str | None
     ) -> BatchSource:
-        """Return where the games of a batch come from; `reason` says why they are played one by one, if it is known."""
+        """Return the source of a batch's games on this map; `reason` says why they are played one by one, if known."""
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         ctx, builder = self._built(seeds[0], strategies, vis_engine)
         try:
             others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
-            varying = None if reason else builder.varies(self._made_otherwise(one, strategies) for one in others)
+            varying = None if reason else builder.varies(self._builder_for(one, strategies) for one in others)
             reason = reason if varying is None else f"{varying}, which a function makes for each game"
-            place = Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None
+            place = AgentPlacement(ctx, self.spec, members(self.spec)).place if are_drawn else None
             return BatchSource(ctx.game, place, reason, partial(self.build, strategies=strategies))
         except BaseException:
             ctx.terminate()
@@ -395,7 +398,7 @@ class Scenario(Fixed):
 
 
 def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variable: str | None = None) -> Scenario:
-    """Read a scenario from a YAML or JSON file. Its shape is checked; nothing it names is imported or opened.
+    """Read a scenario from a YAML or JSON file, and check its shape; this imports and opens nothing that it names.
 
     Args:
         path: the file; code and maps are in its folder.
@@ -412,7 +415,7 @@ def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variabl
 
 
 def gallery() -> dict[str, Path]:
-    """Return the games that come with GAMMS: name -> its scenario file, which has its code beside it."""
+    """Return the games that come with GAMMS: name -> scenario file, with the code in its folder."""
     return {file.stem: file for file in sorted(_GALLERY.glob("*.yaml"))}
 
 
@@ -420,7 +423,7 @@ def from_gallery(name: str) -> Scenario:
     """Return a game that comes with GAMMS; see docs/gallery.md.
 
     Raises:
-        UnknownName (KeyError): there is none of this name.
+        UnknownName (KeyError): the game does not exist.
     """
     games = gallery()
     as_known(name, "game", games)
@@ -459,7 +462,7 @@ def from_recording(
 
 @builders.register("gamms")
 def _builder_of(recording: Recording) -> Callable[[], Context]:
-    """Return what builds the game of a recording again, with code of GAMMS alone."""
+    """Return the function that rebuilds the game of a recording, with code of GAMMS alone."""
     return from_recording(recording).build
 
 
@@ -470,7 +473,7 @@ def from_plain(
     allow: Iterable[str] = (),
     key_variable: str | None = None,
 ) -> Scenario:
-    """Make a scenario of plain values that are data: they cannot say where code comes from."""
+    """Make a scenario from untrusted plain values, which cannot say where code comes from."""
     if not isinstance(raw, Mapping):
         given = "empty" if raw is None else shown(raw)
         raise ScenarioError("", f"a scenario is a mapping with the keys map and teams; this is {given}.")

@@ -1,4 +1,4 @@
-"""Checks of a scenario beyond the types of its values: names that fit each other, and the code that it names."""
+"""Checks of a scenario beyond the types of its values: names that refer to each other, and named code."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
@@ -17,9 +17,9 @@ from gamms.scenario import spec as schema
 from gamms.scenario.code import (
     GIVEN_LATER,
     RULES,
-    Found,
+    CodeReference,
+    CodeSources,
     Function,
-    Sources,
     check_parameters,
     find,
     first_of,
@@ -43,29 +43,29 @@ _RESOLVERS = ("by_priority", "at_random", "nobody")
 
 
 class NamedCode(NamedTuple):
-    """Code that a scenario names."""
+    """A reference to code in a scenario, with its place and parameters."""
 
-    what: str  # "strategy", "plan", "rule", "sensor", "resolver", or "value" for what is made when the game is built
-    keys: tuple[str | int, ...]  # where it is in the scenario
+    what: str  # "strategy", "plan", "rule", "sensor", "resolver", or "value" for a value made when the game is built
+    keys: tuple[str | int, ...]  # its place in the scenario
     reference: str
     given: Values
 
     @property
     def path(self) -> str:
-        """Return the place in the scenario as a text."""
+        """The place in the scenario as a text."""
         return reduce(joined, self.keys, "")
 
     @property
     def short(self) -> str | None:
-        """Return the module of a name without a colon, if there is one."""
+        """The module of a name without a colon, if any."""
         return RULES if self.what == "rule" else None
 
 
 def check_sense(spec: Spec) -> None:
-    """Check names and numbers that have to fit each other.
+    """Check names and numbers that depend on each other.
 
     Raises:
-        ScenarioError: some do not.
+        ScenarioError: a check failed.
     """
     maps.check_names(spec.map)
     members(spec)
@@ -91,13 +91,13 @@ def check_sense(spec: Spec) -> None:
 
 
 def sensor_type(given: str) -> SensorType | None:
-    """Return the built-in type of that name, in upper or lower case; None if there is none."""
+    """Return the built-in sensor type of this name, in upper or lower case, or None."""
     kind = as_member(SensorType, given)
     return kind if kind in KINDS else None
 
 
 def flies(given: str | None) -> bool:
-    """Return whether that is the name of the type of aerial agents, in upper or lower case."""
+    """Return whether this names the type of aerial agents, in upper or lower case."""
     return as_member(AgentType, given) is AgentType.AERIAL
 
 
@@ -171,7 +171,7 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
 
 
 def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec: Spec) -> None:
-    """Check what a team sets for all its agents, or one of them for itself."""
+    """Check settings that a team makes for all its agents, or one agent for itself."""
     for number, sensor in enumerate(one.sensors or []):
         if sensor not in spec.sensors:
             hint = nearest(sensor, spec.sensors)
@@ -188,7 +188,7 @@ def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec:
 
 
 def _check_teams_of(one: NamedCode, spec: Spec) -> None:
-    """Check the parameters of a function of GAMMS whose annotations say that they name teams."""
+    """Check the parameters of a function of GAMMS that are annotated as teams."""
     function = offered_function(one.reference, one.short)
     for name, names in ({} if function is None else team_parameters(function)).items():
         given, path = one.given.get(name), reduce(joined, ("with", name), one.path)
@@ -196,7 +196,7 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
             continue
         teams = [team for team in (given if isinstance(given, (dict, list)) else [given]) if isinstance(team, str)]
         unknown = (team for team in teams if team not in spec.teams)
-        if names == OWNERS:  # other values are right, unless they are misspelt teams
+        if names == OWNERS:  # other values are allowed, unless they look like misspelled teams
             without = [team for team in spec.teams if team not in teams]
             unknown = (team for team in islice(unknown, _FEW) if nearest(team, without))
         for team in unknown:
@@ -244,7 +244,7 @@ def _code(what: str, keys: tuple[str | int, ...], given: str | Code | schema.Rul
 
 
 def _code_among(keys: tuple[str | int, ...], values: Values | list[Plain]) -> Iterator[NamedCode]:
-    """Yield the code that is named among parameters and facts: `{function: …, with: {…}}`."""
+    """Yield the code named among parameters and facts: `{function: …, with: {…}}`."""
     for key, value in values.items() if isinstance(values, dict) else enumerate(values):
         call = call_in(value, (*keys, key))
         if call is not None:
@@ -254,7 +254,7 @@ def _code_among(keys: tuple[str | int, ...], values: Values | list[Plain]) -> It
 
 
 def is_call(value: Plain) -> bool:
-    """Return whether a value among parameters is `{function: module:function, with: {…}}`."""
+    """Return whether a value has the form `{function: module:function, with: {…}}`."""
     if not isinstance(value, Mapping) or not set(value) <= {"function", "with"}:
         return False
     function = value.get("function")
@@ -262,10 +262,10 @@ def is_call(value: Plain) -> bool:
 
 
 def call_in(value: Plain, keys: Iterable[str | int]) -> Code | None:
-    """Return the function and its parameters if a value among parameters is a call.
+    """Return the function and its parameters if a value is a call, else None.
 
     Raises:
-        ScenarioError: the parameters are no mapping.
+        ScenarioError: the parameters are not a mapping.
     """
     if not is_call(value):
         return None
@@ -273,14 +273,14 @@ def call_in(value: Plain, keys: Iterable[str | int]) -> Code | None:
     return code
 
 
-def check_code(spec: Spec, sources: Sources) -> list[Found]:
-    """Find all code, and compare parameters with what functions of GAMMS take; no other code is run.
+def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
+    """Find all code, and check parameters for functions of GAMMS; run no other code.
 
     Raises:
-        ScenarioError: some is not there, or takes no such parameters.
+        ScenarioError: some code does not exist, or does not take its parameters.
     """
     found = []
-    known: dict[tuple[str | int, ...], Function] = {}  # those of GAMMS, by where they are named
+    known: dict[tuple[str | int, ...], Function] = {}  # functions of GAMMS, by the keys that lead to them
     for one in code_in(spec):
         if one.what == "resolver" and ":" not in one.reference:
             hint = nearest(one.reference, _RESOLVERS)
@@ -299,7 +299,7 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
 
 
 def _check_kind(one: NamedCode, function: Function, known: Mapping[tuple[str | int, ...], Function]) -> None:
-    """Check that a function of GAMMS may stand where it is named; `known` has those in whose parameters it may be."""
+    """Check that a function of GAMMS is allowed at its place; `known` holds the functions around it."""
     kind, name = kind_of(function, first_of(function)), one.reference.rpartition(":")[2]
     if one.what != "value":
         check_kind(kind, one.what, name, one.path)
@@ -311,8 +311,8 @@ def _check_kind(one: NamedCode, function: Function, known: Mapping[tuple[str | i
             check_parameter(kind, taken[str(one.keys[at + 1])], name, one.path)
 
 
-def unread_data(spec: Spec, found: Iterable[Found]) -> list[str | int]:
-    """Return the keys of `data` that neither the files of the game nor the parameters of GAMMS's functions name."""
+def unread_data(spec: Spec, found: Iterable[CodeReference]) -> list[str | int]:
+    """Return the keys of `data` that neither the game's files nor parameters of GAMMS functions mention."""
     if any(one.file is None and one.module.partition(".")[0] != "gamms" for one in found):
         return []  # an installed package may read anything
     texts = [file.read_text(errors="replace") for file in _files_beside(found)]
@@ -322,8 +322,8 @@ def unread_data(spec: Spec, found: Iterable[Found]) -> list[str | int]:
     return [key for key in spec.data if not any(str(key) in text for text in texts)]
 
 
-def _files_beside(found: Iterable[Found]) -> Iterator[Path]:
-    """Yield the files of Python in the folders of code, as many as a game can have and none that is huge."""
+def _files_beside(found: Iterable[CodeReference]) -> Iterator[Path]:
+    """Yield the Python files in the folders of code, up to a number and a size."""
     folders = dict.fromkeys(one.file.parent for one in found if one.file is not None)
     files = (file for folder in folders for file in sorted(folder.glob("*.py")))
     yield from (file for file in islice(files, _MOST_FILES) if file.stat().st_size <= MOST_BYTES)
