@@ -1,16 +1,15 @@
-"""Values of small games: what a pursuit or a reach-avoid game is worth, and how to play it best.
+"""Solve small games: the value of a pursuit or reach-avoid game, and optimal strategies.
 
     solution = gamms.solve.solve(gamms.scenario.load("pursuit.yaml"))
     print(solution.value, solution.bound)
     scenario.play(strategies={"red": solution.strategy("red")})
 
 `worlds.py` plays a turn from any state by the scenario's own rules; read it first. `table.py` finds all states,
-`stages.py` iterates values over them, `solution.py` makes of both what users see, `information.py` says what sensors
-show of states. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel,
-`mixtures.py` matrix games of strategies and the double
-oracle.
+`stages.py` iterates values over them, `solution.py` wraps both for users, and `information.py` computes what sensors
+show in each state. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel,
+and `mixtures.py` matrix games of strategies and the double oracle.
 A client of scenarios, batches, planning and learning: May import: `planning`, `rl` and below. To add a method of best
-responses, write it into `responses.py`.
+responses, add it to `responses.py`.
 """
 
 from gamms.solve.mixtures import DoubleOracle, MatrixGame, double_oracle, matrix_game

@@ -1,4 +1,4 @@
-"""What agents are shown by their sensors in the states of a solved game."""
+"""The observations of agents in the states of a solved game."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -8,19 +8,19 @@ from gamms.solve.table import Table
 from gamms.solve.worlds import as_sorted
 from gamms.typing import IAgent
 
-_CHANCY = ("detection", "position_noise_m", "false_alarm_rate", "delay_turns")  # what makes a sensor unreliable
+_CHANCY = ("detection", "position_noise_m", "false_alarm_rate", "delay_turns")  # settings that make a sensor unreliable
 
 
-class Observer:
-    """Puts agents where they are in states, and lets their sensors look.
+class SensorObserver:
+    """Places agents as in a state, and reads their sensors.
 
     Args:
         ctx: a context with the game.
         table: its states.
 
     Attributes:
-        is_full: whether the game lets agents look at all there is.
-        may_stop_moves: whether agents may end elsewhere than where they go to.
+        is_full: whether the game gives agents full information.
+        may_stop_moves: whether agents may end a turn elsewhere than at their chosen node.
     """
 
     def __init__(self, ctx: Context, table: Table) -> None:
@@ -32,11 +32,11 @@ class Observer:
         self.may_stop_moves = settings["conflicts"] is not None or any(one.phase == "deeds" for one in ctx.game.rules)
 
     def observe(self, state: int, moved: Mapping[str, int] | None = None) -> tuple[str, ...]:
-        """Return what each agent knows of a state: where it is and what its sensors show; "" if it is out.
+        """Return the observation of each agent in a state, as a text of its position and sensor data; "" if it is out.
 
         Args:
-            state: its number.
-            moved: agents that have moved since -> the node where they are now.
+            state: the number of the state.
+            moved: agents that have moved since -> their current nodes.
         """
         table, since = self._table, moved or {}
         who = zip(table.roster.names, table.nodes[state].tolist(), table.alive[state].tolist(), strict=True)
@@ -53,28 +53,28 @@ class Observer:
         return repr(as_sorted(agent.get_state().copy()))
 
     def is_reliable(self, agent: int) -> bool:
-        """Return whether the sensors of an agent show what is there, without chance, noise and delay."""
+        """Return whether an agent's sensors work without chance, noise and delay."""
         sensors = self._agents[agent].sensors.values()
         return not any(getattr(sensor, name, None) for sensor in sensors for name in _CHANCY)
 
 
 @contextmanager
-def observing(table: Table) -> Iterator[Observer]:
-    """Observe the states of a table; its own context is ended afterwards."""
+def observing(table: Table) -> Iterator[SensorObserver]:
+    """Make an observer for the states of a table, and terminate its context afterwards."""
     with table.setup.scenario.build(table.setup.seed) as ctx:
-        yield Observer(ctx, table)
+        yield SensorObserver(ctx, table)
 
 
-def what_teams_see(table: Table) -> dict[str, str]:
-    """Return for each team that decides whether its sensors show where all are; see `Solution.sees`."""
+def sensor_information(table: Table) -> dict[str, str]:
+    """Return how much the sensors of each deciding team show; see `Solution.sees`."""
     with observing(table) as observer:
         if observer.is_full:
             return dict.fromkeys(table.setup.teams, "full")
         return {team: _seen_by(table, observer, side) for side, team in enumerate(table.setup.teams)}
 
 
-def _seen_by(table: Table, observer: Observer, side: int) -> str:
-    """Return "full", "team" or "agent" for a team: at two states that look alike it does not see where all are."""
+def _seen_by(table: Table, observer: SensorObserver, side: int) -> str:
+    """Return "full", "team" or "agent": who in a team can tell all positions from observations."""
     members = table.members(side).tolist()
     groups = [(agent,) for agent in members]
     if not all(observer.is_reliable(agent) for agent in members):
@@ -84,8 +84,8 @@ def _seen_by(table: Table, observer: Observer, side: int) -> str:
     return "team" if len(members) > 1 and _tells_apart(table, observer, tuple(members)) else "agent"
 
 
-def _tells_apart(table: Table, observer: Observer, agents: tuple[int, ...]) -> bool:
-    """Return whether some agents together know where all are, in all states in which one of them is there."""
+def _tells_apart(table: Table, observer: SensorObserver, agents: tuple[int, ...]) -> bool:
+    """Return whether observations of some agents together determine all positions, in states where one is alive."""
     known: dict[tuple[str, ...], tuple[tuple[int, ...], tuple[bool, ...]]] = {}
     states = [state for state in range(len(table)) if table.offsets[state] < table.offsets[state + 1]]
     for state in states:

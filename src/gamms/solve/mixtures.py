@@ -1,4 +1,4 @@
-"""Mixtures of strategies, and what they are worth at worst: matrix games and the double oracle."""
+"""Mixed strategies and their guaranteed values: matrix games and the double oracle."""
 
 from collections.abc import Sequence
 from math import inf
@@ -29,18 +29,18 @@ from gamms.text import shown
 from gamms.typing.game import State
 
 _MEMORY = "gamms.solve.mixture"  # the key of the memory of agents
-MAX_NODES = 200_000  # of all best responses
-_TOLERANCE = 1e-9  # at which gap it ends
-_MOST_TURNS = 250  # which a recursion can go back from
+MAX_NODES = 200_000  # nodes of all best responses
+_TOLERANCE = 1e-9  # the gap at which the iteration ends
+_MOST_TURNS = 250  # turns that a recursion can handle
 
 
 class MatrixGame(NamedTuple):
     """An equilibrium of a zero-sum matrix game; made by `matrix_game`.
 
     Attributes:
-        value: what the player who chooses the row gets, however the other one plays.
-        rows: how often each row is played, (rows,); the shares add up to 1.
-        columns: how often each column is played, (columns,).
+        value: the row player's guaranteed payoff.
+        rows: (rows,) the probability of each row.
+        columns: (columns,) the probability of each column.
     """
 
     value: float
@@ -49,19 +49,19 @@ class MatrixGame(NamedTuple):
 
 
 def matrix_game(payoffs: ArrayLike) -> MatrixGame:
-    """Return the value of a zero-sum matrix game and how often each player plays each action in an equilibrium.
+    """Return the value of a zero-sum matrix game, and the equilibrium strategies of both players.
 
         value, rows, columns = matrix_game([[0, -1, 1], [1, 0, -1], [-1, 1, 0]])
 
     Args:
-        payoffs: (rows, columns), what the player who chooses the row gets and the other one pays.
+        payoffs: (rows, columns), the payoff of the row player, which the column player pays.
 
     Raises:
-        BadValue: it is no matrix of finite numbers.
+        BadValue: the payoffs are not a matrix of finite numbers.
     """
     try:
         matrix = np.asarray(payoffs)
-    except ValueError:  # rows of several lengths
+    except ValueError:  # rows of different lengths
         matrix = np.empty(0, object)
     if matrix.ndim != 2 or not matrix.size or matrix.dtype.kind not in "biuf":
         raise BadValue(
@@ -79,19 +79,22 @@ class DoubleOracle:
     """An equilibrium of mixtures over strategies that were found as best responses; made by `double_oracle`.
 
     Attributes:
-        team: whose values these are; the other one gets the opposite.
-        teams: both, this one first.
-        value: what it gets where both draw a strategy by their mixture before the game.
-        bounds: between which the value of the game is, by the best responses of all iterations.
-        gaps: by iteration what both teams together could gain by answering best to the mixtures: their `nash_conv`.
-        payoffs: (strategies of the team, strategies of the other one) what the team gets.
-        mixtures: team -> the share of each of its strategies.
-        information: "full": each team knows where all are, and its agents decide together.
+        team: the team whose values these are; the other one gets the negated values.
+        teams: both teams, this one first.
+        value: the expected reward of `team`, if both teams draw a strategy from their mixtures before the game.
+        bounds: lower and upper bound of the game's value, from the best responses of all iterations.
+        gaps: for each iteration, the gain of both teams together from best responses to the mixtures: their
+            `nash_conv`.
+        payoffs: (strategies of the team, strategies of the other one), the rewards of the team.
+        mixtures: team -> the probability of each of its strategies.
+        information: "full": each team knows all positions, and its agents decide together.
     """
 
     information = "full"
 
-    def __init__(self, game: "_Game", payoffs: FloatArray, gaps: Sequence[float], bounds: tuple[float, float]) -> None:
+    def __init__(
+        self, game: "_StrategyGame", payoffs: FloatArray, gaps: Sequence[float], bounds: tuple[float, float]
+    ) -> None:
         self._game = game
         self.payoffs = payoffs
         self.gaps = tuple(gaps)
@@ -103,7 +106,7 @@ class DoubleOracle:
 
     @property
     def gap(self) -> float:
-        """What both teams together could gain by answering best; 0 in equilibrium."""
+        """The gain of both teams together from best responses; 0 in equilibrium."""
         return self.gaps[-1]
 
     def __repr__(self) -> str:
@@ -112,13 +115,13 @@ class DoubleOracle:
         return f"DoubleOracle(value={self.value:.6g}, {within}gap={self.gap:.3g}, {rows} x {columns} strategies)"
 
     def strategy(self, team: str | None = None) -> TableStrategy:
-        """Return how a team plays, for `scenario.play(strategies={team: …})`; it draws a strategy at first.
+        """Return the strategy of a team for `scenario.play(strategies={team: …})`; it draws one at the start.
 
         Args:
-            team: either of the two; None: the one whose values these are.
+            team: one of the two teams; None: the team whose values these are.
 
         Raises:
-            UnknownName (KeyError): there is no such team.
+            UnknownName (KeyError): the team does not exist.
         """
         one = self.team if team is None else team
         side = self.teams.index(as_known(one, "team that was solved for", self.teams))
@@ -137,30 +140,31 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
     max_states: int = MAX_STATES,
     max_nodes: int = MAX_NODES,
 ) -> DoubleOracle:
-    """Return mixtures of strategies that no strategy beats, found by best responses to mixtures of fewer strategies.
+    """Return an equilibrium of mixed strategies, found by repeated best responses to mixtures of fewer strategies.
 
-    Each team begins with one strategy, by which all its agents stay. In each iteration the matrix of the strategies is
-    solved, and each team gets the best response to the other's mixture, if that gains (McMahan, Gordon, Blum: Planning
-    in the presence of cost functions controlled by an adversary, ICML 2003). A best response knows the mixture, but
-    not which strategy was drawn, and finds that out by what it sees. It ends in equilibrium, since there are finitely
-    many strategies. Where that takes more iterations or nodes than it may, it returns the mixtures of the last
-    iteration that was finished: `gap` says how far they are from equilibrium, and `bounds` where the value is.
+    Each team starts with a single strategy, in which all its agents stay. Each iteration solves the matrix game of the
+    strategies, and adds each team's best response to the other's mixture, if that gains (McMahan, Gordon, Blum:
+    Planning in the presence of cost functions controlled by an adversary, ICML 2003). A best response knows the
+    mixture, but not which strategy was drawn, and infers that from its observations. The iteration ends in equilibrium,
+    because there are finitely many strategies. If that takes too many iterations or nodes, the function returns the
+    mixtures of the last complete iteration: `gap` tells how far they are from equilibrium, and `bounds` limit the
+    value.
 
     Args:
-        scenario: of two teams, with a last turn; see `solve` for what is refused.
-        team: whose values are given; None: the first one.
+        scenario: a scenario of two teams, with a last turn; see `solve` for unsupported games.
+        team: the team whose values are returned; None: the first one.
         reward: see `solve`.
         turns: see `solve`; the game needs a last turn.
         discount: see `solve`.
         seed: see `solve`.
-        iterations: how many at most; see `DoubleOracle.gaps`.
+        iterations: the most iterations; see `DoubleOracle.gaps`.
         max_states: see `solve`.
-        max_nodes: how many nodes all best responses may have: what a team can have seen, before and after a turn.
+        max_nodes: the most nodes of all best responses: possible observation histories, before and after a turn.
 
     Raises:
-        BadType, BadValue: see `solve`; the game has no last turn.
-        UnknownName (KeyError): there is no such team.
-        TooLarge: see `solve`; or the first best responses have more nodes than they may.
+        BadType, BadValue: see `solve`; or the game has no last turn.
+        UnknownName (KeyError): the team does not exist.
+        TooLarge: see `solve`; or the first best responses exceed `max_nodes`.
     """
     teams, share = teams_of(scenario, team), checked_discount(reward, discount)
     most, nodes = as_count(iterations, "iterations"), as_count(max_nodes, "max_nodes")
@@ -178,38 +182,38 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
             f"double_oracle needs a game with a last turn, up to {_MOST_TURNS}, not {table.last_turn}: give turns=, or "
             "use solve, which needs none."
         )
-    game = _Game(table, rewards_of(table, reward, share, teams[0]), nodes)
+    game = _StrategyGame(table, rewards_of(table, reward, share, teams[0]), nodes)
     found: DoubleOracle | None = None
     try:
         for _ in range(most):
-            found = game.improved(found)
+            found = game.next_iteration(found)
             if found.gap <= _TOLERANCE:
                 break
-    except (TooLarge, RecursionError):  # strategies that answer each other ask each other, too
+    except (TooLarge, RecursionError):  # strategies that respond to each other call each other
         if found is None:
             raise
     assert found is not None  # noqa: S101 - there is one iteration at least
-    game.max_nodes = None  # against others its strategies get elsewhere
+    game.max_nodes = None  # later its strategies may meet other opponents and get elsewhere
     return found
 
 
 # -- strategies without chance ------------------------------------------------------------------------------------
 
 
-class _Pure(Protocol):
-    """A strategy of a team: what it does by what it has seen, which has a number; 0 is the start."""
+class _PureStrategy(Protocol):
+    """A pure strategy of a team; histories of observations have numbers, 0 is the start."""
 
     def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
-        """Return its joint action; `other` is that of the other team, if that has moved before it."""
+        """Return the joint action; `other` is the other team's, if that team moves first."""
 
     def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
-        """Return what it has seen after a turn which has led to another state."""
+        """Return the number of the history after a turn that has led to state `later`."""
 
 
-class _Stay:
-    """All agents stay, and nothing is remembered."""
+class _StayStrategy:
+    """A strategy in which all agents stay, without memory."""
 
-    def act(self, turn: int, state: int, seen: int, other: int | None) -> int:  # noqa: ARG002 - as `_Pure` says
+    def act(self, turn: int, state: int, seen: int, other: int | None) -> int:  # noqa: ARG002 - as `_PureStrategy` says
         """Return the first joint action."""
         return 0
 
@@ -218,29 +222,29 @@ class _Stay:
         return 0
 
 
-class _Game:
-    """A table, rewards, and the strategies of both teams."""
+class _StrategyGame:
+    """A table with rewards, and the pure strategies of both teams so far."""
 
     def __init__(self, table: Table, rewards: Rewards, max_nodes: int) -> None:
         self.table, self._rewards = table, rewards
         self.max_nodes: int | None = max_nodes
         self._nodes = 0
-        self.strategies: tuple[list[_Pure], list[_Pure]] = [_Stay()], [_Stay()]
+        self.strategies: tuple[list[_PureStrategy], list[_PureStrategy]] = [_StayStrategy()], [_StayStrategy()]
         self.turns: int = table.last_turn or 0
         self._is_over = (np.diff(table.offsets) == 0).tolist()
         self.later: list[int] = table.usual.after.tolist()
         last = rewards.usual if rewards.last is None else rewards.last
         self._usual, self._last = rewards.usual.tolist(), last.tolist()
 
-    def improved(self, before: DoubleOracle | None) -> DoubleOracle:
-        """Return mixtures with the best responses to those of an iteration; None: those of the first strategies.
+    def next_iteration(self, before: DoubleOracle | None) -> DoubleOracle:
+        """Return the next iteration's mixtures, and add best responses to them; `before` is None at first.
 
         Raises:
-            TooLarge: the best responses have more nodes than they may.
+            TooLarge: the best responses have too many nodes.
         """
-        payoffs = self.grown(np.zeros((0, 0)) if before is None else before.payoffs)
+        payoffs = self.extended(np.zeros((0, 0)) if before is None else before.payoffs)
         _, rows, columns = matrix_game(payoffs)
-        upper, lower = _Answer(self, 0, columns), _Answer(self, 1, rows)
+        upper, lower = _BestResponse(self, 0, columns), _BestResponse(self, 1, rows)
         low, high = (-inf, inf) if before is None else before.bounds
         bounds = max(low, lower.value) + 0.0, min(high, upper.value) + 0.0
         gap, value = max(0.0, upper.value - lower.value), float(rows @ payoffs @ columns)
@@ -255,7 +259,7 @@ class _Game:
         """Count a node of a best response.
 
         Raises:
-            TooLarge: there are more than there may be.
+            TooLarge: there are too many nodes.
         """
         self._nodes += 1
         if self.max_nodes is not None and self._nodes > self.max_nodes:
@@ -265,7 +269,7 @@ class _Game:
             )
 
     def reward(self, turn: int, row: int) -> float:
-        """Return what the first team gets in a turn, discounted from the start."""
+        """Return the first team's reward in a turn, discounted from the start."""
         now: list[float] = self._last if turn == self.turns - 1 else self._usual
         return now[row] * self._rewards.discount**turn
 
@@ -274,15 +278,15 @@ class _Game:
         return bool(turn >= self.turns or self._is_over[state])
 
     def moves_second(self, side: int) -> bool:
-        """Return whether a team sees what the other one does in a turn."""
+        """Return whether a team sees the other team's action before it moves."""
         return self.table.order == (1 if side == 0 else -1)
 
     def row(self, state: int, side: int, own: int, other: int) -> int:
-        """Return the row of the table for a joint action of a team and one of the other team."""
+        """Return the table row of a state and the joint actions of a team and of the other team."""
         return self.table.row_of(state, (own, other) if side == 0 else (other, own))
 
-    def played(self, first: int, second: int) -> float:
-        """Return what the first team gets where each team plays the strategy of a number."""
+    def reward_of_pair(self, first: int, second: int) -> float:
+        """Return the first team's reward if the teams play their strategies of these numbers."""
         pair = self.strategies[0][first], self.strategies[1][second]
         seen, state, total = [0, 0], 0, 0.0
         late = 0 if self.moves_second(0) else 1
@@ -301,35 +305,35 @@ class _Game:
             state = later
         return total
 
-    def grown(self, payoffs: FloatArray) -> FloatArray:
-        """Return the matrix with the strategies that it lacks."""
+    def extended(self, payoffs: FloatArray) -> FloatArray:
+        """Return the payoff matrix extended by the new strategies."""
         rows, columns = payoffs.shape
         found = np.zeros((len(self.strategies[0]), len(self.strategies[1])))
         found[:rows, :columns] = payoffs
         for row, column in np.ndindex(found.shape):
             if row >= rows or column >= columns:
-                found[row, column] = self.played(row, column)
+                found[row, column] = self.reward_of_pair(row, column)
         return found
 
 
-class _Answer:
-    """The best response of a team to a mixture of the other one's strategies.
+class _BestResponse:
+    """The best response of a team to a mixture of the other team's strategies.
 
-    What it has seen is which of these strategies it can be, and what each of them has seen then.
+    Its history is a belief: which of these strategies are possible, and the number of each one's own history.
 
     Args:
         game: the table and the strategies.
-        side: the team that answers, 0 or 1.
-        shares: of the strategies of the other one.
+        side: the team that responds, 0 or 1.
+        shares: the probabilities of the other team's strategies.
 
     Attributes:
-        value: what the first team gets.
+        value: the reward of the first team.
     """
 
-    def __init__(self, game: _Game, side: int, shares: FloatArray) -> None:
+    def __init__(self, game: _StrategyGame, side: int, shares: FloatArray) -> None:
         self._game, self._side, self._shares = game, side, shares.tolist()
         self._others = tuple(game.strategies[1 - side])
-        self._beliefs: list[tuple[tuple[int, int], ...]] = []  # seen -> (strategy, what that has seen), …
+        self._beliefs: list[tuple[tuple[int, int], ...]] = []  # history -> (strategy, its own history), …
         self._numbers: dict[tuple[tuple[int, int], ...], int] = {}
         self._best: dict[tuple[int, int, int, int | None], tuple[float, int]] = {}
         self._after: dict[tuple[int | None, ...], int] = {}
@@ -338,11 +342,11 @@ class _Answer:
         self.value = self._sign * self._worth(0, 0, 0)
 
     def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
-        """Return its joint action; `other` is that of the other team, if that has moved before it."""
+        """Return its joint action; `other` is the other team's, if that team has moved first."""
         return self._chosen(turn, state, seen, other)[1]
 
     def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
-        """Return what it has seen after a turn which has led to another state."""
+        """Return the number of the history after a turn that has led to state `later`."""
         key = turn, state, seen, other, own, later
         if key not in self._after:
             self._game.count_node()
@@ -355,7 +359,7 @@ class _Answer:
             does = self._does(turn, state, k, its, own)
             if does == other if is_second else self._game.later[self._game.row(state, self._side, own, does)] == later:
                 found.append((k, does, its))
-        # Where none of them would have done that, each of them is taken to go on from there.
+        # If no strategy would have done that, all of them stay possible.
         every = found or [(k, self._does(turn, state, k, its, own), its) for k, its in self._beliefs[seen]]
         given = None if is_second or not self._game.moves_second(1 - self._side) else own
         return self._number(
@@ -369,11 +373,11 @@ class _Answer:
         return self._numbers[beliefs]
 
     def _does(self, turn: int, state: int, k: int, its: int, own: int) -> int:
-        """Return what the other team does by one of its strategies."""
+        """Return the action of the other team's strategy number `k`."""
         return self._others[k].act(turn, state, its, own if self._game.moves_second(1 - self._side) else None)
 
     def _worth(self, turn: int, state: int, seen: int) -> float:
-        """Return what the team gets from there on, times the shares of the strategies that it can be."""
+        """Return the team's future reward, weighted by the probabilities of the possible strategies."""
         if self._game.is_over(turn, state):
             return 0.0
         if not self._game.moves_second(self._side):
@@ -382,14 +386,12 @@ class _Answer:
         return sum(self._chosen(turn, state, seen, other)[0] for other in sorted(others))
 
     def _chosen(self, turn: int, state: int, seen: int, other: int | None) -> tuple[float, int]:
-        """Return what the team gets by its best joint action, and that action."""
+        """Return the team's future reward for its best joint action, and that action."""
         key = turn, state, seen, other
         if key not in self._best:
             self._game.count_node()
             worths = list[float]()
-            for action in range(
-                int(self._game.table.sizes[state, self._side])
-            ):  # a comprehension has a frame of its own
+            for action in range(int(self._game.table.sizes[state, self._side])):  # a comprehension would add a frame
                 worths.append(self._worth_of(turn, state, seen, other, action))
             best = max(worths)
             self._best[key] = best, worths.index(best)
@@ -398,7 +400,7 @@ class _Answer:
     def _worth_of(self, turn: int, state: int, seen: int, other: int | None, own: int) -> float:
         total, laters = 0.0, dict[int, None]()
         does = [(k, self._does(turn, state, k, its, own)) for k, its in self._beliefs[seen]]
-        if other is not None:  # where none of the strategies does that, each of them is taken to have done it
+        if other is not None:  # if no strategy does that, all of them are assumed to have done it
             does = [one for one in does if one[1] == other] or [(k, other) for k, _ in does]
         for k, action in does:
             row = self._game.row(state, self._side, own, action)
@@ -411,9 +413,9 @@ class _Answer:
 
 
 class _MixedStrategy(TableStrategy):
-    """A mixture of strategies, one of which is drawn before the first turn."""
+    """A mixture of pure strategies, one of which is drawn before the first turn."""
 
-    def __init__(self, game: _Game, side: int, shares: FloatArray) -> None:
+    def __init__(self, game: _StrategyGame, side: int, shares: FloatArray) -> None:
         super().__init__(game.table, side)
         self._game, self._shares = game, shares
 

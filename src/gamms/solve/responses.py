@@ -1,4 +1,4 @@
-"""Best responses to strategies of any kind, how much teams could gain by them, and games for OpenSpiel."""
+"""Best responses to strategies of any kind, the gains from them, and games for OpenSpiel."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from gamms.solve.solution import (
 )
 from gamms.solve.stages import Bound
 from gamms.solve.table import explore
-from gamms.solve.worlds import Setup
+from gamms.solve.worlds import GameSetup
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -36,25 +36,25 @@ if TYPE_CHECKING:
 
 Method = Literal["exact", "search", "learn"]
 METHODS = ("exact", "search", "learn")
-_ITERATIONS, _DEPTH = 100, 12  # of a decision of "search"
-_SEARCHED = 20  # games that say what it gets, since each of its turns takes long
+_ITERATIONS, _DEPTH = 100, 12  # iterations and depth of a decision of "search"
+_SEARCHED = 20  # games that estimate its value; few, because each turn takes long
 _TRAINED = 50_000  # turns of training
 _TRAINED_GAMES = 16  # at once
-_PLAYED = 200  # games that say what a strategy gets
-_HELD_OUT = 1 << 32  # added to the seeds of games that were not trained in
+_PLAYED = 200  # games that estimate the value of a strategy
+_HELD_OUT = 1 << 32  # added to the seeds of games that were not used for training
 
 
 @dataclass(frozen=True)
 class Response:
-    """How a team answers strategies of others; made by `best_response`.
+    """The response of a team to strategies of others; made by `best_response`.
 
     Attributes:
-        team: that answers.
-        method: by which its strategy was found.
-        value: what it gets; an estimate from games, unless the method is "exact".
-        interval: in which `value` is with 95 % confidence.
+        team: the team that responds.
+        method: the method that found its strategy.
+        value: its reward; an estimate from games, unless the method is "exact".
+        interval: the 95 % confidence interval of `value`.
         strategy: for `scenario.play(strategies={team: …})`.
-        solution: of the game of this team alone; None unless the method is "exact".
+        solution: the solution of the game of this team alone; None unless the method is "exact".
     """
 
     team: str
@@ -66,12 +66,12 @@ class Response:
 
     @property
     def information(self) -> str:
-        """What the team knows: "full": where all are; "agent": each agent what its sensors show."""
+        """The knowledge of the team: "full": all positions; "agent": each agent has only its own observations."""
         return "agent" if self.solution is None else self.solution.information
 
     @property
     def bound(self) -> Bound:
-        """What `value` is to that of the best response of agents that know what their sensors show; see `Solution`."""
+        """How `value` bounds the value of the best response under the agents' own observations; see `Solution`."""
         return "lower" if self.solution is None else self.solution.bound
 
 
@@ -86,26 +86,27 @@ def best_response(
     seed: int | None = None,
     budget: int | None = None,
 ) -> Response:
-    """Return how a team plays best against others whose strategies are known, and what it gets.
+    """Return a best response of a team to known strategies of others, and its value.
 
     Args:
-        scenario: of the game.
-        team: that answers.
+        scenario: the scenario of the game.
+        team: the team that responds.
         against: the strategy of all others, or strategies by team or agent; None: those of the scenario.
-        method: "exact": by value iteration over all states that the game can reach, for a team that knows where all
-            are; the others may remember, and only draw if they are from a `Solution` of this scenario. "search": by
-            `gamms.planning.mcts` in every turn, for agents that know what their sensors show and how the others play.
-            "learn": by MaskablePPO of sb3-contrib, for such agents that find out how the others play.
-        reward: what the team gets, see `solve`; in games of more than two teams its score less the average of the
-            others. "search" takes "score", "learn" that and "turns".
-        turns: the game is cut after so many turns; None: as the scenario says.
-        seed: of the start, and of the training; None: that of the scenario, or 0.
-        budget: for "exact" how many states there may be, for "search" the iterations of a decision, for "learn" the
-            turns of training.
+        method: "exact": value iteration over all reachable states, for a team that knows all positions; the others may
+            have memory, but may draw only if they are from a `Solution` of this scenario. "search":
+            `gamms.planning.mcts` in every turn, for agents that know their own observations and the others' strategies.
+            "learn": MaskablePPO of sb3-contrib, for agents that know their own observations and learn how the others
+            play.
+        reward: the reward of the team, see `solve`; in games of more than two teams its score less the average of the
+            others. "search" supports "score"; "learn" supports "score" and "turns".
+        turns: the number of turns after which the game is cut; None: as in the scenario.
+        seed: the seed of the start and of the training; None: that of the scenario, or 0.
+        budget: for "exact" the most states, for "search" the iterations of a decision, for "learn" the turns of
+            training.
 
     Raises:
-        BadType, BadValue: an argument is impossible, or the method does not do what is asked.
-        UnknownName (KeyError): there is no such team.
+        BadType, BadValue: an argument is impossible, or the method does not support it.
+        UnknownName (KeyError): the team does not exist.
         TooLarge: see `solve`.
         MissingExtra (ImportError): Stable-Baselines3 is not installed, which "learn" needs.
     """
@@ -117,23 +118,23 @@ def best_response(
     first = as_int(0 if seed is None else seed, "seed")
     cut = _cut(scenario, turns)
     if method != "exact":
-        usual, answer = (_ITERATIONS, _searched) if method == "search" else (_TRAINED, _learned)
+        usual, answer = (_ITERATIONS, _search_response) if method == "search" else (_TRAINED, _learn_response)
         return answer(cut, team, others, reward, first, as_count(usual if budget is None else budget, "budget"))
     most = MAX_STATES if budget is None else budget
     setup = setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=most, limit="budget")
-    solution = _answer(setup, reward, team)
+    solution = _exact_response(setup, reward, team)
     interval = (solution.value - solution.error, solution.value + solution.error)
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a strategy gets against several opponents, and at worst; made by `evaluate`.
+    """The rewards of a strategy against several opponents, and in the worst case; made by `evaluate`.
 
     Attributes:
-        team: that plays it.
-        by_opponent: name of an opponent -> the mean of what the team gets.
-        response: the best response of the other team, which is one more opponent; None: it was not asked for.
+        team: the team that plays it.
+        by_opponent: name of an opponent -> the mean reward of the team.
+        response: the best response of the other team, which counts as one more opponent; None: not requested.
     """
 
     team: str
@@ -147,9 +148,9 @@ class Evaluation:
 
     @property
     def worst(self) -> float:
-        """The least against a named opponent or the best response."""
-        answered = [] if self.response is None else [-self.response.value]
-        return min(*self.by_opponent.values(), *answered, float("inf"))
+        """The lowest reward against the named opponents and the best response."""
+        best_response_of_other = [] if self.response is None else [-self.response.value]
+        return min(*self.by_opponent.values(), *best_response_of_other, float("inf"))
 
 
 def evaluate(
@@ -163,24 +164,24 @@ def evaluate(
     turns: int | None = None,
     seed: int | None = None,
 ) -> Evaluation:
-    """Return by how much a team scores more than others with a strategy: on average, and at worst.
+    """Return the mean lead in score of a team's strategy against several opponents, and the worst case.
 
-    The worst case is that against a best response to the strategy, as research on pursuit games reports it.
+    The worst case is the game against a best response to the strategy, as is usual in research on pursuit games.
 
     Args:
-        scenario: of two teams.
-        strategy: of all agents of the team.
-        team: that plays it.
+        scenario: a scenario of two teams.
+        strategy: the strategy of all agents of the team.
+        team: the team that plays it.
         opponents: name -> the strategy of the other team; games against each have the same seeds.
-        method: how the best response is found, see `best_response`; None: there is none. "exact" is that to the
+        method: the method of the best response, see `best_response`; None: compute none. "exact" responds for the
             start of `seed`, and refuses strategies that draw.
-        games: how many are played against each opponent, from `seed` on.
-        turns: games are cut after so many turns; None: as the scenario says.
-        seed: of the first game; None: that of the scenario, or 0.
+        games: the number of games against each opponent, from `seed` on.
+        turns: the number of turns after which games are cut; None: as in the scenario.
+        seed: the seed of the first game; None: that of the scenario, or 0.
 
     Raises:
-        BadType, BadValue: see `best_response`; there is no opponent, or the game is not of two teams.
-        UnknownName (KeyError): there is no such team.
+        BadType, BadValue: see `best_response`; or there is no opponent, or the game does not have two teams.
+        UnknownName (KeyError): the team does not exist.
         TooLarge, MissingExtra: see `best_response`.
     """
     teams, named = teams_of(scenario, team), as_mapping(opponents, "opponents")
@@ -192,7 +193,7 @@ def evaluate(
     start = seed if seed is not None else 0 if scenario.spec.seed is None else scenario.spec.seed
     first, number = as_int(start, "seed"), as_count(games, "games")
     found = {
-        name: float(_played(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())
+        name: float(_rewards_in_games(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())
         for name, other in named.items()
     }
     response = None
@@ -213,15 +214,16 @@ def nash_conv(
     seed: int | None = None,
     max_states: int = MAX_STATES,
 ) -> float:
-    """Return what the two teams of a game together could gain by answering best to each other; 0 in equilibrium.
+    """Return the gain of the two teams together from best responses to each other; 0 in equilibrium.
 
-    As OpenSpiel defines it, that is the sum of what each team gets by its best response, less what it gets now; what
-    both get now adds up to 0.
+    As in OpenSpiel, this is the sum over both teams of the reward of a best response less the current reward; the
+    current rewards add up to 0.
 
     Args:
-        scenario: of two teams.
-        strategies: of both; they may remember, and only draw if they are from a `Solution` of this scenario.
-        team: that gets the reward, and the other one pays; None: the first one.
+        scenario: a scenario of two teams.
+        strategies: the strategies of both; they may have memory, but may draw only if they are from a `Solution` of
+            this scenario.
+        team: the team that gets the reward, which the other one pays; None: the first one.
         reward: see `solve`.
         turns: see `solve`.
         seed: see `solve`.
@@ -229,7 +231,7 @@ def nash_conv(
 
     Raises:
         BadType, BadValue, TooLarge: see `best_response`.
-        UnknownName (KeyError): there is no such team.
+        UnknownName (KeyError): the team does not exist.
     """
     teams, given = teams_of(scenario, team), as_mapping(strategies, "strategies")
     for one in given:
@@ -239,7 +241,7 @@ def nash_conv(
     options: dict[str, Any] = {"turns": turns, "seed": seed, "max_states": max_states}
     pairs = (teams, teams[::-1])
     games = [setup_of(scenario, (one,), {two: given[two]}, **options) for one, two in pairs]
-    return sum(_answer(game, reward, teams[0]).value for game in games)
+    return sum(_exact_response(game, reward, teams[0]).value for game in games)
 
 
 def exploitability(
@@ -252,7 +254,7 @@ def exploitability(
     seed: int | None = None,
     max_states: int = MAX_STATES,
 ) -> float:
-    """Return `nash_conv` per team, as OpenSpiel defines it; see there for the arguments."""
+    """Return `nash_conv` divided by the number of teams, as in OpenSpiel; see there for the arguments."""
     options: dict[str, Any] = {"team": team, "reward": reward, "turns": turns, "seed": seed, "max_states": max_states}
     return nash_conv(scenario, strategies, **options) / 2
 
@@ -267,11 +269,11 @@ def openspiel(
     seed: int | None = None,
     max_states: int = MAX_STATES,
 ) -> "TeamsGame":
-    """Return a game of two teams as a `pyspiel.Game`: of simultaneous moves, with an order of play of sequential ones.
+    """Return a game of two teams as a `pyspiel.Game`: simultaneous, or sequential if teams take turns.
 
-    The first player is the team whose reward it is. Each knows what the sensors of its agents together show when it
-    moves, and remembers it. With `reward="win"` a game without a winner is worth 0 to both. The game is not
-    registered: use it as it is, or one of simultaneous moves by `pyspiel.convert_to_turn_based`.
+    The first player is the team that gets the reward. Each player remembers the joint observations of its agents at its
+    moves. With `reward="win"` a game without a winner gives both 0. The game is not registered: use it directly, or
+    convert a simultaneous one by `pyspiel.convert_to_turn_based`.
 
     Args:
         scenario: see `solve`.
@@ -283,7 +285,7 @@ def openspiel(
         max_states: see `solve`.
 
     Raises:
-        BadType, BadValue, TooLarge: see `solve`; the game has no last turn, or it has an order of play and
+        BadType, BadValue, TooLarge: see `solve`; or the game has no last turn, or has both an order of play and
             conflicts.
         MissingExtra (ImportError): OpenSpiel is not installed.
     """
@@ -301,7 +303,7 @@ def openspiel(
 
 
 def _cut(scenario: Scenario, turns: int | None) -> Scenario:
-    """Return a scenario whose games last no longer than so many turns."""
+    """Return a scenario whose games have at most this many turns."""
     last = [one for one in (scenario.spec.max_turns, turns) if one is not None]
     return scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
 
@@ -313,16 +315,16 @@ def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
     return {} if against is None else dict.fromkeys(teams, against)
 
 
-def _answer(setup: Setup, reward: Reward, of: str) -> Solution:
-    """Return the exact best response of the one team of a game; `of` is the team that gets the reward."""
+def _exact_response(setup: GameSetup, reward: Reward, of: str) -> Solution:
+    """Return the exact best response of the deciding team; `of` is the team that gets the reward."""
     known: Any = next(iter(setup.others.values())) if len(setup.others) == 1 else None
     is_other = isinstance(known, SolvedStrategy) and known.team not in setup.teams
     if is_other and known.is_of(setup.scenario, setup.last_turn):
-        return cast("Solution", known.answered(reward, of))
+        return cast("Solution", known.best_response_of_other(reward, of))
     return solved(setup, reward, 1.0, of)
 
 
-def _searched(
+def _search_response(
     scenario: Scenario, team: str, others: Mapping[str, Any], reward: Reward, seed: int, budget: int
 ) -> Response:
     """Return a response that searches in every turn."""
@@ -331,20 +333,20 @@ def _searched(
     if not others:
         raise BadValue("method='search' needs to know how the others play: give against=, a strategy or several.")
     plays = planning.mcts(budget, depth=_DEPTH, opponents=others, seed=seed, discount=1.0)
-    values = _played(scenario, team, {**others, team: plays}, reward, seed + _HELD_OUT, _SEARCHED)
+    values = _rewards_in_games(scenario, team, {**others, team: plays}, reward, seed + _HELD_OUT, _SEARCHED)
     return _estimated(team, "search", values, plays)
 
 
 def _estimated(team: str, method: Method, values: FloatArray, strategy: object) -> Response:
-    """Return a response whose value is the mean of what games gave."""
+    """Return a response whose value is the mean of the rewards in games."""
     mean, half = float(values.mean()), float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
     return Response(team, method, mean, (mean - half, mean + half), strategy)
 
 
-def _learned(
+def _learn_response(
     scenario: Scenario, team: str, others: Mapping[str, Any], reward: Reward, seed: int, budget: int
 ) -> Response:
-    """Return a response that a policy has learned."""
+    """Return a response whose policy was learned."""
     if reward not in ("score", "turns"):
         raise BadValue(f"method='learn' is for reward='score' or 'turns', not {shown(reward)}: use method='exact'.")
     with needing("A best response that is learned", "train"):
@@ -359,12 +361,12 @@ def _learned(
             strategy = rl.policy(Path(folder) / "response.safetensors", other_scenario=True)
     finally:
         env.close()
-    values = _played(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
+    values = _rewards_in_games(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
     return _estimated(team, "learn", values, strategy)
 
 
 def _gain(turn: rl.Turn) -> FloatArray:
-    """Return by how much the score of a team has changed more than those of the others."""
+    """Return the growth of a team's lead in score over the mean of the others, (games, 1)."""
     own = turn.gains.get(turn.team, np.zeros(len(turn.after.mask)))
     others = [turn.gains[team] for team in turn.after.roster.teams if team != turn.team and team in turn.gains]
     number = max(1, len(turn.after.roster.teams) - 1)
@@ -372,14 +374,14 @@ def _gain(turn: rl.Turn) -> FloatArray:
 
 
 def _turn(turn: rl.Turn) -> FloatArray:
-    """Return -1 for each turn."""
+    """Return -1 for each turn, (games, 1)."""
     return np.full((len(turn.after.mask), 1), -1.0)
 
 
-def _played(
+def _rewards_in_games(
     scenario: Scenario, team: str, strategies: Mapping[str, Any], reward: Reward, seed: int, number: int
 ) -> FloatArray:
-    """Return what a team gets in so many games, (games,)."""
+    """Return a team's rewards in a number of games, (games,)."""
     with scenario.batch(number, seed=seed, strategies=strategies) as games:
         games.run(warn=False)
         if reward == "turns":

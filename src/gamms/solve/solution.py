@@ -1,4 +1,4 @@
-"""What a game is worth and how to play it: `solve`, and what it returns."""
+"""`solve` and its result: the value of a game and optimal strategies."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -15,18 +15,18 @@ from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
-from gamms.solve.information import what_teams_see
-from gamms.solve.stages import Bound, Responses, Rewards, Stages
-from gamms.solve.table import Outcomes, Shape, Table, Transition, explore
-from gamms.solve.worlds import Setup
+from gamms.solve.information import sensor_information
+from gamms.solve.stages import BestResponseValues, Bound, Rewards, ValueIteration
+from gamms.solve.table import Outcomes, StateGroup, Table, Transition, explore
+from gamms.solve.worlds import GameSetup
 from gamms.text import shown
 from gamms.typing.game import State, Strategy
 
 Reward = Literal["score", "win", "turns"] | Callable[[Transition], float]
-"""What a team gets, and the other one pays.
+"""The reward of a team, which the other one pays.
 
-"score": by how much its score changes more than that of the other team; "win": 1 if it wins, -1 if the other one does;
-"turns": -1 for each turn, so that it wants the game to be short; or a function of a `Transition`.
+"score": the change of its score less that of the other team's; "win": 1 if it wins, -1 if the other one wins;
+"turns": -1 for each turn, so that the team wants a short game; or a function of a `Transition`.
 """
 REWARDS = ("score", "win", "turns")
 MAX_STATES = 200_000
@@ -34,10 +34,10 @@ _MEMORY = "gamms.solve"  # the key of the memory of agents
 
 
 class Choice(NamedTuple):
-    """A joint action of a team, and how often it is chosen.
+    """A joint action of a team, and its probability.
 
     Attributes:
-        share: from 0 to 1.
+        share: the probability, from 0 to 1.
         nodes: agent -> the node that it goes to.
     """
 
@@ -46,17 +46,17 @@ class Choice(NamedTuple):
 
 
 class TableStrategy(ABC):
-    """How a team plays in the states of a table: `scenario.play(strategies={"red": strategy})`.
+    """The strategy of a team in the states of a table: `scenario.play(strategies={"red": strategy})`.
 
-    It reads where all agents are from the context, whatever their sensors show. Where a joint action is drawn, all
-    agents of the team draw the same one.
+    It reads the positions of all agents from the context, whatever their sensors show. All agents of the team draw the
+    same joint action.
 
     Args:
         table: the states.
         side: the number of the team, 0 or 1.
 
     Attributes:
-        team: its name.
+        team: the name of the team.
     """
 
     def __init__(self, table: Table, side: int) -> None:
@@ -94,26 +94,26 @@ class TableStrategy(ABC):
         """Return the joint action of the team.
 
         Args:
-            ctx: of the game.
-            state: of an agent.
-            number: of the state of the table.
-            seen: the joint action of the other team, if that has moved already in this turn.
+            ctx: the context of the game.
+            state: the state of an agent.
+            number: the number of the state in the table.
+            seen: the joint action of the other team, if it has moved already in this turn.
         """
 
     def _drawn(self, ctx: Context, purpose: str, turn: int) -> float:
         """Return a number in [0, 1) that all agents of the team draw in a turn, from the seed of the game."""
-        with phase_of(ctx).suspended(changes_world=False):  # the seed is kept from strategies that ask for it
+        with phase_of(ctx).suspended(changes_world=False):  # strategies otherwise may not read the seed
             key = kernels.purpose_key(ctx.seed, purpose)
         return kernels.fraction(kernels.draw_bits(key, self._side, turn))
 
     def _action_seen(self, number: int, moved: Mapping[str, int]) -> int | None:
-        """Return the joint action of the other team by where its agents have moved in this turn."""
+        """Return the joint action of the other team from its agents' moves in this turn."""
         table, other = self._table, 1 - self._side
         for action in range(int(table.sizes[number, other]) if moved and len(table.setup.teams) == 2 else 0):
             wanted = table.actions_of(number, other, action)
             if all(moved.get(name, node) == node for name, node in wanted.items()):
                 return action
-        return None  # the other team does not move before this one, or a conflict has stopped it
+        return None  # the other team does not move first, or a conflict has stopped it
 
     def _moved_before(self, ctx: Context) -> list[str]:
         """Return the living agents that move before this team in a turn."""
@@ -122,7 +122,7 @@ class TableStrategy(ABC):
         return [name for name in names if name in agents and agents[name].alive]
 
     def _state_at(self, nodes: list[int], turn: int, before: int | None) -> int:
-        """Return the state in which agents are on these nodes, -1: out; of several one that follows the one before."""
+        """Return the state with agents on these nodes, -1: out; of several, one that can follow the state `before`."""
         table = self._table
         found = table.states_at(nodes, turn)
         if len(found) > 1 and before is not None:
@@ -137,14 +137,14 @@ class TableStrategy(ABC):
 
 
 class SolvedStrategy(TableStrategy):
-    """How a team plays in a solved game; made by `Solution.strategy`.
+    """The strategy of a team in a solved game; made by `Solution.strategy`.
 
     Args:
-        stages: of the game.
+        stages: the values of the game.
         side: the number of the team, 0 or 1.
     """
 
-    def __init__(self, stages: Stages, side: int) -> None:
+    def __init__(self, stages: ValueIteration, side: int) -> None:
         super().__init__(stages.table, side)
         self._stages = stages
 
@@ -157,19 +157,20 @@ class SolvedStrategy(TableStrategy):
         return min(action, int(np.flatnonzero(choice)[-1]))
 
     def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:
-        """Return whether it is from a solution of a scenario that is cut after a turn; None: it is not."""
+        """Return whether it is from a solution of this scenario with this limit on turns; None: no limit."""
         setup = self._stages.table.setup
         return len(setup.teams) == 2 and (setup.scenario, setup.last_turn) == (scenario, last_turn)
 
-    def answered(self, reward: Reward, of: str) -> "Solution":
+    def best_response_of_other(self, reward: Reward, of: str) -> "Solution":
         """Return the best response of the other team, in the game that this strategy is from.
 
         Args:
-            reward: what a team gets.
-            of: that team; the other one pays.
+            reward: the reward of team `of`.
+            of: the team that gets the reward; the other one pays.
 
         Raises:
-            BadValue: it counts turns in a game without a last one, or the game was solved without looking at who wins.
+            BadValue: the strategy counts down turns in a game without a last turn, or the game was solved without
+                winners.
         """
         stages, side = self._stages, 1 - self._side
         table = stages.table
@@ -183,35 +184,35 @@ class SolvedStrategy(TableStrategy):
                 f"{self!r} is from a game that was solved without looking at who wins: solve it by reward='win'."
             )
         rewards = rewards_of(table, reward, stages.rewards.discount, of)
-        answers = Responses(table, rewards, stages.tolerance, stages, side)
+        answers = BestResponseValues(table, rewards, stages.tolerance, stages, side)
         return Solution(table, answers, table.setup.teams[side], reward)
 
 
-def shares_of(stages: Stages, number: int, left: int, side: int) -> FloatArray:
-    """Return the shares of a team's joint actions in a state, (actions, actions of the other team)."""
+def shares_of(stages: ValueIteration, number: int, left: int, side: int) -> FloatArray:
+    """Return the probabilities of a team's joint actions in a state, (actions, actions of the other team)."""
     table = stages.table
     rows, columns = table.sizes[number].tolist()
     grid = table.offsets[number] + np.arange(rows * columns).reshape(1, rows, columns)
-    play = stages.play(Shape(np.array([number]), grid), left)
+    play = stages.play(StateGroup(np.array([number]), grid), left)
     shares: FloatArray = play.first[0] if side == 0 else play.second[0].T
     return shares
 
 
 class Solution:
-    """The values of all states of a game, and how to play it; made by `solve` and `best_response`.
+    """The values of all states of a game, and optimal strategies; made by `solve` and `best_response`.
 
     Attributes:
         table: the states and transitions.
-        team: whose values these are; in a game of two teams the other one gets the opposite.
-        value: of the start.
-        information: "full": each team knows where all are, and its agents decide together.
-        error: how far `value` may be from that of the game with full information, by the numbers alone; inf: it is not
-            known, as in games without a last turn.
+        team: the team whose values these are; in a game of two teams the other one gets the negated values.
+        value: the value of the start.
+        information: "full": each team knows all positions, and its agents decide together.
+        error: the largest numerical error of `value`, compared with the game under full information; inf: unknown, as
+            in games without a last turn.
     """
 
     information = "full"
 
-    def __init__(self, table: Table, stages: Stages, team: str, reward: Reward) -> None:
+    def __init__(self, table: Table, stages: ValueIteration, team: str, reward: Reward) -> None:
         self.table, self._stages, self.team, self._reward = table, stages, team, reward
         self._side = table.setup.teams.index(team)
         self._sign = 1.0 if self._side == 0 else -1.0
@@ -223,18 +224,18 @@ class Solution:
 
     @cached_property
     def sees(self) -> dict[str, str]:
-        """What the agents of each team that decides are shown by their sensors, in all states.
+        """How much the sensors of each deciding team show, in all states.
 
-        "full": each agent is shown where all are; "team": its agents together are; "agent": they are not.
+        "full": each agent can tell all positions; "team": only its agents together can; "agent": not even together.
         """
-        return what_teams_see(self.table)
+        return sensor_information(self.table)
 
     @cached_property
     def bound(self) -> Bound:
-        """What `value` is to that of the game in which agents know no more than their sensors show.
+        """How `value` bounds the value of the game in which agents know only their observations.
 
-        "exact": the same; "upper": at least it, because the team itself is not shown everything; "lower": at most it,
-        because the other team is not; "none": near it, on a side that is not known.
+        "exact": equal; "upper": an upper bound, because the team itself does not see everything; "lower": a lower
+        bound, because the other team does not; "none": neither is certain.
         """
         numeric = self._stages.side
         blind = [team for team, seen in self.sees.items() if seen != "full"]
@@ -245,33 +246,33 @@ class Solution:
 
     @property
     def is_exact(self) -> bool:
-        """Whether `value` is that of the game, up to `error`."""
+        """Whether `value` is the value of the game, up to `error`."""
         return self.bound == "exact"
 
     # -- values -------------------------------------------------------------------------------------------------
 
     def value_at(self, places: Mapping[str, int | None], turn: int = 0) -> float:
-        """Return what the team gets from a state on.
+        """Return the value of a state for the team.
 
         Args:
-            places: agent -> its node, None: it is out. Those that are not there are where they begin.
-            turn: how many turns were played.
+            places: agent -> its node, None: it is out. Missing agents are at their starting nodes.
+            turn: the number of turns played.
 
         Raises:
-            UnknownName (KeyError): there is no such agent.
-            BadValue: the game does not get there, or not so early and the turns that are left then were not all played;
-                or rules remember more than where agents are.
+            UnknownName (KeyError): an agent does not exist.
+            BadValue: the game does not reach the state, or not so early that its remaining turns were computed; or
+                rules remember more than positions.
         """
         played = as_count(turn, "turn", 0)
         return self._value_of(self._number(places, played), played)
 
     def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
-        """Return what the team gets by where an agent is: node -> value, of all nodes for which `value_at` has one.
+        """Return the values by the position of an agent: node -> value, for all nodes that `value_at` supports.
 
         Args:
-            agent: the one that is on one node after the other.
+            agent: the agent that is put on each node.
             places: see `value_at`.
-            turn: how many turns were played.
+            turn: the number of turns played.
 
         Raises:
             UnknownName, BadValue: see `value_at`.
@@ -285,14 +286,14 @@ class Solution:
         return found
 
     def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
-        """Return what a team does in a state: its joint actions that have a share, the largest first.
+        """Return the joint actions of a team in a state with their probabilities, the largest first.
 
-        Where a team moves after the other one, this is its answer to the other one's best joint action.
+        If a team moves second, this is its response to the other team's best joint action.
 
         Args:
-            team: either of the two.
+            team: one of the two teams.
             places: see `value_at`.
-            turn: how many turns were played.
+            turn: the number of turns played.
 
         Raises:
             UnknownName, BadValue: see `value_at`.
@@ -341,25 +342,25 @@ class Solution:
     # -- play ---------------------------------------------------------------------------------------------------
 
     def strategy(self, team: str | None = None) -> SolvedStrategy:
-        """Return how a team plays, for `scenario.play(strategies={team: …})`.
+        """Return the strategy of a team, for `scenario.play(strategies={team: …})`.
 
         Args:
-            team: either of the two; None: the one whose values these are.
+            team: one of the two teams; None: the team whose values these are.
 
         Raises:
-            UnknownName (KeyError): it was not solved for this team.
+            UnknownName (KeyError): the game was not solved for this team.
         """
         return SolvedStrategy(self._stages, self._side if team is None else self._side_of(team))
 
     def nash_conv(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
-        """Return what both teams together could gain by answering best, as OpenSpiel defines it; 0 in equilibrium.
+        """Return the gain of both teams together from best responses, as in OpenSpiel; 0 in equilibrium.
 
         Args:
-            strategies: of one or both teams, from solutions of the same scenario; the others are those of this one. See
-                `gamms.solve.nash_conv` for any strategies.
+            strategies: strategies of one or both teams, from solutions of the same scenario; others default to those of
+                this solution. For any other strategies see `gamms.solve.nash_conv`.
 
         Raises:
-            BadValue: one counts turns in a game without a last one.
+            BadValue: a strategy counts down turns in a game without a last turn.
         """
         teams = self.table.setup.teams
         given: dict[str, SolvedStrategy] = {team: self.strategy(team) for team in teams}
@@ -370,11 +371,11 @@ class Solution:
                     f"strategies[{shown(team)}] must be a strategy of this team from a solution, not "
                     f"{shown(strategy)}: gamms.solve.nash_conv takes others."
                 )
-        # What each team has now adds up to 0.
-        return sum(given[team].answered(self._reward, self.team).value for team in teams)
+        # The current rewards of the teams add up to 0.
+        return sum(given[team].best_response_of_other(self._reward, self.team).value for team in teams)
 
     def exploitability(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
-        """Return `nash_conv` per team."""
+        """Return `nash_conv` divided by the number of teams."""
         return self.nash_conv(strategies) / len(self.table.setup.teams)
 
 
@@ -391,27 +392,27 @@ def solve(
     seed: int | None = None,
     max_states: int = MAX_STATES,
 ) -> Solution:
-    """Return the values of a small game of two teams, and how both play best, by value iteration.
+    """Return the values of a small game of two teams, and optimal strategies, by value iteration.
 
     Every turn is played by the scenario's own rules, from every state that the game can reach. A game with a last turn
-    is solved from there backwards; another one until values change no more. Teams that move at once play a matrix game
-    in each state; those that take turns see what the other one does. See docs/solve.md.
+    is solved backward from it; other games are iterated until their values converge. Teams that move simultaneously
+    play a matrix game in each state; a team that moves second sees the other's action. See docs/solve.md.
 
     Args:
-        scenario: of two teams.
-        team: whose values are given; None: the first one.
-        reward: what it gets for a turn, and the other one pays. "score": by how much its score changes more than that
-            of the other team; "win": 1 if it wins, -1 if the other one does; "turns": -1, so that it wants the game to
-            be short; or a function of a `Transition` that returns a number.
-        turns: the game is cut after so many turns; None: as the scenario says.
-        discount: what a reward counts one turn later, above 0 and up to 1.
-        seed: of the start; None: that of the scenario, or 0.
-        max_states: how many states there may be.
+        scenario: a scenario of two teams.
+        team: the team whose values are returned; None: the first one.
+        reward: its reward for a turn, which the other one pays. "score": the change of its score less that of the other
+            team's; "win": 1 if it wins, -1 if the other one wins; "turns": -1, so that it wants a short game; or a
+            function of a `Transition` that returns a number.
+        turns: the number of turns after which the game is cut; None: as in the scenario.
+        discount: the weight of a reward one turn later, above 0 and up to 1.
+        seed: the seed of the start; None: that of the scenario, or 0.
+        max_states: the most states.
 
     Raises:
-        BadType, BadValue: an argument is impossible, or the game has something that is not solved, such as draws.
-        UnknownName (KeyError): there is no such team.
-        TooLarge: the game has more states than are allowed; the message says how many, and what would fit.
+        BadType, BadValue: an argument is impossible, or the game has an unsupported feature, such as random draws.
+        UnknownName (KeyError): the team does not exist.
+        TooLarge: the game has too many states; the message tells how many, and what would fit.
     """
     teams = teams_of(scenario, team)
     if len(teams) != 2:
@@ -423,19 +424,19 @@ def solve(
     return solved(setup, reward, discount, teams[0])
 
 
-def solved(setup: Setup, reward: Reward, discount: float, of: str) -> Solution:
-    """Return the solution of a game of one or two teams that decide; `of` is the team that gets the reward."""
+def solved(setup: GameSetup, reward: Reward, discount: float, of: str) -> Solution:
+    """Return the solution of a game with one or two deciding teams; `of` is the team that gets the reward."""
     share = checked_discount(reward, discount)
     table = explore(setup, by_winner=looks_at_winners(reward))
-    stages = Stages(table, rewards_of(table, reward, share, of), TOLERANCE)
+    stages = ValueIteration(table, rewards_of(table, reward, share, of), TOLERANCE)
     return Solution(table, stages, setup.teams[0], reward)
 
 
 def checked_discount(reward: Reward, discount: float) -> float:
-    """Return a discount, before a game is explored for a reward.
+    """Return the checked discount, and check the reward, before a game is explored.
 
     Raises:
-        BadType, BadValue: there is no such discount or reward.
+        BadType, BadValue: the discount or the reward is impossible.
     """
     share = as_float(discount, "discount")
     if not 0.0 < share <= 1.0:
@@ -448,19 +449,19 @@ def checked_discount(reward: Reward, discount: float) -> float:
 
 
 def looks_at_winners(reward: Reward) -> bool:
-    """Return whether it counts for a reward who wins."""
+    """Return whether a reward depends on the winner."""
     return reward not in ("score", "turns")
 
 
-TOLERANCE = 1e-10  # of values of games without a last turn
+TOLERANCE = 1e-10  # for values of games without a last turn
 
 
 def teams_of(scenario: Scenario, team: str | None) -> tuple[str, ...]:
     """Return the teams of a scenario, a given one first.
 
     Raises:
-        BadType: it is no scenario.
-        UnknownName (KeyError): there is no such team.
+        BadType: the value is not a scenario.
+        UnknownName (KeyError): the team does not exist.
     """
     if not isinstance(scenario, Scenario):
         raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -479,18 +480,18 @@ def setup_of(
     seed: int | None,
     max_states: int,
     limit: str = "max_states",
-) -> Setup:
-    """Return which game is looked at, of checked arguments; `limit` is the one that says how many states there are."""
+) -> GameSetup:
+    """Return the checked setup of a game; `limit` is the name of the argument that bounds the number of states."""
     start = (scenario.spec.seed or 0) if seed is None else seed
     last = None if turns is None else as_count(turns, "turns")
-    return Setup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, limit), limit)
+    return GameSetup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, limit), limit)
 
 
 def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
-    """Return what the first team of a table gets by row, of what a team gets and the other one pays.
+    """Return the rewards of a table's first team by row, from the reward of team `of`.
 
     Raises:
-        BadType, BadValue: there is no such reward, or it is always 0.
+        BadType, BadValue: the reward is impossible, or always 0.
     """
     sign = 1.0 if of == table.setup.teams[0] else -1.0
     usual = sign * _rewards(table, table.usual, reward, of)
@@ -506,7 +507,7 @@ def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Reward
 
 
 def _warn_of_worthless_wins(table: Table, usual: FloatArray, last: FloatArray | None) -> None:
-    """Warn of teams whose wins give no points, though the scenario's rules say that they have won."""
+    """Warn of teams whose wins give no points."""
     turns = [(table.usual.winner, usual)]
     turns += [] if table.last is None or last is None else [(table.last.winner, last)]
     for number, team in enumerate(table.roster.teams):

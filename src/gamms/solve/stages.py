@@ -1,4 +1,4 @@
-"""Value iteration: the values of all states with so many turns left, and how teams play there (Shapley 1953)."""
+"""Value iteration: the values of all states by the number of turns left, and optimal play there (Shapley 1953)."""
 
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -8,22 +8,25 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.solve.table import Shape, Table
+from gamms.solve.table import StateGroup, Table
 
 Bound = Literal["exact", "lower", "upper", "none"]
-"""What a value is to that of the game: the same, at most it, at least it, or near it on a side that is not known."""
+"""How a value bounds that of the game: equal, at most it, at least it, or uncertain."""
 _MOST_SWEEPS = 100_000
-_FEW_SWEEPS, _MANY_SWEEPS = 100, 2_000  # after which values that change as much as before are taken to grow for ever
-_MOST_VALUES = 50_000_000  # that are kept, for play with so many turns left
+_FEW_SWEEPS, _MANY_SWEEPS = (
+    100,
+    2_000,
+)  # sweeps after which values that still change as much as before are assumed to grow without bound
+_MOST_VALUES = 50_000_000  # stored values, for play by the number of turns left
 
 
 class Rewards(NamedTuple):
-    """What the first team gets, and the second pays, by row of a table.
+    """The rewards of the first team, which the second pays, by row of a table.
 
     Attributes:
-        usual: in a turn that is not the last one.
-        last: in the last turn; None: the same.
-        discount: what a reward counts one turn later.
+        usual: (rows,) in turns before the last one.
+        last: (rows,) in the last turn; None: as usual.
+        discount: the weight of a reward one turn later.
     """
 
     usual: FloatArray
@@ -31,32 +34,33 @@ class Rewards(NamedTuple):
     discount: float
 
 
-class Play(NamedTuple):
-    """How two teams play in some states, as shares of their joint actions.
+class StrategyShares(NamedTuple):
+    """The strategies of two teams in some states, as probabilities of their joint actions.
 
     Attributes:
-        first: (n, actions of the first team, actions of the second) the share of an action of the first team; where it
-            moves after the second team, given what that one does.
-        second: the same of the second team, given what the first one does where it moves after it.
+        first: (n, actions of the first team, actions of the second), the probabilities of the first team's actions; if
+            it moves second, given the second team's action.
+        second: the same shape, the probabilities of the second team's actions; if it moves second, given the first
+            team's action.
     """
 
     first: FloatArray
     second: FloatArray
 
 
-class Stages:
-    """The values of all states of a table, by how many turns are left.
+class ValueIteration:
+    """The values of all states of a table, by the number of turns left.
 
     Args:
         table: the game.
-        rewards: what the first team gets.
-        tolerance: at which change of values a game without a last turn counts as solved.
+        rewards: the rewards of the first team.
+        tolerance: the change of values at which a game without a last turn counts as solved.
 
     Attributes:
-        values: k -> (states,) what the first team gets from there on if at most k turns are left.
-        error: how far the values of the start may be from those of the game; inf: it is not known.
-        side: what the values are to those of the game with full information: "exact", "lower" (at most), "upper" or
-            "none": near, on a side that is not known.
+        values: k -> (states,) the first team's value if at most k turns are left.
+        error: the largest error of the start's value; inf: unknown.
+        side: how the values bound those of the game with full information: "exact", "lower" (at most), "upper" or
+            "none" (uncertain).
     """
 
     def __init__(self, table: Table, rewards: Rewards, tolerance: float) -> None:
@@ -73,7 +77,7 @@ class Stages:
         self.error += self._gap
 
     def left(self, turn: int, team: int) -> int:
-        """Return with how many turns left a team plays after so many turns; where it does not count, all."""
+        """Return the number of turns left by which a team plays after `turn` turns; if it does not matter, all."""
         most, last = len(self.values) - 1, self.table.last_turn
         if self.table.by_turn:
             return 0
@@ -82,21 +86,21 @@ class Stages:
         return most - turn if self.counts_down(team) and turn < most else most
 
     def counts_down(self, team: int) -> bool:
-        """Return whether a team plays as if the game had as many turns as were computed, so that it gets somewhere.
+        """Return whether a team counts down the computed turns in a game without a last one, so that it makes progress.
 
-        One that only keeps what it has plays in every turn as with all turns left.
+        A team that only defends plays in every turn as if all turns were left.
         """
         if self.table.last_turn is not None or self.rewards.discount < 1.0 or self.side == "exact":
             return False
         gains = self.rewards.usual * (1 if team == 0 else -1)
         return bool((gains > 0).any())
 
-    def payoffs(self, shape: Shape, left: int) -> FloatArray:
-        """Return what the first team gets by joint actions from then on, (states of the shape, actions, actions).
+    def payoffs(self, shape: StateGroup, left: int) -> FloatArray:
+        """Return the first team's value of each pair of joint actions, (states of the group, actions, actions).
 
         Args:
-            shape: of the states.
-            left: how many turns are left, see `left`.
+            shape: the group of states.
+            left: the number of turns left, see `left`.
         """
         rows, rewards = shape.rows, self.rewards
         later = self.values[left if self.table.by_turn else left - 1]
@@ -104,11 +108,11 @@ class Stages:
         now = rewards.last if is_last and rewards.last is not None else rewards.usual
         return now[rows] + rewards.discount * later[self.table.usual.after[rows]]
 
-    def play(self, shape: Shape, left: int) -> Play:
-        """Return how both teams play best in the states of a shape, with so many turns left.
+    def play(self, shape: StateGroup, left: int) -> StrategyShares:
+        """Return optimal strategies of both teams in a group of states, with this many turns left.
 
-        A team that can only gain plays as with the fewest turns in which it gets as much, so that it does not put off
-        what it can have.
+        A team that can only gain plays as if only as many turns were left as it needs, so that it does not delay its
+        gains.
         """
         found = self._play(shape, left)
         for team in (0, 1) if left > 1 else ():
@@ -116,11 +120,11 @@ class Stages:
                 fewest = self._fewest(shape.states, left)
                 for fewer in np.unique(fewest[fewest < left]).tolist():
                     at = np.flatnonzero(fewest == fewer)
-                    found[team][at] = self._play(Shape(shape.states[at], shape.rows[at]), fewer)[team]
+                    found[team][at] = self._play(StateGroup(shape.states[at], shape.rows[at]), fewer)[team]
         return found
 
     def _fewest(self, states: IntArray, left: int) -> IntArray:
-        """Return with how many turns left the values of states are as good already, (states,)."""
+        """Return the smallest number of turns left that gives states the same values, (states,)."""
         fewest, wanted = np.full(len(states), left), self.values[left][states]
         for fewer in range(left - 1, 0, -1):
             is_same = (self.values[fewer][states] == wanted) & (fewest == fewer + 1)
@@ -131,18 +135,18 @@ class Stages:
 
     @cached_property
     def _can_only_gain(self) -> tuple[bool, bool]:
-        """Whether the teams never get less than nothing in a turn, and as much in the last one as in others."""
+        """Whether each team never gets a negative reward, and the last turn has the usual rewards."""
         usual, last, discount = self.rewards
         if discount < 1.0 or self.table.by_turn or (last is not None and not np.array_equal(last, usual)):
             return False, False
         return bool((usual >= 0).all()), bool((usual <= 0).all())
 
-    def _play(self, shape: Shape, left: int) -> Play:
+    def _play(self, shape: StateGroup, left: int) -> StrategyShares:
         payoffs = self.payoffs(shape, left)
         if self.table.order == 0:
             _, rows, columns = kernels.solve_matrix_games(payoffs)
             shape_of = np.ones(payoffs.shape)
-            return Play(rows[:, :, None] * shape_of, columns[:, None, :] * shape_of)
+            return StrategyShares(rows[:, :, None] * shape_of, columns[:, None, :] * shape_of)
         first, second = np.zeros(payoffs.shape), np.zeros(payoffs.shape)
         games = np.arange(len(payoffs))
         if self.table.order < 0:
@@ -151,17 +155,17 @@ class Stages:
         else:
             second[games, :, payoffs.max(axis=1).argmin(axis=1)] = 1.0
             np.put_along_axis(first, payoffs.argmax(axis=1)[:, None, :], 1.0, axis=1)
-        return Play(first, second)
+        return StrategyShares(first, second)
 
     def _sweep(self, left: int) -> FloatArray:
-        """Return the values with so many turns left."""
+        """Return the values with this many turns left."""
         values = np.zeros(len(self.table))
         for shape in self.table.shapes:
             values[shape.states] = self._best(self.payoffs(shape, left), shape, left)
         return values
 
-    def _best(self, payoffs: FloatArray, shape: Shape, left: int) -> FloatArray:  # noqa: ARG002 - for `Responses`
-        """Return the values of states of one shape."""
+    def _best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:  # noqa: ARG002 - for `BestResponseValues`
+        """Return the values of the states of a group."""
         low, high = kernels.saddle_points(payoffs)
         if self.table.order:
             return low if self.table.order < 0 else high
@@ -176,18 +180,18 @@ class Stages:
         return low
 
     def _sweep_levels(self) -> None:
-        """Go back from the last turn, where the turn is part of the state."""
+        """Compute values backward from the last turn, if the turn is part of the state."""
         table, values = self.table, np.zeros(len(self.table))
         self.values = [values]
         for level in range(int(table.level.max()), -1, -1):
             for shape in table.shapes:
                 at = np.flatnonzero(table.level[shape.states] == level)
                 if len(at):
-                    part = Shape(shape.states[at], shape.rows[at])
+                    part = StateGroup(shape.states[at], shape.rows[at])
                     values[part.states] = self._best(self.payoffs(part, 0), part, 0)
 
     def _sweep_turns(self, last: int) -> None:
-        """Go back from the last turn, until nothing changes any more."""
+        """Compute values backward from the last turn, until they no longer change."""
         for left in range(1, last + 1):
             self.values.append(self._sweep(left))
             if self._is_settled(left):
@@ -199,7 +203,7 @@ class Stages:
         return left > 1 and np.array_equal(self.values[-1], self.values[-2])
 
     def _sweep_on(self, tolerance: float) -> None:
-        """Repeat for a game without a last turn."""
+        """Repeat sweeps for a game without a last turn, until the values converge."""
         discount, change, changes = self.rewards.discount, np.inf, list[float]()
         patience = _FEW_SWEEPS + min(len(self.table), _MANY_SWEEPS)
         while change > 0.0:
@@ -229,32 +233,32 @@ class Stages:
         )
 
 
-class Responses(Stages):
-    """The values of all states for a team that answers best to how the other one plays, which it knows.
+class BestResponseValues(ValueIteration):
+    """The values of all states for a team that responds optimally to a known strategy of the other team.
 
     Args:
         table: the game.
-        rewards: what the first team gets.
-        tolerance: see `Stages`.
-        other: how the other team plays.
-        team: that answers, 0 or 1.
+        rewards: the rewards of the first team.
+        tolerance: see `ValueIteration`.
+        other: the values that define the other team's strategy.
+        team: the team that responds, 0 or 1.
     """
 
-    def __init__(self, table: Table, rewards: Rewards, tolerance: float, other: Stages, team: int) -> None:
+    def __init__(self, table: Table, rewards: Rewards, tolerance: float, other: ValueIteration, team: int) -> None:
         self._other, self._team = other, team
         super().__init__(table, rewards, tolerance)
 
     def _is_settled(self, left: int) -> bool:
         return super()._is_settled(left) and left > len(self._other.values)
 
-    def _best(self, payoffs: FloatArray, shape: Shape, left: int) -> FloatArray:
+    def _best(self, payoffs: FloatArray, shape: StateGroup, left: int) -> FloatArray:
         expected: FloatArray = self._expected(payoffs, shape, left)
         if expected.ndim == 2:
             expected = expected.max(axis=1) if self._team == 0 else expected.min(axis=1)
         return expected
 
-    def _expected(self, payoffs: FloatArray, shape: Shape, left: int) -> Any:
-        """Return what the first team gets by each action of the team that answers, or at best where it moves second."""
+    def _expected(self, payoffs: FloatArray, shape: StateGroup, left: int) -> Any:
+        """Return the first team's expected value for each action of the responding team; maximal if it moves second."""
         first, second = self._other.play(shape, min(left, len(self._other.values) - 1))
         if self._team == 0:
             if self.table.order > 0:
@@ -264,8 +268,8 @@ class Responses(Stages):
             return (first[:, :, 0] * payoffs.min(axis=2)).sum(axis=1)
         return (first * payoffs).sum(axis=1)
 
-    def play(self, shape: Shape, left: int) -> Play:
-        """Return how both teams play in the states of a shape: one answers best, the other as it does."""
+    def play(self, shape: StateGroup, left: int) -> StrategyShares:
+        """Return the strategies in a group of states: a best response, and the other team's strategy."""
         payoffs = self.payoffs(shape, left)
         played = self._other.play(shape, min(left, len(self._other.values) - 1))
         own, games = np.zeros(payoffs.shape), np.arange(len(payoffs))
@@ -278,4 +282,4 @@ class Responses(Stages):
             expected = self._expected(payoffs, shape, left)
             best = expected.argmax(axis=1) if self._team == 0 else expected.argmin(axis=1)
             own[(games, best) if self._team == 0 else (games, slice(None), best)] = 1.0
-        return Play(own, played.second) if self._team == 0 else Play(played.first, own)
+        return StrategyShares(own, played.second) if self._team == 0 else StrategyShares(played.first, own)

@@ -1,4 +1,4 @@
-"""All states that a game can reach, and where each joint action leads: what values are computed from."""
+"""All states that a game can reach, and the outcome of each joint action."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -9,22 +9,33 @@ import numpy as np
 from gamms.errors import BadValue, TooLarge
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.solve.worlds import GOES_ON, SAME, TOLERANCE, Played, Setup, Shift, States, World, joined, world_of
+from gamms.solve.worlds import (
+    GOES_ON,
+    SAME,
+    TOLERANCE,
+    GameSetup,
+    Perturbation,
+    States,
+    TurnResults,
+    TurnSimulator,
+    joined,
+    simulator_of,
+)
 from gamms.text import shown
 
 _ALL_TURNS = np.iinfo(np.int64).max
-_SHORT = 3  # turns: a game that lasts no longer has its states turn by turn, rather than be compared between turns
+_SHORT = 3  # turns: for shorter games, states include the turn instead of being compared across turns
 _MORE_SCORE = 1024.0
-_DRAWS = 32  # turns that are played with other seeds at least, at each moment of a game, to see whether any draws
-_CHECKED = 100  # states that were reached in several ways whose turns are played again, where games have a context
+_DRAWS = 32  # least number of turns repeated with other seeds at each moment of a game, to detect random draws
+_CHECKED = 100  # states reached in several ways whose turns are repeated, in games in a context
 
 
 class Transition(NamedTuple):
     """One turn of a game, for a function as `reward=`.
 
     Attributes:
-        before, after: agent -> the node where it was and is, None if it is out.
-        gains: team -> by how much its score has changed.
+        before, after: agent -> its node before and after the turn, None if it is out.
+        gains: team -> the change of its score.
         is_over: whether the game ended.
         winner: the team that has won; None: none.
     """
@@ -37,12 +48,12 @@ class Transition(NamedTuple):
 
 
 class Outcomes(NamedTuple):
-    """What joint actions lead to, (rows,) each.
+    """The outcomes of joint actions, (rows,) each.
 
     Attributes:
-        after: the states that follow.
-        gains: (rows, teams) by how much scores change.
-        winner: the number of the team that wins, NO_WINNER, or GOES_ON.
+        after: the next states.
+        gains: (rows, teams) the changes of scores.
+        winner: the number of the winning team, NO_WINNER, or GOES_ON.
     """
 
     after: IntArray
@@ -50,8 +61,8 @@ class Outcomes(NamedTuple):
     winner: IntArray
 
 
-class Shape(NamedTuple):
-    """The states in which the teams have equally many joint actions.
+class StateGroup(NamedTuple):
+    """The states in which the teams have the same numbers of joint actions.
 
     Attributes:
         states: (n,) their numbers.
@@ -65,31 +76,34 @@ class Shape(NamedTuple):
 class Table:
     """The states of a game and its transitions.
 
-    States are numbered as they were found, state 0 is the start. A row is a state and a joint action; those of a state
-    follow each other, those of one joint action of the first team, too. A state in which the game is over has none.
+    States are numbered in the order in which they were found; state 0 is the start. A row is a state with a joint
+    action of each team. Rows are sorted by state, then by the first team's action. A state in which the game is over
+    has no rows.
 
     Attributes:
-        setup: which game it is.
+        setup: the setup of the game.
         roster: the agents.
-        order: -1 where the first team moves before the second, 1 where it moves after it, 0 where they move at once.
-        earlier: the names of the agents that move before each of the teams in a turn.
-        last_turn: the turn after which the game ends; None: not known.
-        by_winner: whether it was looked at who wins.
+        order: -1 if the first team moves before the second, 1 if it moves after it, 0 if they move simultaneously.
+        earlier: for each team, the names of the agents that move before it in a turn.
+        last_turn: the turn after which the game ends; None: unknown.
+        by_winner: whether winners were compared.
         by_turn: whether the turn is part of the state.
-        by_scores: whether the scores so far are.
-        nodes: (states, agents) where agents are.
+        by_scores: whether the scores so far are part of the state.
+        nodes: (states, agents) the positions of agents.
         alive: (states, agents)
-        level: (states,) the turn at which a state was found first.
-        parents: (states, 2) the state and the row from which it was found first; -1 for the start.
-        legal: (states, agents, most) ids of nodes; behind the last one -1.
-        counts: (states, agents) how many choices an agent has, 1 if it decides nothing.
-        sizes: (states, 2) how many joint actions the teams have.
-        offsets: (states + 1,) where the rows of a state begin.
-        usual: outcomes of the rows in turns that are not the last one.
-        last: outcomes of the rows in the last turn; None: the same.
+        level: (states,) the turn at which a state was first found.
+        parents: (states, 2) the state and the row from which it was first found; -1 for the start.
+        legal: (states, agents, most) ids of nodes, padded with -1.
+        counts: (states, agents) the number of choices of an agent, 1 if it decides nothing.
+        sizes: (states, 2) the number of joint actions of each team.
+        offsets: (states + 1,) the first row of each state.
+        usual: outcomes of the rows in turns before the last one.
+        last: outcomes of the rows in the last turn; None: as usual.
     """
 
-    def __init__(self, setup: Setup, world: World, parts: "_Parts", *, by_turn: bool, by_winner: bool) -> None:
+    def __init__(
+        self, setup: GameSetup, world: TurnSimulator, parts: "_FoundStates", *, by_turn: bool, by_winner: bool
+    ) -> None:
         self.setup, self.roster, self.last_turn = setup, world.roster, world.terms.last_turn
         self.by_winner = by_winner
         self.order, self.by_turn, self.by_scores = _order_of(world, setup.teams), by_turn, world.with_scores
@@ -116,17 +130,17 @@ class Table:
         return self.roster.members(self.setup.teams[team])
 
     @cached_property
-    def shapes(self) -> list[Shape]:
-        """The states from which turns were played, by how many joint actions they have."""
+    def shapes(self) -> list[StateGroup]:
+        """The states from which turns were played, grouped by their numbers of joint actions."""
         shapes, played = [], np.flatnonzero(np.diff(self.offsets))
         for rows, columns in np.unique(self.sizes[played], axis=0).tolist():
             states = played[(self.sizes[played] == (rows, columns)).all(axis=1)]
             grid = np.arange(rows * columns).reshape(rows, columns)
-            shapes.append(Shape(states, self.offsets[states][:, None, None] + grid))
+            shapes.append(StateGroup(states, self.offsets[states][:, None, None] + grid))
         return shapes
 
     def actions_of(self, state: int, team: int, action: int) -> dict[str, int]:
-        """Return agent -> the node that it goes to by a joint action of the first or the second team."""
+        """Return agent -> the node that it goes to, for a joint action of the first or the second team."""
         chosen = {}
         for agent in reversed(self.members(team).tolist()):
             action, own = divmod(action, int(self.counts[state, agent]))
@@ -138,14 +152,13 @@ class Table:
         return int(self.offsets[state] + actions[0] * self.sizes[state, 1] + actions[1])
 
     def states_at(self, places: Sequence[int], turn: int) -> list[int]:
-        """Return the states in which the game goes on and agents are on these nodes, -1: out of the game.
+        """Return the unfinished states with agents on these nodes, -1: out of the game.
 
-        Without those from which the turns that are left then were not all played, because the game does not get there
-        so early.
+        States that the game reaches only later are left out, because their remaining turns were not all played.
 
         Args:
-            places: of all agents, in order.
-            turn: how many turns were played.
+            places: the nodes of all agents, in order.
+            turn: the number of turns played.
         """
         found = self._at.get((turn if self.by_turn else None, *places), [])
         return found if self.last_turn is None else [state for state in found if self._is_played_from(state, turn)]
@@ -155,10 +168,10 @@ class Table:
         return bool(self.level[state] <= turn or self._turns_played[state] >= last - turn)
 
     def first_turn(self, places: Sequence[int]) -> int | None:
-        """Return how many turns are played before agents are first on these nodes in a game that goes on; None: never.
+        """Return the number of turns before agents are first on these nodes in an unfinished game; None: never.
 
         Args:
-            places: of all agents, in order.
+            places: the nodes of all agents, in order.
         """
         is_there = (np.where(self.alive, self.nodes, -1) == np.array(places)).all(axis=1)
         levels = self.level[is_there & (np.diff(self.offsets) > 0)]
@@ -166,11 +179,11 @@ class Table:
 
     @cached_property
     def _turns_played(self) -> IntArray:
-        """How many turns from each state were played, whatever teams do, (states,); many more where all were."""
+        """The number of turns played from each state, whatever teams do, (states,); a huge number if all were."""
         last, after = self.last_turn or 0, self.usual.after
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         played = np.full(len(self), _ALL_TURNS)
-        reached = self.level == last - 1  # first reached there: but for the last turn none was played from them
+        reached = self.level == last - 1  # first reached there, so only the last turn was played from them
         for turns in range(1, last + 1):
             played[reached] = turns
             leads_there = np.bincount(sources, reached[after], len(self)) > 0
@@ -180,7 +193,7 @@ class Table:
         return played
 
     def named(self, places: Sequence[int]) -> dict[str, int | None]:
-        """Return agent -> its node, None: it is out, of the same for messages."""
+        """Return agent -> its node, None: it is out, for nodes in the order of agents."""
         return {name: None if node < 0 else node for name, node in zip(self.roster.names, places, strict=True)}
 
     @cached_property
@@ -192,7 +205,7 @@ class Table:
         return found
 
     def transitions(self, outcomes: Outcomes) -> Iterator[Transition]:
-        """Yield what happens in each row, for functions that look at one at a time."""
+        """Yield each row as a `Transition`, for reward functions."""
         teams = self.roster.teams
         where = [self.named(nodes) for nodes in np.where(self.alive, self.nodes, -1).tolist()]
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
@@ -202,7 +215,7 @@ class Table:
             yield Transition(where[source], where[after], gained, winner != GOES_ON, won)
 
 
-def _order_of(world: World, teams: Sequence[Any]) -> int:
+def _order_of(world: TurnSimulator, teams: Sequence[Any]) -> int:
     order = world.terms.order
     if order is None or len(teams) < 2:
         return 0
@@ -210,7 +223,7 @@ def _order_of(world: World, teams: Sequence[Any]) -> int:
     return int(np.sign(parts[0] - parts[1]))
 
 
-def _before(world: World, team: Any) -> list[str]:
+def _before(world: TurnSimulator, team: Any) -> list[str]:
     order = world.terms.order or []
     own = next((number for number, part in enumerate(order) if team in part), 0)
     teams = [one for part in order[:own] for one in part]
@@ -218,45 +231,45 @@ def _before(world: World, team: Any) -> list[str]:
 
 
 def _in_order(parts: "list[Outcomes]", place: IntArray) -> Outcomes:
-    """Put parts together, by the rows where they belong."""
+    """Concatenate outcomes, and sort them by row."""
     at = np.argsort(place)
     after, gains, winner = (np.concatenate(columns)[at] for columns in zip(*parts, strict=True))
     return Outcomes(after, gains, winner)
 
 
-class _Parts:
-    """What was found of a game so far, part by part."""
+class _FoundStates:
+    """The states of a game found so far, part by part."""
 
     def __init__(self) -> None:
         self.nodes: list[IntArray] = []
         self.alive: list[BoolArray] = []
         self.level: list[int] = []
         self.parents: list[tuple[int, int]] = []
-        self.played: list[IntArray] = []  # the states of which `legal`, `counts` and `sizes` are
+        self.played: list[IntArray] = []  # the states for `legal`, `counts` and `sizes`
         self.legal: list[IntArray] = []
         self.counts: list[IntArray] = []
         self.sizes: list[IntArray] = []
-        self.rows: list[IntArray] = []  # (rows, 2) states and numbers of joint actions, of which outcomes are
+        self.rows: list[IntArray] = []  # (rows, 2) states and numbers of joint actions, for the outcomes
         self.usual: list[Outcomes] = []
         self.last: list[Outcomes] = []
 
 
-class _DependsOn(Exception):
-    """Turns go differently at another time, or with other scores."""
+class _HiddenDependence(Exception):
+    """Turns depend on the time or on the scores, which therefore must be part of the state."""
 
 
-def explore(setup: Setup, *, by_winner: bool) -> Table:
+def explore(setup: GameSetup, *, by_winner: bool) -> Table:
     """Return all states of a game that can be reached from its start, and its transitions.
 
     Args:
-        setup: which game.
-        by_winner: whether it counts who wins.
+        setup: the setup of the game.
+        by_winner: whether the winner matters.
 
     Raises:
-        TooLarge: there are more states than there may be.
-        BadValue: the game has something that is not solved, such as draws.
+        TooLarge: there are too many states.
+        BadValue: the game has an unsupported feature, such as random draws.
     """
-    world = world_of(setup)
+    world = simulator_of(setup)
     last = world.terms.last_turn
     by_turn = last is not None and last <= _SHORT
     try:
@@ -264,7 +277,7 @@ def explore(setup: Setup, *, by_winner: bool) -> Table:
             try:
                 explorer = _Explorer(world, setup, by_turn=by_turn, by_winner=by_winner)
                 return Table(setup, world, explorer.explore(), by_turn=by_turn, by_winner=by_winner)
-            except _DependsOn as what:
+            except _HiddenDependence as what:
                 by_turn = by_turn or what.args[0] == "turn"
                 world.with_scores = world.with_scores or what.args[0] == "scores"
     finally:
@@ -274,16 +287,16 @@ def explore(setup: Setup, *, by_winner: bool) -> Table:
 class _Explorer:
     """Plays all turns from all states, level by level."""
 
-    def __init__(self, world: World, setup: Setup, *, by_turn: bool, by_winner: bool) -> None:
+    def __init__(self, world: TurnSimulator, setup: GameSetup, *, by_turn: bool, by_winner: bool) -> None:
         self._world, self._setup, self._by_turn, self._by_winner = world, setup, by_turn, by_winner
         self._members = [world.roster.members(team) for team in setup.teams]
         self._last = world.terms.last_turn
         self._known: dict[bytes, int] = {}
-        self._found = _Parts()
-        self._new: list[States] = []  # of the next level
-        self._again: list[tuple[int, States, int]] = []  # states that were reached in other ways, too, at another turn
+        self._found = _FoundStates()
+        self._new: list[States] = []  # states of the next level
+        self._again: list[tuple[int, States, int]] = []  # states that were reached again, at a later turn
 
-    def explore(self) -> _Parts:
+    def explore(self) -> _FoundStates:
         start = self._world.start()
         self._number(start, np.full(1, GOES_ON), 0, np.full((1, 2), -1))
         turn = 0
@@ -302,7 +315,7 @@ class _Explorer:
         return self._found
 
     def _expand(self, frontier: States, ids: IntArray, turn: int) -> None:
-        """Play all turns from some states, that of a turn."""
+        """Play all turns from the states of a turn."""
         legal = self._world.legal(frontier, turn)
         counts = np.ones(frontier.nodes.shape, np.int64)
         for members in self._members:
@@ -330,7 +343,7 @@ class _Explorer:
                 found.last.append(Outcomes(after, late.gains, late.winner))
 
     def _decoded(self, action: IntArray, counts: IntArray, sizes: IntArray) -> IntArray:
-        """Return the action of each agent, (rows, agents), of numbers of joint actions."""
+        """Return the action of each agent, (rows, agents), from numbers of joint actions."""
         chosen = np.zeros(counts.shape, np.int64)
         for members, joint in zip(self._members, np.divmod(action, sizes[:, 1]), strict=False):
             left = joint
@@ -338,11 +351,11 @@ class _Explorer:
                 left, chosen[:, agent] = np.divmod(left, counts[:, agent])
         return chosen
 
-    def _play(self, states: States, chosen: IntArray, turn: int) -> Played:
-        """Play turns, and once more with another seed, turn and scores, to see whether they depend on these."""
+    def _play(self, states: States, chosen: IntArray, turn: int) -> TurnResults:
+        """Play turns, and again with another seed, turn and scores, to detect whether they depend on these."""
         world = self._world
         played = world.play(states, chosen, turn)
-        shift = Shift(seed=1, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
+        shift = Perturbation(seed=1, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
         again = np.tile(np.arange(len(states)), max(1, _DRAWS // len(states)))  # each with a seed of its own
         other = world.play(states.take(again), chosen[again], turn, shift)
         differs = played.take(again).differs(other, by_winner=self._by_winner)
@@ -351,26 +364,26 @@ class _Explorer:
             self._explain(states.take(row), chosen[row], turn, shift)
         return played
 
-    def _play_last(self, states: States, chosen: IntArray, turn: int) -> Played:
-        """Play the last turn, which may go by the scores so far if it counts who wins."""
+    def _play_last(self, states: States, chosen: IntArray, turn: int) -> TurnResults:
+        """Play the last turn, which may depend on the scores so far if the winner matters."""
         return self._play(states, chosen, turn) if self._by_winner else self._world.play(states, chosen, turn)
 
     def _other_turn(self, turn: int) -> int:
-        """Return how many turns later the same is to happen, where that is not part of the state."""
+        """Return the shift in turns for the repetition, 0 if the turn is part of the state."""
         if self._by_turn or (self._last is not None and turn >= self._last - 1):
             return 0
         return 5 if self._last is None else 1 if turn + 1 < self._last - 1 else -1
 
-    def _explain(self, states: States, chosen: IntArray, turn: int, shift: Shift) -> None:
-        """Raise for what a turn depends on."""
+    def _explain(self, states: States, chosen: IntArray, turn: int, shift: Perturbation) -> None:
+        """Raise an error that tells what a turn depends on."""
         played = self._world.play(states, chosen, turn)
 
-        def goes_differently(other: Shift) -> bool:
+        def goes_differently(other: Perturbation) -> bool:
             return bool(played.differs(self._world.play(states, chosen, turn, other), by_winner=self._by_winner).any())
 
         for name, one in (("turn", SAME._replace(turns=shift.turns)), ("scores", SAME._replace(scores=shift.scores))):
             if goes_differently(one):
-                raise _DependsOn(name)
+                raise _HiddenDependence(name)
         roster, nodes = self._world.roster, states.nodes[0].tolist()
         where = ", ".join(f"{name} on {node}" for name, node in zip(roster.names, nodes, strict=True))
         others = [team for team in roster.teams if team not in self._setup.teams]
@@ -382,7 +395,7 @@ class _Explorer:
         )
 
     def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
-        """Return the numbers of states; new ones are noted."""
+        """Return the numbers of states; store new ones."""
         known, found, new = self._known, self._found, []
         numbers = np.zeros(len(states), np.int64)
         for row, (key, won) in enumerate(zip(states.keys, winner.tolist(), strict=True)):
@@ -415,7 +428,7 @@ class _Explorer:
         )
 
     def _check_again(self) -> None:
-        """Play from states that were reached in several ways as they were reached later."""
+        """Play again from states that were reached a second time, and compare the outcomes."""
         played = {int(state): place for place, ids in enumerate(self._found.played) for state in ids.tolist()}
         for number, states, turn in self._again:
             if number in played and (self._last is None or turn < self._last - 1):

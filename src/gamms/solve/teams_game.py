@@ -1,6 +1,6 @@
-"""A game of two teams as a game of OpenSpiel, made of the same states and turns as its values.
+"""A game of two teams as an OpenSpiel game, from the same states and turns as its values.
 
-Teams that move at once make it one of simultaneous moves; with an order of play it is one of sequential moves.
+Teams that move simultaneously give a simultaneous game; an order of play gives a sequential one.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from gamms.solve.table import Table
 _MOST_ENTRIES = 1 << 20  # of a tensor
 
 
-class _Model:
-    """What all states of a game share.
+class _SharedModel:
+    """The data shared by all states of a game.
 
     Attributes:
         table, rewards: as given.
-        first: the player that moves first in each turn; None: both move at once.
-        observed: (states, players) the number of what a team observes when a turn begins.
+        first: the player that moves first in each turn; None: both move simultaneously.
+        observed: (states, players) the number of a team's observation at the beginning of a turn.
     """
 
     def __init__(self, table: Table, rewards: Rewards) -> None:
@@ -34,7 +34,7 @@ class _Model:
         self.first = None if table.order == 0 else int(table.order > 0)
         self.num_actions = int(table.sizes.max())
         self.observed = np.zeros((len(table), self.players), np.int64)
-        self._within: list[list[int]] = []  # of a state and an action of the first player: what the second observes
+        self._within: list[list[int]] = []  # state, first player's action -> the second player's observation
         numbers: list[dict[tuple[str, ...], int]] = [{} for _ in range(self.players)]
 
         def number(player: int, seen: Sequence[str]) -> int:
@@ -56,32 +56,32 @@ class _Model:
         self.num_observations = max(map(len, numbers))
 
     def observed_within(self, state: int, action: int) -> int:
-        """Return the number of what the second player observes once the first has moved."""
+        """Return the number of the second player's observation after the first has moved."""
         return self._within[state][action]
 
-    def __deepcopy__(self, _: dict[int, Any]) -> "_Model":
-        """Return itself: OpenSpiel copies states."""
+    def __deepcopy__(self, _: dict[int, Any]) -> "_SharedModel":
+        """Return the model itself, because OpenSpiel copies states."""
         return self
 
     def reward(self, row: int, turn: int) -> float:
-        """Return what the first team gets in a turn, discounted from the start."""
+        """Return the first team's reward in a turn, discounted from the start."""
         last = self.rewards.last if turn == self.turns - 1 else None
         rewards = self.rewards.usual if last is None else last
         return float(rewards[row]) * self.rewards.discount**turn
 
 
 class TeamsGame(pyspiel.Game):  # type: ignore[misc] # OpenSpiel has no types
-    """A game of two teams, in which each is a player that knows what the sensors of its agents together show.
+    """A game of two players, each a team that knows the joint observations of its agents.
 
     Args:
         table: all states, with a last turn.
-        rewards: what the first team gets and the second pays.
+        rewards: the rewards of the first team, which the second pays.
     """
 
     def __init__(self, table: Table, rewards: Rewards) -> None:
         if table.last_turn is None:
             raise BadValue("A game of OpenSpiel needs a last turn: give turns=, or the scenario max_turns.")
-        self.model = model = _Model(table, rewards)
+        self.model = model = _SharedModel(table, rewards)
         most = sum(float(abs(one).max()) for one in (rewards.usual, rewards.last) if one is not None) * model.turns
         has_tensor = model.turns * (model.num_observations + model.num_actions) <= _MOST_ENTRIES
         kind = pyspiel.GameType(
@@ -115,24 +115,24 @@ class TeamsGame(pyspiel.Game):  # type: ignore[misc] # OpenSpiel has no types
         """Return the start."""
         return TeamsState(self, self.model)
 
-    def make_py_observer(self, iig_obs_type: Any = None, params: Any = None) -> "_Observer":  # noqa: ARG002 - of OpenSpiel
-        """Return what tells players what they know."""
-        return _Observer(self.model, recalls=iig_obs_type is not None and iig_obs_type.perfect_recall)
+    def make_py_observer(self, iig_obs_type: Any = None, params: Any = None) -> "_KnowledgeEncoder":  # noqa: ARG002 - of OpenSpiel
+        """Return an observer of the players' knowledge."""
+        return _KnowledgeEncoder(self.model, recalls=iig_obs_type is not None and iig_obs_type.perfect_recall)
 
 
 class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
-    """A moment of a game: the number of the state in the table, and how the players came there."""
+    """A moment of a game: the number of its state in the table, and the players' histories."""
 
-    def __init__(self, game: TeamsGame, model: _Model) -> None:
+    def __init__(self, game: TeamsGame, model: _SharedModel) -> None:
         super().__init__(game)
         self.model, self.number, self.turn = model, 0, 0
         self.seen = [[int(one)] for one in model.observed[0]]  # by player
         self.done: list[list[int]] = [[] for _ in range(model.players)]  # by player
-        self._moved: int | None = None  # what the first player has done in this turn, where the second moves after it
+        self._moved: int | None = None  # the first player's action in this turn, if the second moves after it
         self._last, self._sum = 0.0, 0.0
 
     def current_player(self) -> Any:
-        """Return who moves."""
+        """Return the player to move."""
         if self.is_terminal():
             return pyspiel.PlayerId.TERMINAL
         first = self.model.first
@@ -168,7 +168,7 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
             self.seen[player].append(int(self.model.observed[self.number, player]))
 
     def _play(self, actions: list[int]) -> None:
-        """Play a turn in which the players do something."""
+        """Play a turn with these actions of the players."""
         table = self.model.table
         row = table.row_of(self.number, actions)
         self._last = self.model.reward(row, self.turn)
@@ -180,11 +180,11 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
         return ", ".join(f"{name} to {node}" for name, node in sorted(nodes.items()))
 
     def rewards(self) -> list[float]:
-        """Return what the players got in the last turn."""
+        """Return the rewards of the players in the last turn."""
         return [self._last, -self._last]
 
     def returns(self) -> list[float]:
-        """Return what they have got so far."""
+        """Return the rewards of the players so far."""
         return [self._sum, -self._sum]
 
     def __str__(self) -> str:
@@ -194,10 +194,10 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
         return f"turn {self.turn}: {places}"
 
 
-class _Observer:
-    """Says what a player knows: what its agents observe now, or all that they have observed and done."""
+class _KnowledgeEncoder:
+    """Encodes the knowledge of a player: the current observations, or all observations and actions."""
 
-    def __init__(self, model: _Model, *, recalls: bool) -> None:
+    def __init__(self, model: _SharedModel, *, recalls: bool) -> None:
         self._model, self._recalls = model, recalls
         turns = model.turns + 1 if recalls else 1
         self._seen: FloatArray = np.zeros((turns, model.num_observations))
@@ -207,7 +207,7 @@ class _Observer:
         self.dict = {"observation": self.tensor}
 
     def set_from(self, state: TeamsState, player: int) -> None:
-        """Put what a player knows into the tensor: one entry for each observation and action of a turn."""
+        """Write a player's knowledge into the tensor: one entry for each observation and action of a turn."""
         if not len(self.tensor):
             return
         self._seen[:], self._done[:] = 0.0, 0.0
@@ -219,7 +219,7 @@ class _Observer:
         self.tensor[-1] = state.turn / self._model.turns
 
     def string_from(self, state: TeamsState, player: int) -> str:
-        """Return what a player knows as a text."""
+        """Return a player's knowledge as a text."""
         seen = state.seen[player]
         if not self._recalls:
             return f"turn {state.turn}, sees {seen[-1]}"

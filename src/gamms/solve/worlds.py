@@ -1,6 +1,6 @@
-"""One turn of a game from any of its states, by the scenario's own rules: in arrays where it can be, else one by one.
+"""One turn of a game from any of its states, by the scenario's own rules: as a batch if possible, else one by one.
 
-Each turn is played twice, the second time with another seed, turn and scores, so that what depends on these shows.
+Each turn is played twice, the second time with another seed, turn and scores, to detect dependence on these.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -25,20 +25,20 @@ from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing import AgentType
 
-GOES_ON, NO_WINNER = -2, -1  # instead of the number of the team that has won
+GOES_ON, NO_WINNER = -2, -1  # instead of the number of the winning team
 Strategies = Mapping[str, Any]
-_MOST_ROWS, _FEWEST_ROWS = 1 << 13, 128  # turns that are played at once in arrays
-_FEW_ROWS = 256  # ... and one by one
-TOLERANCE = 1e-9  # of scores that are compared
+_MOST_ROWS, _FEWEST_ROWS = 1 << 13, 128  # turns that are played at once in a batch
+_FEW_ROWS = 256  # turns that are played one by one
+TOLERANCE = 1e-9  # for comparing scores
 
 
-class Shift(NamedTuple):
-    """By what turns that are played for comparison differ from the real ones.
+class Perturbation(NamedTuple):
+    """The changes under which a turn is repeated for comparison.
 
     Attributes:
-        seed: 0: their own one; else each of them has another one, which follows from this.
-        turns: by how many turns they are later.
-        scores: what is added to those of the teams, once for the first, twice for the second, and so on.
+        seed: 0: the same seed; else another seed for each turn, derived from this number.
+        turns: the number of turns by which it is later.
+        scores: the amount that is added to the first team's score, twice to the second's, and so on.
     """
 
     seed: int
@@ -46,15 +46,15 @@ class Shift(NamedTuple):
     scores: float
 
 
-SAME = Shift(seed=0, turns=0, scores=0.0)
+SAME = Perturbation(seed=0, turns=0, scores=0.0)
 
 
 class States:
-    """States of a game from which turns can be played: `columns` in arrays, `snapshots` one by one.
+    """States of a game from which turns can be played: `columns` for a batch, `snapshots` for a context.
 
     Attributes:
-        keys: what tells states apart, all that later turns follow from.
-        nodes: (states, agents) ids of the nodes where agents are, in the order of their names.
+        keys: keys that are equal only if all later turns are equal.
+        nodes: (states, agents) ids of the agents' nodes, in the order of their names.
         alive: (states, agents)
     """
 
@@ -72,7 +72,7 @@ class States:
         return len(self.keys)
 
     def take(self, rows: IntArray) -> "States":
-        """Return some of the states."""
+        """Return the states in these rows."""
         columns = None if self.columns is None else {name: values[rows] for name, values in self.columns.items()}
         numbers = rows.tolist()
         snapshots = [self.snapshots[row] for row in numbers] if self.snapshots else ()
@@ -80,7 +80,7 @@ class States:
 
 
 def joined(parts: Sequence[States]) -> States:
-    """Return the states of several parts, of one game."""
+    """Concatenate states of one game."""
     first = parts[0].columns
     columns = None if first is None else {name: np.concatenate([_of(one, name) for one in parts]) for name in first}
     keys, snapshots = ([one for part in parts for one in getattr(part, name)] for name in ("keys", "snapshots"))
@@ -92,25 +92,25 @@ def _of(states: States, name: Hashable) -> np.ndarray[Any, Any]:
     return states.columns[name]  # type: ignore[index] # asked of states in arrays
 
 
-class Played(NamedTuple):
-    """What a turn has led to, of many states.
+class TurnResults(NamedTuple):
+    """The results of a turn from many states.
 
     Attributes:
-        states: afterwards.
-        gains: (states, teams) by how much scores have changed.
-        winner: (states,) the number of the team that has won, NO_WINNER, or GOES_ON.
+        states: the states after the turn.
+        gains: (states, teams) the changes of scores.
+        winner: (states,) the number of the winning team, NO_WINNER, or GOES_ON.
     """
 
     states: States
     gains: FloatArray
     winner: IntArray
 
-    def take(self, rows: IntArray) -> "Played":
-        """Return what some of the turns have led to."""
-        return Played(self.states.take(rows), self.gains[rows], self.winner[rows])
+    def take(self, rows: IntArray) -> "TurnResults":
+        """Return the results in these rows."""
+        return TurnResults(self.states.take(rows), self.gains[rows], self.winner[rows])
 
-    def differs(self, other: "Played", *, by_winner: bool) -> BoolArray:
-        """Return which turns have gone differently, (states,); whether it counts who wins."""
+    def differs(self, other: "TurnResults", *, by_winner: bool) -> BoolArray:
+        """Return whether the results of each turn differ, (states,); compare winners if `by_winner`."""
         keys = [mine != theirs for mine, theirs in zip(self.states.keys, other.states.keys, strict=True)]
         gains = (abs(self.gains - other.gains) > TOLERANCE).any(axis=1)
         winners = self.winner != other.winner
@@ -120,43 +120,43 @@ class Played(NamedTuple):
         return found
 
 
-class World(Protocol):
-    """A game of which any turn can be played.
+class TurnSimulator(Protocol):
+    """A game whose turns can be played from any state.
 
     Attributes:
         roster: the agents.
-        terms: how it is played.
-        rows: how many turns are best played at once.
+        terms: the order of play and the last turn.
+        rows: the best number of turns to play at once.
         with_scores: whether the scores so far are part of a state.
     """
 
     roster: Roster
-    terms: "Terms"
+    terms: "TurnTerms"
     rows: int
     with_scores: bool
 
     def start(self) -> States:
-        """Return the state in which the game begins."""
+        """Return the initial state of the game."""
 
     def legal(self, states: States, turn: int) -> IntArray:
-        """Return the ids of legal nodes, (states, agents, most), the own one first; behind the last one -1."""
+        """Return the ids of legal nodes, (states, agents, most), the current node first, padded with -1."""
 
-    def play(self, states: States, actions: IntArray, turn: int, shift: Shift = SAME) -> Played:
-        """Play a turn from each state, in which agents take actions, (states, agents)."""
+    def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
+        """Play a turn from each state with these actions, (states, agents)."""
 
     def why_not(self) -> str:
-        """Return why what was played cannot be relied on; "" if it can."""
+        """Return why the results cannot be relied on, or ""."""
 
     def close(self) -> None:
-        """End its contexts."""
+        """Terminate its contexts."""
 
 
-class Terms(NamedTuple):
-    """How a game is played.
+class TurnTerms(NamedTuple):
+    """The order of play and the last turn of a game.
 
     Attributes:
-        order: the teams that move one after the other; None: all at once.
-        last_turn: the turn after which it ends; None: not known.
+        order: the teams that move one after the other; None: all move simultaneously.
+        last_turn: the turn after which the game ends; None: unknown.
         has_last_rule: whether a rule ends it then, which may give points or a winner.
     """
 
@@ -165,25 +165,25 @@ class Terms(NamedTuple):
     has_last_rule: bool
 
     @classmethod
-    def of(cls, game: Game, cut: int | None) -> "Terms":
-        """Return those of a game that is cut after a turn; None: it is not."""
+    def of(cls, game: Game, cut: int | None) -> "TurnTerms":
+        """Return the terms of a game that is cut after turn `cut`; None: it is not cut."""
         order = game.settings()["order"]
         last = min((turn for turn in (game.last_turn, cut) if turn is not None), default=None)
         ends = [one.spec.last_turn for one in game.rules]
         return cls(order if order is not None and len(order) > 1 else None, last, last is not None and last in ends)
 
 
-class Setup(NamedTuple):
-    """Which game is looked at.
+class GameSetup(NamedTuple):
+    """The game to solve.
 
     Attributes:
-        scenario: of the game.
-        seed: of its start.
-        teams: that are given actions, by what is solved.
-        others: strategies of the others, by team or agent, in place of those of the scenario.
-        last_turn: the turn after which the game is cut; None: as the scenario says.
-        max_states: how many states there may be.
-        limit: the argument that has said so.
+        scenario: the scenario of the game.
+        seed: the seed of its start.
+        teams: the teams whose actions are chosen by the solver.
+        others: strategies of the others, by team or agent, instead of those of the scenario.
+        last_turn: the turn after which the game is cut; None: as in the scenario.
+        max_states: the most states.
+        limit: the name of the argument that sets this limit.
     """
 
     scenario: Scenario
@@ -195,12 +195,12 @@ class Setup(NamedTuple):
     limit: str = "max_states"
 
 
-def world_of(setup: Setup) -> World:
-    """Return a game of which any turn can be played.
+def simulator_of(setup: GameSetup) -> TurnSimulator:
+    """Return the simulator for the turns of a game.
 
     Raises:
-        BadValue: the game has something that is not solved.
-        TooLarge: it has more joint positions than there may be states.
+        BadValue: the game has an unsupported feature.
+        TooLarge: it has more joint positions than the most states.
     """
     ctx = setup.scenario.build(setup.seed, {**setup.others, **dict.fromkeys(setup.teams, stay)})
     try:
@@ -212,18 +212,18 @@ def world_of(setup: Setup) -> World:
             batch = game.batch(number, seeds=range(setup.seed, setup.seed + number))
             if batch.slow is None:
                 ctx.terminate()
-                return ArrayWorld(batch, setup)
+                return BatchSimulator(batch, setup)
             batch.close()
-        return ContextWorld(ctx, setup)
+        return ContextSimulator(ctx, setup)
     except BaseException:
         ctx.terminate()
         raise
 
 
-def _positions(ctx: Context, setup: Setup) -> int:
-    """Return how many joint positions agents may get to; refuse more than there may be states."""
+def _positions(ctx: Context, setup: GameSetup) -> int:
+    """Return the number of joint positions that agents may reach; refuse too many."""
     game, graph = ctx.game, ctx.graph.columns()
-    last = Terms.of(game, setup.last_turn).last_turn
+    last = TurnTerms.of(game, setup.last_turn).last_turn
     reached = []
     for agent in game.agents:
         steps = len(graph.node_ids) if last is None else last * ceil(agent.speed or 1)
@@ -243,7 +243,7 @@ def _positions(ctx: Context, setup: Setup) -> int:
 
 
 def _within(graph: GraphColumns, row: int, steps: int) -> int:
-    """Return how many nodes are at most so many edges away from a node."""
+    """Return the number of nodes within this many edges of a node."""
     seen, frontier = np.zeros(len(graph.node_ids), np.bool_), np.array([row])
     seen[row] = True
     for _ in range(steps):
@@ -272,20 +272,20 @@ def _refuse(game: Game) -> None:
             raise BadValue(f"This game is not solved, because {reason}.")
 
 
-class ArrayWorld:
-    """A game that is played in arrays, many turns at once; see `World`."""
+class BatchSimulator:
+    """Plays many turns at once as a batch; see `TurnSimulator`."""
 
     with_scores = False
 
-    def __init__(self, batch: Batch, setup: Setup) -> None:
+    def __init__(self, batch: Batch, setup: GameSetup) -> None:
         self._batch, self._teams = batch, setup.teams
         game = batch.game
         self.roster, self.rows = Roster.of(game.agents), len(batch)
-        self.terms = Terms.of(batch.game.ctx.game, setup.last_turn)
-        batch.step()  # now rules and strategies have what they remember
+        self.terms = TurnTerms.of(batch.game.ctx.game, setup.last_turn)
+        batch.step()  # so that rules and strategies have created their memories
         batch.reset()
         self._streets = batch.observe(batch.teams[0]).streets
-        self._start, self._maps = batch.columns(), dict[bytes, int]()  # which roads are open -> a number from 1 on
+        self._start, self._maps = batch.columns(), dict[bytes, int]()  # state of the roads -> a number from 1 on
         self._acting = [batch.observe(team).agents for team in setup.teams]
 
     def close(self) -> None:
@@ -293,7 +293,7 @@ class ArrayWorld:
         self._batch.close()
 
     def why_not(self) -> str:
-        """Return "": a batch refuses what is not part of its states."""
+        """Return "": a batch refuses rules whose memory is not part of its states."""
         return ""
 
     def start(self) -> States:
@@ -322,7 +322,7 @@ class ArrayWorld:
     def _most(self) -> int:
         return max(int(self._batch.observe(team).counts.max()) for team in self._batch.teams)
 
-    def play(self, states: States, actions: IntArray, turn: int, shift: Shift = SAME) -> Played:
+    def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
         """Play a turn from each state."""
         number, batch = len(states), self._batch
         places = (np.arange(number) + shift.seed) % self.rows  # the games of the batch have seeds of their own
@@ -339,10 +339,10 @@ class ArrayWorld:
             numbers = {team: place for place, team in enumerate(batch.teams) if team is not None}
             won = [numbers.get(team, NO_WINNER) for team in batch.table()["winner"].tolist()]
             winner = np.where(is_over, won, winner)
-        return Played(after, gains, winner).take(places)
+        return TurnResults(after, gains, winner).take(places)
 
     def _load(self, states: States, rows: IntArray, turn: int, more: float) -> dict[Any, FloatArray]:
-        """Let the games of the batch be in some states; return the scores by team."""
+        """Load states into the games of the batch; return the scores by team."""
         columns = {name: values[rows] for name, values in (states.columns or {}).items()}
         scores = {
             team: columns.pop(("score", team), np.zeros(self.rows)) + more * (place + 1)
@@ -371,14 +371,14 @@ class ArrayWorld:
         return States(keys, self._streets.ids(columns["node"]), columns["alive"], columns)
 
 
-class ContextWorld:
-    """A game that is played in a context, one turn after the other; see `World`."""
+class ContextSimulator:
+    """Plays turns one after the other in a context; see `TurnSimulator`."""
 
     rows, with_scores = _FEW_ROWS, False
 
-    def __init__(self, ctx: Context, setup: Setup) -> None:
+    def __init__(self, ctx: Context, setup: GameSetup) -> None:
         self._game: Game = ctx.game
-        self.roster, self.terms = Roster.of(ctx.game.agents), Terms.of(ctx.game, setup.last_turn)
+        self.roster, self.terms = Roster.of(ctx.game.agents), TurnTerms.of(ctx.game, setup.last_turn)
         self._actions: dict[str, int] = {}
         self._legal: dict[str, tuple[int, ...]] = {}
         for team in setup.teams:
@@ -392,12 +392,12 @@ class ContextWorld:
         self._game.ctx.terminate()
 
     def why_not(self) -> str:
-        """Return which rule remembers what is not part of the game."""
+        """Return which rule remembers state that is not part of the game, or ""."""
         changed = [one.changed("Keep it in ctx.game.data, so that it is part of the states.") for one in self._hidden]
         return next(filter(None, changed), "")
 
     def _decide(self, states: dict[str, Any]) -> None:
-        """Let agents take the actions that are to be played, and note what is legal."""
+        """Set the actions to play, and store the legal nodes."""
         for name, state in states.items():
             legal = self._legal[name] = state["legal"]
             state["action"] = legal[self._actions.get(name, 0)]
@@ -418,7 +418,7 @@ class ContextWorld:
         most = max(len(legal) for those in found for legal in those)
         return np.array([[[*legal, *[-1] * (most - len(legal))] for legal in those] for those in found])
 
-    def play(self, states: States, actions: IntArray, turn: int, shift: Shift = SAME) -> Played:
+    def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
         """Play a turn from each state."""
         game, moments, gains, winners = self._game, [], [], []
         teams, names = self.roster.teams, self.roster.names
@@ -430,9 +430,9 @@ class ContextWorld:
             gains.append([game.scores[team] - points for team, points in zip(teams, before, strict=True)])
             winners.append(self._winner())
             moments.append(self._now())
-        return Played(self._as_states(moments), np.array(gains, np.float64), np.array(winners))
+        return TurnResults(self._as_states(moments), np.array(gains, np.float64), np.array(winners))
 
-    def _restore(self, snapshot: Snapshot, turn: int, shift: Shift) -> None:
+    def _restore(self, snapshot: Snapshot, turn: int, shift: Perturbation) -> None:
         game = self._game
         game.restore(snapshot)
         state = game.internals.state
@@ -451,8 +451,8 @@ class ContextWorld:
         won = game.over["winner"]
         return self.roster.teams.index(won) if won is not None and won in self.roster.teams else NO_WINNER
 
-    def _now(self) -> "_Moment":
-        """Return how the game is now."""
+    def _now(self) -> "_CapturedState":
+        """Return the current state of the game."""
         game = self._game
         snapshot, state, agents = game.snapshot(), game.internals.state, game.ctx.agent.agents
         living = [name in agents and agents[name].alive for name in self.roster.names]
@@ -460,22 +460,22 @@ class ContextWorld:
         block = game.ctx.agent.block
         covered = [block.progress[block.row_of(name)] for name in self.roster.names if name in agents]
         scores = dict(state.scores) if self.with_scores else None
-        # An empty memory is that of an agent that was not asked yet.
+        # an agent that was not asked yet has an empty memory
         memories = [{name: one for name, one in kept.items() if one} for kept in (state.memories, state.team_memories)]
         facts = (state.facts, state.agent_facts, state.team_facts)
         map = game.ctx.graph.columns()  # rules may close roads
         roads = map.offsets.tobytes() + map.targets.tobytes()
         roads = b"" if roads == self._roads else roads
         key = repr(as_sorted((nodes, living, covered, roads, state.data, memories, facts, scores))).encode()
-        return _Moment(key, nodes, living, snapshot)
+        return _CapturedState(key, nodes, living, snapshot)
 
-    def _as_states(self, moments: "Sequence[_Moment]") -> States:
+    def _as_states(self, moments: "Sequence[_CapturedState]") -> States:
         nodes, alive = (np.array([moment[place] for moment in moments]) for place in (1, 2))
         keys, snapshots = [one.key for one in moments], [one.snapshot for one in moments]
         return States(keys, nodes, alive.astype(np.bool_), snapshots=snapshots)
 
 
-class _Moment(NamedTuple):
+class _CapturedState(NamedTuple):
     key: bytes
     nodes: list[int]
     alive: list[bool]
@@ -483,7 +483,7 @@ class _Moment(NamedTuple):
 
 
 def as_sorted(value: object) -> object:
-    """Return a value that prints alike if it is equal: dicts and sets in a fixed order, arrays as their bytes."""
+    """Return a value whose text is equal for equal values: dicts and sets sorted, arrays as bytes."""
     if isinstance(value, Mapping):
         return "dict", sorted(((repr(key), as_sorted(one)) for key, one in value.items()), key=lambda item: item[0])
     if isinstance(value, set | frozenset):
