@@ -2,15 +2,14 @@
 
     env = gamms.rl.parallel_env(gamms.scenario.load("tag.yaml"), team="red")
 
-`learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
-`team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games, which
-`processes.py` plays in several processes); `interface.py` has what environments have in common: spaces,
-pictures and copies; `turns.py` has turns for rewards and for copies,
-`heads.py` has what their actions mean, `deeds.py` what they may do besides moving, `sb3.py` is for Stable-Baselines3,
-`tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves and plays what was
-trained, `networks.py` evaluates it; `environments.py` has the functions that users call, `ids.py` the names that
-`gymnasium.make` knows. A client of scenarios and batches: May import: `scenario` and below. To add an observation or a
-reward write a function of arrays: see docs/learning.md.
+`learners.py` has the learning agents in the games of a batch, as arrays; read it first. `team_env.py` (PettingZoo:
+several agents in one game) and `gym_envs.py` (Gymnasium: one agent, or many games) are built on it; `processes.py`
+plays many games in several processes. `interface.py` has the common parts of environments: spaces, pictures and copies.
+`turns.py` has turns for rewards and for copies, `heads.py` decodes actions, `deeds.py` lists declared deeds, `sb3.py`
+is for Stable-Baselines3, `tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves
+and plays trained policies, and `networks.py` evaluates them. `environments.py` has the functions that users call,
+`ids.py` the names for `gymnasium.make`. A client of scenarios and batches: May import: `scenario` and below. To add an
+observation or a reward write a function of arrays: see docs/learning.md.
 """
 
 from importlib.util import find_spec

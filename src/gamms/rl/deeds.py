@@ -1,4 +1,4 @@
-"""Declared deeds as a finite list of choices, for learners: nothing, and each deed with each of its targets."""
+"""Declared deeds as a finite list of choices for learners: no deed, or a deed with concrete field values."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -18,17 +18,17 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
 _MOST = 4096  # choices
-_LEFT_OUT = -1  # the number of an option: the field is not given
-_NEAR = ("node", "edge")  # kinds of fields whose options are numbers of legal nodes, or of edges that leave the node
+_LEFT_OUT = -1  # the number of an option: the field is omitted
+_NEAR = ("node", "edge")  # kinds of fields whose options are indices of legal nodes, or of edges that leave the node
 
 
-class _Deed(NamedTuple):
+class _DeedOptions(NamedTuple):
     """A deed: its fields, the number of its first choice, and the options of each choice.
 
     Attributes:
-        name: as declared.
+        name: the declared name.
         first: the number of its first choice.
-        fields: name -> its declaration and, but of `_NEAR`, its options.
+        fields: name -> its declaration and its options, which are empty for the kinds in `_NEAR`.
         options: (choices, fields) numbers of options.
     """
 
@@ -39,22 +39,22 @@ class _Deed(NamedTuple):
 
 
 class DeedChoices:
-    """What an agent may do besides moving: choice 0 is nothing, then each deed with each combination of its fields.
+    """The deeds that an agent can choose: choice 0 is none; then each deed with each combination of its fields.
 
-    A field has as options: an agent, a team, or a sensor of an agent, in the order of their names at the start; the
-    k-th of the nodes that are legal for the agent; the k-th of the edges that leave its node; no and yes; or the values
-    of a list. A field that may be missing is left out first, and always where its kind has no finite number of values.
+    The options of a field are: the agents, teams or sensors, sorted by name at the start; the k-th legal node of the
+    agent; the k-th edge that leaves its node; false and true; or the values of a list. For an optional field, the
+    first option omits it, and for a kind with infinitely many values this is the only option.
 
     Args:
         declared: the deeds of the game.
-        known: the agents, teams and sensors of the start, by kind.
-        movement: how agents go.
+        known: the agents, teams and sensors at the start, by kind.
+        movement: the movement of agents.
 
     Attributes:
-        names: of the choices.
+        names: the names of the choices.
 
     Raises:
-        BadValue: a field that is needed has no finite number of values, or there are more than 4096 choices.
+        BadValue: a required field has infinitely many values, or there are more than 4096 choices.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class DeedChoices:
         self._degrees = np.diff(self._columns.offsets)
         numbers = {"node": range(movement.width), "edge": range(int(self._degrees.max(initial=0)))}
         known = {"boolean": (False, True), **numbers, **known}
-        self._deeds: list[_Deed] = []
+        self._deeds: list[_DeedOptions] = []
         names = ["nothing"]
         for deed, declarations in declared.items():
             fields = {key: _options_of(deed, key, field, known) for key, field in declarations.items()}
@@ -79,17 +79,19 @@ class DeedChoices:
                     "fewer fields, or lists of fewer values."
                 )
             options = np.array([*product(*ways)], np.int64).reshape(many - len(names), len(fields))
-            self._deeds.append(_Deed(deed, len(names), fields, options))
+            self._deeds.append(_DeedOptions(deed, len(names), fields, options))
             names += [_name_of(deed, fields, row) for row in options.tolist()]
         self.names = tuple(names)
-        self._needs = {kind: self._needed(kind) for kind in _NEAR}  # (choices,) how many nodes and edges there must be
+        self._needs = {
+            kind: self._needed(kind) for kind in _NEAR
+        }  # (choices,) the number of nodes and edges that a choice needs
         self._names = self._named()
 
     def __len__(self) -> int:
         return len(self.names)
 
     def masks(self, view: ArrayView) -> BoolArray:
-        """Return which choices the agents of a view have, (games, agents, choices); a rule may refuse some."""
+        """Return a mask of the choices of a view's agents, (games, agents, choices); a rule may still refuse one."""
         degrees = self._degrees[view.node][..., None]
         found: BoolArray = (self._needs["node"] <= view.counts[..., None]) & (self._needs["edge"] <= degrees)
         found[..., 1:] &= view.mask[..., None]
@@ -100,7 +102,7 @@ class DeedChoices:
         return found
 
     def given(self, chosen: IntArray, view: ArrayView) -> dict[str, tuple[BoolArray, dict[str, Any]]]:
-        """Return choices that agents have, (games, agents), as `Batch.step` takes deeds."""
+        """Return choices, (games, agents), as arguments of `Batch.step`."""
         found = {}
         for deed in self._deeds:
             where = (chosen >= deed.first) & (chosen < deed.first + len(deed.options))
@@ -111,17 +113,17 @@ class DeedChoices:
         return found
 
     def do(self, chosen: IntArray, view: ArrayView) -> None:
-        """Let the agents of a view do what they have chosen, (games, agents)."""
+        """Perform the chosen deeds of a view's agents, (games, agents)."""
         for deed, (where, fields) in self.given(chosen, view).items():
             view.do(deed, where, **fields)
 
     def plain(self, choice: int, legal: Sequence[int], node: int) -> dict[str, dict[str, Any]]:
-        """Return a choice as `state["action"]` has deeds; nothing where the agent does not have it.
+        """Return a choice as the deeds in `state["action"]`; {} if the agent does not have this choice.
 
         Args:
-            choice: its number.
-            legal: ids of the nodes where the agent may go.
-            node: the id of the node where it is.
+            choice: the number of the choice.
+            legal: ids of the agent's legal nodes.
+            node: the id of the agent's node.
         """
         row = int(np.flatnonzero(self._columns.node_ids == node)[0])
         edges = self._columns.edge_ids[self._edges_from(row)].tolist()
@@ -163,7 +165,7 @@ class DeedChoices:
         return values
 
     def _named(self) -> list[tuple[int, int]]:
-        """Return the choices that name an agent, each with its number."""
+        """Return pairs (choice, agent) for the choices that name an agent."""
         found = []
         for deed in self._deeds:
             for i, (field, _) in enumerate(deed.fields.values()):
@@ -181,7 +183,7 @@ class DeedChoices:
 
 
 def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredField]]) -> DeedChoices | None:
-    """Return the choices of the agents of a game, worked out once for its map; None: it declares no deeds."""
+    """Return the deed choices in a view, computed once for its map; None: no deeds are declared."""
     if not declared:
         return None
     known, roster = _known.setdefault(view.streets, {}), view.roster

@@ -1,4 +1,4 @@
-"""The environments that a scenario can be made into."""
+"""Functions that make environments from a scenario."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -37,41 +37,41 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
 
-    What an agent observes is `{"observation": numbers, "action_mask": (actions,)}`. Action k goes to the k-th node of
-    `state["legal"]`; 0 stays, as does an action that is not legal. Where the scenario declares deeds, actions are pairs
-    of a move and a deed, and masks have both. Agents that fly have a box, without a mask. Other teams play their own
+    The observation of an agent is `{"observation": numbers, "action_mask": (actions,)}`. Action k goes to the k-th node
+    of `state["legal"]`; 0 stays, and so does an illegal action. If the scenario declares deeds, actions are pairs of a
+    move and a deed, and masks cover both. Flying agents have a `Box` without a mask. Other teams play their own
     strategies.
 
     Args:
         scenario: see `gamms.scenario.load`.
-        team: that learns, or several; None: all.
-        observation: gives numbers for the agents of a team, (games, agents, …), of an `ArrayView`; None:
+        team: the learning team, or several; None: all.
+        observation: maps an `ArrayView` to numbers for the agents of a team, (games, agents, …); None:
             `default_observation`.
-        reward: gives numbers, (games, agents), of a `Turn`; None: by how much the score of the agent's team changed.
-        seed: of the first game; each further one has the next seed.
-        most_agents: how many agents each team may come to have, or team -> number or names; docs/batches.md. Those that
-            a rule creates take their places by name, and learn with their team.
-        mask: "observation": observations are dicts with the mask; "info": they are the numbers alone, in a plain `Box`,
-            and masks are in the infos.
-        actions: "pair": where there are deeds, an action is a pair of a move and a deed; "discrete": it is one number,
-            `move * deeds + deed`, for at most 4,096 of them.
+        reward: maps a `Turn` to numbers, (games, agents); None: the change of the score of the agent's team.
+        seed: the seed of the first game; each further game has the next seed.
+        most_agents: the most agents of each team over a game, or team -> number or names; docs/batches.md. Agents that
+            a rule creates take these names, and learn with their team.
+        mask: "observation": observations are dicts with the mask; "info": observations are numbers alone, in a plain
+            `Box`, and masks are in the infos.
+        actions: "pair": with deeds, an action is a pair of a move and a deed; "discrete": an action is a single number,
+            `move * deeds + deed`, with at most 4,096 values.
         render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
 
     Raises:
-        UnknownName (KeyError): there is no such team.
-        BadType, BadValue: an argument is none of these; no rule gives scores, and no reward is given.
+        UnknownName (KeyError): the team does not exist.
+        BadType, BadValue: an argument has a wrong type or value; or no rule gives scores, and no reward is given.
         MissingExtra (ImportError): PettingZoo is not installed.
     """
     with needing("An environment of PettingZoo", "rl"):
-        from gamms.rl.interface import Interface, Recipe, engine_of
+        from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of
         from gamms.rl.team_env import TeamEnv
     window = engine_of(render_mode)
     games: dict[str, Any] = {"observation": observation, "reward": reward, "seed": seed, "most_agents": most_agents}
     learners = Learners(scenario, teams=team, record=True, vis_engine=window, **games)
     with _closing_after_error(learners):
-        env = TeamEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
+        env = TeamEnv(EnvInterface(learners, mask, actions), scenario.spec.name, render_mode)
     form: dict[str, Any] = {"mask": mask, "actions": actions, "render_mode": render_mode}
-    env.recipe = Recipe(parallel_env, scenario, {"team": team, **games, **form})
+    env.recipe = EnvRecipe(parallel_env, scenario, {"team": team, **games, **form})
     return env
 
 
@@ -91,8 +91,8 @@ def single_agent_env(  # noqa: PLR0913 - as above
 
     Args:
         scenario: see `parallel_env`.
-        agent: that learns.
-        others: strategies of other agents and teams, in place of those of the scenario.
+        agent: the learning agent.
+        others: strategies of other agents and teams, instead of those of the scenario.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: see `parallel_env`.
@@ -101,13 +101,13 @@ def single_agent_env(  # noqa: PLR0913 - as above
         render_mode: see `parallel_env`.
 
     Raises:
-        UnknownName (KeyError): there is no such agent.
+        UnknownName (KeyError): the agent does not exist.
         BadType, BadValue: see `parallel_env`.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import AgentEnv, spec_of
-        from gamms.rl.interface import Interface, Recipe, engine_of
+        from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of
     window = engine_of(render_mode)
     games: dict[str, Any] = {
         "agent": agent,
@@ -118,10 +118,10 @@ def single_agent_env(  # noqa: PLR0913 - as above
     }
     learners = Learners(scenario, vis_engine=window, **games)
     with _closing_after_error(learners):
-        env = AgentEnv(Interface(learners, mask, actions), scenario.spec.name, render_mode)
+        env = AgentEnv(EnvInterface(learners, mask, actions), scenario.spec.name, render_mode)
     options: dict[str, Any] = {**games, "mask": mask, "actions": actions}
     env.spec = spec_of(single_agent_env, scenario, options)
-    env.recipe = Recipe(single_agent_env, scenario, {**options, "render_mode": render_mode})
+    env.recipe = EnvRecipe(single_agent_env, scenario, {**options, "render_mode": render_mode})
     return env
 
 
@@ -145,40 +145,41 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
-    The core plays them where it has all parts of the scenario (docs/batches.md), and they are the same games as those
+    The compiled core plays the games if it supports all parts of the scenario (docs/batches.md). They equal the games
     of `parallel_env` with the same seeds.
 
     Args:
         scenario: see `parallel_env`.
-        num_games: how many.
+        num_games: the number of games.
         team: see `parallel_env`.
-        agent: the only one that learns, instead of a team.
+        agent: the only learning agent, instead of a team.
         others: see `single_agent_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
-        seed: of the first game; those of the others follow.
+        seed: the seed of the first game; the others have the next ones.
         most_agents: see `parallel_env`.
         mask: see `parallel_env`.
         actions: see `parallel_env`.
-        autoreset_mode: when a game that has ended begins again, as `gymnasium.vector.AutoresetMode` or by its name:
-            "SAME_STEP", "NEXT_STEP" or "DISABLED".
-        workers: how many processes play, each a share of the games; 1: this one. They are the same games. Functions
-            are given to the processes by the names of their modules, and get the games of one process. What one
-            raises is raised here and closes the environment, as does the end of a process (`gamms.workers.WorkerDied`).
-        threads: how many threads of each process play its games, where all parts of these are in the core
-            (docs/batches.md). Any number gives the same games.
-        maps: several maps in place of that of the scenario, of which the seed of each game draws one; see
-            `Scenario.batch`. `observation` and `reward` are called for the games of each map.
+        autoreset_mode: when a finished game is reset, as `gymnasium.vector.AutoresetMode` or by its name: "SAME_STEP",
+            "NEXT_STEP" or "DISABLED".
+        workers: the number of processes, each of which plays a share of the games; 1: this process. The games do not
+            depend on it. Functions are sent to the processes by the names of their modules, and get the games of one
+            process. An error in a process is raised here and closes the environment, and so does the end of a process
+            (`gamms.workers.WorkerDied`).
+        threads: the number of threads of each process that play its games, if the core supports all their parts
+            (docs/batches.md). The games do not depend on it.
+        maps: several maps instead of that of the scenario; the seed of each game draws one; see `Scenario.batch`.
+            `observation` and `reward` are called for the games of each map.
 
     Raises:
-        UnknownName (KeyError): there is no such team.
-        BadType, BadValue: see `parallel_env`; there are more processes than games.
+        UnknownName (KeyError): the team does not exist.
+        BadType, BadValue: see `parallel_env`; or there are more processes than games.
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import GamesEnv, mode_of
-        from gamms.rl.interface import Interface, Recipe
+        from gamms.rl.interface import EnvInterface, EnvRecipe
         from gamms.rl.processes import ProcessesEnv
     mode = mode_of(autoreset_mode)
     several = as_count(workers, "workers", least=1) > 1
@@ -199,13 +200,13 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     options: dict[str, Any] = {"team": team, **games, "mask": mask, "actions": actions, "autoreset_mode": mode}
     counts: dict[str, Any] = {"num_games": num_games, "seed": seed, "workers": workers}
     with _closing_after_error(learners):
-        interface = Interface(learners, mask, actions)
+        interface = EnvInterface(learners, mask, actions)
         if several:
             make = partial(vector_env, scenario, **options)
             env: GamesEnv = ProcessesEnv(interface, scenario.spec.name, mode, **counts, make=make)
         else:
             env = GamesEnv(interface, scenario.spec.name, mode)
-    env.recipe = Recipe(vector_env, scenario, {**options, **counts})
+    env.recipe = EnvRecipe(vector_env, scenario, {**options, **counts})
     return env
 
 
@@ -230,7 +231,7 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
 
 @contextmanager
 def _closing_after_error(learners: Learners) -> Iterator[None]:
-    """Close learners of which no environment could be made."""
+    """Close the learners if making an environment fails."""
     try:
         yield
     except BaseException:
@@ -253,22 +254,22 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
     """Return many games of a scenario as an `EnvBase` of TorchRL.
 
     Teams are groups: `(team, "observation")`, (games, agents, …), `(team, "action_mask")`, and so on. The tensors are
-    on the CPU and share the memory of the arrays of the games; `env.to("cuda")` copies them to a GPU in each turn.
-    Functions that you give as `observation` and `reward` get and return arrays of NumPy.
+    on the CPU and share the memory of the games' arrays; `env.to("cuda")` copies them to a GPU in each turn. Functions
+    for `observation` and `reward` get and return NumPy arrays.
 
     Args:
         scenario: see `parallel_env`.
-        num_games: how many, the batch size.
+        num_games: the number of games, which is the batch size.
         team: see `parallel_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
-        seed: of the first game; those of the others follow.
+        seed: the seed of the first game; the others have the next ones.
         most_agents: see `parallel_env`.
         threads: see `vector_env`.
         maps: see `vector_env`.
 
     Raises:
-        UnknownName (KeyError): there is no such team.
+        UnknownName (KeyError): the team does not exist.
         BadType, BadValue: see `parallel_env`.
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): TorchRL is not installed.

@@ -1,4 +1,4 @@
-"""The environments of Gymnasium: one agent that learns, and many games at once."""
+"""The environments of Gymnasium: one learning agent, and many games at once."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,7 +15,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.heads import are_legal, refuse_mixed
-from gamms.rl.interface import METADATA, Columns, Copyable, Interface, RenderMode, mask_in, prepare, rendered
+from gamms.rl.interface import METADATA, Columns, CopyableEnv, EnvInterface, RenderMode, mask_in, prepare, rendered
 from gamms.rl.learners import ActionArray, Seeds
 from gamms.scenario import Scenario
 from gamms.text import shown
@@ -24,19 +24,19 @@ Infos = dict[str, Any]
 Observed = Any  # `observation` and `action_mask`, or the observation alone
 
 
-class AgentEnv(Copyable, gymnasium.Env[Observed, Any]):
-    """One agent that learns in one game; made by `gamms.rl.single_agent_env`.
+class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
+    """One learning agent in one game; made by `gamms.rl.single_agent_env`.
 
     Args:
-        interface: of learners in one game, in a context; only the first agent of them is asked.
-        name: of the scenario.
+        interface: the interface of learners in one game, in a context; only the first agent is used.
+        name: the name of the scenario.
         render_mode: "human", "rgb_array" or None.
     """
 
     metadata = METADATA
     _own = "spec", "observation_space", "action_space"
 
-    def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
+    def __init__(self, interface: EnvInterface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
         self._interface = interface
         self.render_mode = render_mode
@@ -46,14 +46,14 @@ class AgentEnv(Copyable, gymnasium.Env[Observed, Any]):
         self.action_space = interface.action_space()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
-        """Begin a game; without a seed, that of the next one."""
+        """Reset the game to a seed; None: the next seed."""
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
         found = self._columns()
         return self._interface.given(found), mask_in(found)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
-        """Play a turn; an action that is not legal stays, and `info["is_legal"]` is False then."""
+        """Play a turn; after an illegal action the agent stays, and `info["is_legal"]` is False."""
         heads = self._interface.heads_of([(np.array([0]), action)])
         was_legal = bool(are_legal(self.learners, heads)[0, 0])
         played = self.learners.step(*heads)
@@ -63,16 +63,16 @@ class AgentEnv(Copyable, gymnasium.Env[Observed, Any]):
         return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Return which actions are legal, (actions,); `sb3_contrib.MaskablePPO` asks for it."""
+        """Return a mask of legal actions, (actions,), for `sb3_contrib.MaskablePPO`."""
         masks: np.ndarray[Any, np.dtype[np.bool_]] = self._interface.masks()[0, 0]
         return masks
 
     def render(self) -> Any:
-        """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
+        """Return a picture, (height, width, 3), or show it in the window; do nothing without a render mode."""
         return rendered(self.learners, self.render_mode)
 
     def close(self) -> None:
-        """End the game."""
+        """Close the game."""
         self.learners.close()
 
     def _columns(self) -> Columns:
@@ -80,15 +80,15 @@ class AgentEnv(Copyable, gymnasium.Env[Observed, Any]):
 
 
 class SlotsTurn(NamedTuple):
-    """A turn of all slots.
+    """The results of a turn for all slots.
 
     Attributes:
-        now: what is observed after it, and after games were begun again.
-        last: what was observed before games were begun again.
+        now: the observations after the turn and after games were reset.
+        last: the observations before games were reset.
         rewards: (slots,)
         terminated: (slots,)
         truncated: (slots,)
-        valid: (slots,) who took part in it.
+        valid: (slots,) whether the slot's agent took part in the turn.
     """
 
     now: Columns
@@ -99,30 +99,30 @@ class SlotsTurn(NamedTuple):
     valid: BoolArray
 
 
-class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
+class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
     """Many games at once, with a slot for each game and learning agent; made by `gamms.rl.vector_env`.
 
-    Slot `game * agents + agent`. The slots of a game begin together. A slot is `terminated` when its agent goes out,
-    and not again when its game ends: its next episode begins with waiting for the next game. While it waits its reward
-    is 0, it only stays, and `infos["valid"]` is False.
+    Slot `game * agents + agent`. The slots of a game are reset together. A slot is `terminated` when its agent goes
+    out, and not again when its game ends: until the game is reset, the slot waits. While it waits its reward is 0, its
+    only legal action is to stay, and `infos["valid"]` is False.
 
     Args:
-        interface: of learners in the games.
-        name: of the scenario.
-        autoreset_mode: when a game begins again: in the step in which it ends, as `infos["final_obs"]` and
-            `infos["final_info"]` then say; in the next step, whose actions do not count; or by `reset` alone.
-        num_games: how many games; None: those of the learners.
+        interface: the interface of learners in the games.
+        name: the name of the scenario.
+        autoreset_mode: when a finished game is reset: in its last step, which reports `infos["final_obs"]` and
+            `infos["final_info"]`; in the next step, whose actions do not count; or only by `reset`.
+        num_games: the number of games; None: that of the learners.
 
     Attributes:
         learners: see above.
-        num_games: how many games.
-        num_agents: how many agents learn in each.
+        num_games: the number of games.
+        num_agents: the number of learning agents in each game.
     """
 
     _own = "spec", "observation_space", "action_space", "single_observation_space", "single_action_space"
 
     def __init__(
-        self, interface: Interface, name: str, autoreset_mode: AutoresetMode, num_games: int | None = None
+        self, interface: EnvInterface, name: str, autoreset_mode: AutoresetMode, num_games: int | None = None
     ) -> None:
         self._interface = interface
         self._autoreset_mode = autoreset_mode
@@ -138,17 +138,17 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
-        """Begin games: game i with the seed `seed + i`, and at each further time with one larger by `num_games`.
+        """Reset games: game i to the seed `seed + i`, and at each later reset to a seed larger by `num_games`.
 
         Args:
-            seed: an integer, or a list with one for each game, or for each slot, where the slots of a game have the
-                same one. None, also in the list: games begin with their next seeds.
-            options: `{"reset_mask": booleans (slots,)}` begins only the games in which all agents that play on are
-                named. Where agents play on, the slots of those that are out go on waiting. Other options do not count.
+            seed: an integer; or a list with one for each game, or for each slot, with equal seeds for the slots of a
+                game. None, also in the list: the next seeds.
+            options: `{"reset_mask": booleans (slots,)}` resets only the games whose agents still playing are all
+                named. In other games, the slots of agents that are out keep waiting. Other options are ignored.
 
         Raises:
-            BadType, BadValue: the seeds are not of this form; a mask is not, or it names the slot of an agent that
-                plays and not the others of its game.
+            BadType, BadValue: the seeds or the mask have another form; or the mask names only some of the agents that
+                still play in a game.
         """
         seeds, which = self._seeds_of(seed), np.arange(self.num_games)
         if options is not None and "reset_mask" in options:
@@ -157,14 +157,14 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
         return self._interface.given(found), _infos(found, alive)
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
-        """Play a turn of all games, and begin games again as `autoreset_mode` says.
+        """Play a turn of all games, and reset finished games as `autoreset_mode` says.
 
         Args:
-            actions: (slots,) numbers of legal nodes, or with deeds (slots, 2); one that is not legal stays. Of agents
-                that fly, (slots, 3) and more: see `heads`.
+            actions: (slots,) indices of legal nodes, or with deeds (slots, 2); after an illegal one the agent stays.
+                For flying agents, (slots, 3) and more: see `heads`.
 
         Raises:
-            BadValue: these are no actions; or a game has ended, and only `reset` begins games again.
+            BadValue: these are not actions; or a game has ended that only `reset` may reset.
         """
         if self._autoreset_mode is AutoresetMode.DISABLED and self._over().any():
             raise BadValue(
@@ -180,17 +180,17 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
         return self._interface.given(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are legal, (slots, actions)."""
+        """Return a mask of legal actions, (slots, actions)."""
         return self._interface.masks().reshape(self.num_envs, -1)
 
     def close_extras(self, **_: object) -> None:
-        """End the games."""
+        """Close the games."""
         self.learners.close()
 
-    # -- inside: what several processes do in another way -------------------------------------------------------
+    # -- inside: methods that `ProcessesEnv` overrides ----------------------------------------------------------
 
     def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:
-        """Begin games, by their numbers; return what is observed, and which agents are alive, (slots,)."""
+        """Reset games, by their numbers; return the observations, and whether agents are alive, (slots,)."""
         if seeds is not None:
             self.learners.begin_from(seeds, which)
         self.learners.begin_again(which)
@@ -221,12 +221,12 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
         )
 
     def _over(self) -> BoolArray:
-        """Return which games have ended, (games,)."""
+        """Return whether games have ended, (games,)."""
         over: BoolArray = self.learners.is_over
         return over
 
     def _plays(self) -> BoolArray:
-        """Return which agents play on, (games, agents)."""
+        """Return whether agents still play, (games, agents)."""
         learners = self.learners
         plays: BoolArray = (learners.alive | (learners.is_there & learners.may_return)) & ~learners.is_over[:, None]
         return plays
@@ -234,7 +234,7 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _seeds_of(self, seed: object) -> Seeds:
-        """Return one seed for all games, or a list of those of each."""
+        """Return a single seed for all games, or a list with one for each."""
         if seed is None or isinstance(seed, int | np.integer):
             return None if seed is None else as_int(seed, "seed")
         given = [None if one is None else as_int(one, "seed") for one in as_items(seed, "seed", "seeds")]
@@ -255,7 +255,7 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
         return [seeds[0] for seeds in of_games]
 
     def _named_by(self, given: object) -> IntArray:
-        """Return the games that a mask of slots lets begin again."""
+        """Return the numbers of the games that a mask of slots resets."""
         mask = given
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
             raise BadType(f"options['reset_mask'] must be an array of NumPy of booleans, not {shown(given)}.")
@@ -279,15 +279,15 @@ class GamesEnv(Copyable, VectorEnv[Observed, ActionArray, Any]):
 
 
 def _infos(found: Columns, valid: BoolArray) -> Infos:
-    """Return the infos of all slots, with the masks of what they observe."""
+    """Return the infos of all slots, with the masks of their observations."""
     return {**{key: mask > 0 for key, mask in mask_in(found).items()}, "valid": valid.copy()}
 
 
 def mode_of(given: object) -> AutoresetMode:
-    """Return a mode, which is given as such or by its name.
+    """Return a mode from the mode itself or its name.
 
     Raises:
-        BadValue: there is no such mode.
+        BadValue: the mode does not exist.
     """
     known = {key: mode for mode in AutoresetMode for key in (mode, mode.name, mode.value)}
     try:
@@ -298,6 +298,6 @@ def mode_of(given: object) -> AutoresetMode:
 
 
 def spec_of(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:
-    """Return how an environment was made, so that Gymnasium can make it again with another render mode."""
+    """Return the spec by which Gymnasium can make the environment again with another render mode."""
     name = "".join(word for word in scenario.spec.name.title() if word.isalnum()) or "Game"
     return EnvSpec(f"gamms/{name}-v0", entry_point=partial(make, scenario), kwargs=options)

@@ -1,9 +1,8 @@
-"""The heads of actions: of agents on the ground a move and perhaps a deed, of those that fly a flight.
+"""The heads of actions: for agents on the ground a move and optionally a deed, for flying agents a flight.
 
-A move and a deed are given as a pair, or flat: as the number `move * choices + deed`, where `choices` is how many deeds
-there are, doing nothing included. An agent that flies gives numbers from -1 to 1: east, north and up, in shares of what
-it reaches in a turn; and, where there are deeds, one for each choice of a deed, of which that with the largest number
-is done.
+A move and a deed are given as a pair, or as the number `move * choices + deed`, where `choices` is the number of deed
+choices, doing nothing included. A flying agent gives numbers from -1 to 1: east, north and up, as shares of its reach
+in a turn; with deeds, one more number for each deed choice, of which the largest wins.
 """
 
 from collections.abc import Sequence
@@ -17,28 +16,28 @@ from gamms.ir.obstacles import BoolArray
 from gamms.rl.learners import Learners, are_in
 from gamms.text import shown
 
-AXES = 3  # of flights
+AXES = 3  # components of a flight
 
 
-class Heads(NamedTuple):
-    """What agents do, as `Learners.step` takes it, (games, agents)."""
+class ActionHeads(NamedTuple):
+    """The decoded actions of agents, (games, agents), as arguments of `Learners.step`."""
 
     moves: IntArray
     deeds: IntArray | None
     flights: FloatArray | None
 
 
-def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_flat: bool = False) -> Heads:
+def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_flat: bool = False) -> ActionHeads:
     """Return the heads of actions.
 
     Args:
-        learners: who take them.
-        given: the numbers of agents, all on the ground or all in the air, and their actions in all games, in any shape
-            that has as many numbers. The others stay.
-        are_flat: whether moves and deeds are one number.
+        learners: the learners.
+        given: pairs of agent numbers, all on the ground or all flying, and their actions in all games, in any shape of
+            the right size. Other agents stay.
+        are_flat: whether a move and a deed are a single number.
 
     Raises:
-        BadValue: they are not of the action space.
+        BadValue: the actions are not in the action space.
     """
     shape = learners.masks.shape[:2]
     deeds = None if learners.deeds is None else np.zeros(shape, np.int64)
@@ -60,16 +59,16 @@ def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_f
             deeds[:, agents] = np.where(learners.are_legal(moves)[:, agents], found, 0)
         else:
             moves[:, agents], deeds[:, agents] = values[..., 0], values[..., 1]
-    return Heads(moves, deeds, flights)
+    return ActionHeads(moves, deeds, flights)
 
 
 def as_actions(
     learners: Learners, games: int, agents: IntArray, actions: object, *, are_flat: bool = False
 ) -> np.ndarray[Any, Any]:
-    """Return actions of some agents, all on the ground or all in the air, as an array that begins (games, agents).
+    """Return actions of agents, all on the ground or all flying, as an array (games, agents, …).
 
     Raises:
-        BadValue: they are not of the action space, or no game has begun.
+        BadValue: the actions are not in the action space, or no game has begun.
     """
     if not learners.has_begun:
         raise BadValue("No game has begun: call reset() before step().")
@@ -85,7 +84,7 @@ def as_actions(
 def _numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:
     try:
         given = np.asarray(actions)
-    except ValueError:  # of several shapes
+    except ValueError:  # rows of different shapes
         given = np.asarray("")
     if given.size != np.prod(shape) or given.dtype.kind not in kinds:
         raise BadValue(
@@ -95,8 +94,8 @@ def _numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> 
     return given.reshape(shape)
 
 
-def are_legal(learners: Learners, heads: Heads) -> BoolArray:
-    """Return whose actions are legal, (games, agents): of those that fly, numbers from -1 to 1."""
+def are_legal(learners: Learners, heads: ActionHeads) -> BoolArray:
+    """Return whether actions are legal, (games, agents); for flying agents, numbers from -1 to 1."""
     found = learners.are_legal(heads.moves)
     if heads.deeds is not None:
         found &= are_in(learners.deed_masks, heads.deeds)
@@ -106,11 +105,11 @@ def are_legal(learners: Learners, heads: Heads) -> BoolArray:
 
 
 def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
-    """Return which actions are legal, (games, agents, actions): moves, and behind them deeds where there are any.
+    """Return a mask of legal actions, (games, agents, actions): moves, followed by deeds if there are any.
 
     Args:
-        learners: the agents.
-        are_flat: whether moves and deeds are one number: then each pair of them has a place.
+        learners: the learners.
+        are_flat: whether a move and a deed are a single number; then the mask has an entry for each pair.
 
     Raises:
         BadValue: all agents fly.
@@ -127,10 +126,10 @@ def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
 
 
 def refuse_mixed(learners: Learners, agents: Sequence[int], what: str) -> None:
-    """Refuse agents of which some fly and others do not, where they need one action space.
+    """Refuse agents of which only some fly, where they share one action space.
 
     Raises:
-        BadValue: they do.
+        BadValue: only some of the agents fly.
     """
     flies = learners.flies[[*agents]]
     if flies.any() and not flies.all():

@@ -1,4 +1,4 @@
-"""The scenarios that come with GAMMS, as environments that `gymnasium.make` and `gymnasium.make_vec` know by name."""
+"""The scenarios that come with GAMMS, registered for `gymnasium.make` and `gymnasium.make_vec`."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ from gamms.scenario import Scenario, from_gallery
 if TYPE_CHECKING:
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
 
-IDS = {  # environment -> its game in the gallery, and the agent that learns, unless another one is named
+IDS = {  # environment -> its game in the gallery, and its default learning agent
     "gamms/GridTag-v0": ("grid_tag", "red_0"),
     "gamms/HelsinkiPursuit-v0": ("helsinki_pursuit", "red_0"),
     "gamms/CaptureTheFlag-v0": ("capture_the_flag", "red_0"),
@@ -32,15 +32,15 @@ def register() -> None:
 
 
 def scenario(name: str) -> Scenario:
-    """Return the scenario of an environment, by its name."""
+    """Return the scenario of a registered environment."""
     return from_gallery(IDS[name][0])
 
 
 def make(game: str, agent: str | None = None, **options: Any) -> "AgentEnv":
-    """Return the environment of one agent; `options` are those of `single_agent_env`."""
+    """Return the environment of one agent; for `options` see `single_agent_env`."""
     return single_agent_env(scenario(game), agent=agent or IDS[game][1], **options)
 
 
 def make_vec(game: str, num_envs: int, agent: str | None = None, **options: Any) -> "GamesEnv":
-    """Return `num_envs` games; `options` are those of `vector_env`."""
+    """Return an environment of `num_envs` games; for `options` see `vector_env`."""
     return vector_env(scenario(game), num_games=num_envs, agent=agent or IDS[game][1], **options)

@@ -1,6 +1,6 @@
-"""What environments have in common: spaces, observations, masks and actions, pictures, and copies.
+"""The common parts of environments: spaces, observations, masks and actions, pictures, and copies.
 
-A game follows from its seed and the actions of its agents, so these are all that a copy or a pickle carries of it.
+A game is determined by its seed and the actions of its agents, so copies and pickles contain only these.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +29,7 @@ _SIZE = 480, 480  # of pictures, pixels
 
 
 class MovesAndDeeds(spaces.MultiDiscrete):
-    """A move and a deed; samples take the masks of both one behind the other, as observations have them."""
+    """The space of pairs of a move and a deed; sample masks are concatenated, as in observations."""
 
     def sample(self, mask: Any = None, probability: Any = None) -> Any:
         """Return a pair of a move and a deed; see `gymnasium.spaces.MultiDiscrete`."""
@@ -37,21 +37,21 @@ class MovesAndDeeds(spaces.MultiDiscrete):
         return super().sample(*(tuple(one) if isinstance(one, list) else one for one in parts))
 
 
-class Interface:
-    """The spaces of Gymnasium for learners, and what is given and taken in them.
+class EnvInterface:
+    """Maps between learners and the spaces of Gymnasium.
 
     Args:
-        learners: in one game or in many.
-        mask: "observation": observations are dicts of the numbers and the mask; "info": they are the numbers alone,
+        learners: learners in one game or in many.
+        mask: "observation": observations are dicts of the numbers and the mask; "info": observations are numbers alone,
             and the mask is in the infos.
-        actions: "pair": a move and a deed are two numbers; "discrete": they are one, see `heads`.
+        actions: "pair": a move and a deed are two numbers; "discrete": they are a single number, see `heads`.
 
     Attributes:
         learners: see above.
         has_masks: whether observations have masks.
 
     Raises:
-        BadValue: an option has another value; there are more than 4,096 pairs of moves and deeds, or only agents that
+        BadValue: an option has another value; or discrete actions would have more than 4,096 values, or all agents
             fly, which have no discrete actions.
     """
 
@@ -75,7 +75,7 @@ class Interface:
         return 1 if self.learners.deeds is None else len(self.learners.deeds)
 
     def action_space(self, agent: int = 0) -> spaces.Discrete | spaces.Box | MovesAndDeeds:
-        """Return the space of the actions of an agent, by its number; see `heads`."""
+        """Return the action space of an agent, by its number; see `heads`."""
         learners, has_deeds = self.learners, self.learners.deeds is not None
         if learners.flies[agent]:
             return spaces.Box(-1.0, 1.0, (heads.AXES + has_deeds * self._choices,), np.float32)
@@ -84,7 +84,7 @@ class Interface:
         return spaces.Discrete(learners.num_actions * self._choices)
 
     def observation_space(self, agent: int = 0) -> spaces.Dict | spaces.Box:
-        """Return the space of the observations of an agent, by its number: see `mask` above."""
+        """Return the observation space of an agent, by its number: see `mask` above."""
         values = np.asarray(self.learners.observe())
         shape, kind = values.shape[2:], values.dtype
         if kind.kind == "f":
@@ -99,7 +99,7 @@ class Interface:
         return spaces.Dict({"observation": box, "action_mask": spaces.Box(0, 1, self.masks().shape[2:], np.int8)})
 
     def columns(self, which: IntArray | None = None) -> Columns:
-        """Return what all agents observe, and their masks unless all fly; arrays begin with the games and the agents.
+        """Return all agents' observations, and their masks unless all fly; arrays are (games, agents, …).
 
         Args:
             which: the numbers of games; None: all.
@@ -112,28 +112,28 @@ class Interface:
         return found | {"action_mask": (masks if which is None else masks[which]).astype(np.int8)}
 
     def given(self, columns: Columns) -> Any:
-        """Return observations as the environment gives them, of columns in any shape."""
+        """Return observations in the form of the environment, from columns of any shape."""
         return columns if self.has_masks else columns["observation"]
 
     def masks(self) -> BoolArray:
-        """Return which actions are legal, (games, agents, actions).
+        """Return a mask of legal actions, (games, agents, actions).
 
         Raises:
             BadValue: all agents fly.
         """
         return heads.action_masks(self.learners, are_flat=self._are_flat)
 
-    def heads_of(self, given: Sequence[tuple[IntArray, Any]]) -> heads.Heads:
-        """Return the heads of actions; see `heads.heads_of`."""
+    def heads_of(self, given: Sequence[tuple[IntArray, Any]]) -> heads.ActionHeads:
+        """Return the decoded heads of actions; see `heads.heads_of`."""
         return heads.heads_of(self.learners, given, are_flat=self._are_flat)
 
     def as_actions(self, games: int, agents: IntArray, actions: object) -> np.ndarray[Any, Any]:
-        """Return actions as an array that begins (games, agents); see `heads.as_actions`."""
+        """Return actions as an array (games, agents, …); see `heads.as_actions`."""
         return heads.as_actions(self.learners, games, agents, actions, are_flat=self._are_flat)
 
 
 def mask_in(columns: Columns) -> dict[str, Any]:
-    """Return the infos with the mask of columns; agents that fly have none."""
+    """Return infos with the mask in the columns, if there is one; flying agents have none."""
     return {key: value for key, value in columns.items() if key == "action_mask"}
 
 
@@ -141,7 +141,7 @@ def engine_of(mode: object) -> Engine | None:
     """Return the visual engine for a render mode.
 
     Raises:
-        BadValue: there is no such mode.
+        BadValue: the mode does not exist.
     """
     if mode not in (None, *METADATA["render_modes"]):
         raise BadValue(f"render_mode must be None, 'human' or 'rgb_array', not {shown(mode)}.")
@@ -149,13 +149,13 @@ def engine_of(mode: object) -> Engine | None:
 
 
 def prepare(learners: Learners, mode: RenderMode) -> None:
-    """Let a window show a turn as long as `render_fps` says, not as long as for people who watch a game."""
+    """Make a window show each turn for the time in `render_fps`, instead of the time for spectators."""
     if mode == "human":
         learners.games.context(0).visual.turn_seconds = 1.0 / METADATA["render_fps"]
 
 
 def rendered(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
-    """Return a picture of the first game as it is now, (height, width, 3), or show it in its window."""
+    """Return a picture of the first game, (height, width, 3), or show it in its window."""
     if mode is None:
         learners.games.game.ctx.logger.warning(
             "render() shows nothing: make the environment with render_mode='rgb_array' or 'human'."
@@ -169,39 +169,39 @@ def rendered(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[n
     return pixels
 
 
-class Recipe(NamedTuple):
-    """How an environment was made: `make(scenario, **options)`."""
+class EnvRecipe(NamedTuple):
+    """The call that made an environment: `make(scenario, **options)`."""
 
     make: Callable[..., Any]
     scenario: Scenario
     options: dict[str, Any]
 
 
-class Copyable:
-    """The part of environments that copies and pickles them; see `made_again`.
+class CopyableEnv:
+    """Copying and pickling of environments; see `remake`.
 
     Attributes:
-        recipe: how the environment was made.
+        recipe: the call that made the environment.
     """
 
-    recipe: Recipe
+    recipe: EnvRecipe
     learners: Any
-    _own: tuple[str, ...] = ()  # the names of attributes that are carried as they are
+    _own: tuple[str, ...] = ()  # names of attributes that copies keep unchanged
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return made_again, (self.recipe, {name: getattr(self, name) for name in self._own}, self._carried())
+        return remake, (self.recipe, {name: getattr(self, name) for name in self._own}, self._carried())
 
     def _carried(self) -> Any:
-        """Return what says where the games are."""
+        """Return a checkpoint of the games."""
         return self.learners.carried()
 
     def _restore(self, carried: Any) -> None:
-        """Play the games to where they were."""
+        """Replay the games up to a checkpoint."""
         self.learners.restore(carried)
 
 
-def made_again(recipe: Recipe, own: dict[str, Any], carried: object) -> Any:
-    """Return an environment like one that was copied or pickled, with its games where they were."""
+def remake(recipe: EnvRecipe, own: dict[str, Any], carried: object) -> Any:
+    """Return a copy of an environment, with its games replayed to the same turns."""
     env = recipe.make(recipe.scenario, **recipe.options)
     try:
         env._restore(carried)

@@ -1,4 +1,4 @@
-"""The agents that learn in the games of a batch: what all environments of this package are made of."""
+"""The learning agents in the games of a batch: the basis of all environments of this package."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -23,7 +23,7 @@ from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices, choices_of
-from gamms.rl.turns import Hand, Outcomes, Played, Prefix, Turn
+from gamms.rl.turns import ActionHistory, GameOutcomes, ScriptedActions, Turn, TurnOutcome
 from gamms.scenario import Scenario
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -31,30 +31,30 @@ from gamms.visual import Engine
 
 Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
-Seeds = int | Sequence[int | None] | None  # of games: one for all, or of each
+Seeds = int | Sequence[int | None] | None  # of games: one seed for all, or one for each
 
 _MOST_OTHERS = 8
 _GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
 
 
 Observation = Callable[[ArrayView], Any]
-"""Gives numbers for the agents of a team, (games, agents, …).
+"""Maps a view of a team's agents to numbers, (games, agents, …).
 
-Its attribute `bounds` may be the least and the largest, `of_each` whether what it gives for an agent is the same in a
-view of this agent alone, as its sensors show it.
+Its attribute `bounds` may give the smallest and largest number; its attribute `of_each` may tell that an agent's
+numbers are the same in a view of this agent alone, because they come from its own sensors.
 """
 Reward = Callable[[Turn], Any]
-"""Gives numbers for the agents of a team, (games, agents), or alike for all, (games, 1)."""
+"""Maps a turn to numbers for the agents of a team, (games, agents), or one for all of them, (games, 1)."""
 
 
-class Carried(NamedTuple):
-    """Where games are, for copies: their seeds, and the actions since they began.
+class GamesCheckpoint(NamedTuple):
+    """A checkpoint of games for copies: their seeds, and their actions since they began.
 
     Attributes:
-        seeds: of the games that are played; None: none has begun.
-        first: (games,) the seeds that the games have had first.
-        episodes: (games,) how many games have begun since.
-        seed: of the game that `begin_next` began last.
+        seeds: the seeds of the current games; None: no game has begun.
+        first: (games,) the first seed of each game.
+        episodes: (games,) the number of resets since then.
+        seed: the seed of the game that `begin_next` began last.
         prefix: the actions.
     """
 
@@ -62,50 +62,50 @@ class Carried(NamedTuple):
     first: IntArray
     episodes: IntArray
     seed: int | None
-    prefix: Prefix
+    prefix: ActionHistory
 
 
 class Learners:
     """The agents of some teams of a scenario, in many games, as arrays: observations in, actions out.
 
     Args:
-        scenario: that is played.
-        num_games: how many games.
-        teams: that learn, one or several; None: all. The others play their own strategies.
-        agent: the only one that learns, instead of teams; the others of its team play their strategies.
-        others: strategies by team or agent, in place of those of the scenario.
-        observation: gives what the agents observe; None: `default_observation`.
-        reward: gives rewards; None: the change of the score of the agent's team.
-        seed: of the first game; those of the others follow.
-        one_by_one: deprecated, and without an effect.
+        scenario: the scenario to play.
+        num_games: the number of games.
+        teams: the learning teams, one or several; None: all. The others play their own strategies.
+        agent: the only learning agent, instead of teams; the others of its team play their strategies.
+        others: strategies by team or agent, instead of those of the scenario.
+        observation: the observation function; None: `default_observation`.
+        reward: the reward function; None: the change of the score of the agent's team.
+        seed: the seed of the first game; the others have the next ones.
+        one_by_one: deprecated, without effect.
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
-        most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.
-        threads: how many threads play games of which all parts are in the core; other games are played by one.
-        maps: several maps in place of that of the scenario; see `Scenario.batch`. The functions of observations and
-            rewards are called for the games of each map.
+        most_agents: the most agents of each team over a game, or team -> number; see `Scenario.batch`.
+        threads: the number of threads for games that the core supports completely; other games use one.
+        maps: several maps instead of that of the scenario; see `Scenario.batch`. Observation and reward functions are
+            called for the games of each map.
 
     Attributes:
         games: the batch.
         scenario, observation, agent: see above.
-        teams: that learn.
-        names: of the agents, team by team, each in the order of their names.
-        num_actions: how many actions there are at most; action 0 stays.
-        masks: (games, agents, actions) which actions are legal: of dead agents and in games that are over to stay.
-        deeds: what agents may do besides moving; None: the scenario declares no deeds.
-        flies: (agents,) which agents fly.
-        reach_m: (agents,) how far those fly at most in a turn, map units; 0 of the others.
-        alive: (games, agents) which agents take part.
-        is_there: (games, agents) which agents are in the game, dead or alive; the others have not come yet.
-        is_over: (games,) which games have ended.
-        has_begun: whether games were begun, without which environments play no turn.
-        stride: how many games there are, those of other processes included.
-        may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
+        teams: the learning teams.
+        names: the names of the agents, team by team, sorted within a team.
+        num_actions: the largest number of actions; action 0 stays.
+        masks: (games, agents, actions) the legal actions; only 0 for dead agents and in finished games.
+        deeds: the deed choices of agents; None: the scenario declares no deeds.
+        flies: (agents,) whether agents fly.
+        reach_m: (agents,) the reach of flying agents in a turn, map units; 0 for the others.
+        alive: (games, agents) whether agents take part.
+        is_there: (games, agents) whether agents are in the game, dead or alive; the others do not exist yet.
+        is_over: (games,) whether games have ended.
+        has_begun: whether games have begun; before that, environments play no turn.
+        stride: the number of games, including those of other processes.
+        may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
 
     Raises:
-        UnknownName (KeyError): there is no such team.
-        BadValue: an agent may go to more than 4096 nodes in a turn, no rule gives scores and no reward is given, or
-            there are several maps and deeds.
+        UnknownName (KeyError): a team does not exist.
+        BadValue: an agent may go to more than 4096 nodes in a turn; no rule gives scores and no reward is given; or
+            there are both several maps and deeds.
     """
 
     def __init__(  # noqa: PLR0913 - what the environments are given
@@ -134,9 +134,9 @@ class Learners:
         self.scenario, self.observation, self._reward = scenario, observation or default_observation, reward
         self._threads = min(as_count(threads, "threads"), as_count(num_games, "num_games"))
         self._observe = observation or partial(default_observation, threads=self._threads)
-        strategies, self._hand = dict(as_mapping(others or {}, "others")), None
+        strategies, self._scripted = dict(as_mapping(others or {}, "others")), None
         if agent is not None:
-            strategies[agent] = self._hand = Hand()
+            strategies[agent] = self._scripted = ScriptedActions()
         first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
             number,
@@ -156,7 +156,7 @@ class Learners:
             raise
 
     def _look_at(self, teams: Sequence[Hashable] | None, agent: str | None) -> None:
-        """Find out who learns, and refuse what cannot be learned."""
+        """Determine the learning agents, and refuse games that cannot be learned."""
         if agent is None:
             self.teams = self.games.teams if teams is None else tuple(as_items(teams, "team", "names of teams"))
             if not self.teams:
@@ -170,21 +170,23 @@ class Learners:
         self.agent = agent
         views = self._views(0)
         self.num_actions = self._most_actions()
-        self._masks_of = np.tri(self.num_actions + 1, self.num_actions, -1, np.bool_)  # by how many actions are legal
+        self._masks_of = np.tri(
+            self.num_actions + 1, self.num_actions, -1, np.bool_
+        )  # masks by the number of legal actions
         self.deeds = self._deeds_in(views[0])
-        if self._hand is not None:
-            self._hand.begin(self.games, self.deeds)
-        self._members = np.concatenate([view.agents for view in views])  # their numbers in the roster
+        if self._scripted is not None:
+            self._scripted.begin(self.games, self.deeds)
+        self._members = np.concatenate([view.agents for view in views])  # numbers of the agents in the roster
         agents = np.arange(len(views[0].roster.names))
         self._numbers = Numbers(np.zeros((len(self.games), len(agents)), np.int64), np.isin(agents, self._members))
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
-        self._columns = [slice(first, last) for first, last in pairwise(ends)]  # of the agents of each team
+        self._columns = [slice(first, last) for first, last in pairwise(ends)]  # columns of the agents of each team
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
-        self._found: Vectors | None = None  # what all agents observe now, where the core writes it
+        self._found: Vectors | None = None  # all current observations, if the core writes them
         self._begin_writing()
         self._remember()
         self.names: tuple[str, ...] = tuple(name for view in views for name in view["name"])
@@ -192,7 +194,7 @@ class Learners:
         members = [views[0].roster.agents[number] for view in views for number in view.agents]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
         num_heads = 1 if self.deeds is None else 2
-        self._prefix = Prefix(self._shape, num_heads, flies=bool(self.flies.any()))
+        self._prefix = ActionHistory(self._shape, num_heads, flies=bool(self.flies.any()))
         reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(members, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
@@ -203,7 +205,7 @@ class Learners:
             )
 
     def _deeds_in(self, view: ArrayView) -> DeedChoices | None:
-        """Return what agents may do besides moving; None: the scenario declares no deeds."""
+        """Return the deed choices of agents; None: the scenario declares no deeds."""
         declared = self.games.game.settings()["deeds"].items()
         fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
         if fields and self.games.num_maps > 1:
@@ -211,7 +213,7 @@ class Learners:
         return choices_of(view, fields)
 
     def _most_actions(self) -> int:
-        """Return how many actions there are at most on all maps, and let observations have as many on each."""
+        """Return the largest number of actions on any map, and give observations on all maps this size."""
         movements = [movement_in(self._views(number)[0]) for number in range(self.games.num_maps)]
         most = max(one.width for one in movements)
         for movement in movements:
@@ -219,7 +221,7 @@ class Learners:
         return most
 
     def close(self) -> None:
-        """End the games."""
+        """Close the games."""
         self.games.close()
 
     def __enter__(self) -> Self:
@@ -230,14 +232,14 @@ class Learners:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The least and the largest number that an observation has."""
+        """The smallest and the largest number in an observation."""
         least, largest = getattr(self.observation, "bounds", (-np.inf, np.inf))
         return float(least), float(largest)
 
     # -- playing ------------------------------------------------------------------------------------------------
 
     def observe(self, which: IntArray | None = None) -> Any:
-        """Return what all agents observe, (games, agents, …); of some games, by their numbers, or of all."""
+        """Return the observations of all agents, (games, agents, …), in the games `which`; None: all."""
         if self._found is not None:
             return self._found.values if which is None else self._found.values[which]
         if which is None:
@@ -248,7 +250,7 @@ class Learners:
         return joined([self._observed_by(_in_games(views, which)) for views in self._now])
 
     def _observed_by(self, views: Sequence[ArrayView]) -> Any:
-        """Return what agents of views observe, one view for each map, in the order of the games."""
+        """Return the observations of agents in the views of all maps, in the order of the games."""
         found = [self._observed(view) for view in views]
         shapes = {one.shape[2:] for one in found}
         if len(shapes) > 1:
@@ -261,14 +263,16 @@ class Learners:
     def _observed(self, view: ArrayView) -> Any:
         return self._checked(self._observe(view), view, "observation")
 
-    def step(self, actions: ActionArray, deeds: ActionArray | None = None, flights: FloatArray | None = None) -> Played:
-        """Play one turn of the games that are not over.
+    def step(
+        self, actions: ActionArray, deeds: ActionArray | None = None, flights: FloatArray | None = None
+    ) -> TurnOutcome:
+        """Play one turn of the unfinished games.
 
         Args:
-            actions: (games, agents); an action that is not legal stays.
-            deeds: (games, agents) numbers of `deeds`; one that is not legal is not done. None: agents only move.
-            flights: (games, agents, 3) where agents that fly go: east, north and up, in shares of what they reach in a
-                turn. One that is longer than 1 is shortened to 1, and one that is not finite hovers. None: all hover.
+            actions: (games, agents); after an illegal action the agent stays.
+            deeds: (games, agents) numbers of deed choices; an illegal one is not done. None: agents only move.
+            flights: (games, agents, 3) the flights of flying agents: east, north and up, as shares of their reach in a
+                turn. A flight longer than 1 is shortened to 1; one that is not finite hovers. None: all hover.
         """
         self._refuse_closed()
         was_over = self._of_games(self.is_over)
@@ -292,22 +296,22 @@ class Learners:
         counts = plays | ~was_over if self.may_return else plays
         is_out = np.zeros_like(plays) if self.may_return else ~self.alive
         if not self.is_over.any():
-            return Played(rewards, counts & is_out, np.zeros_like(plays))
+            return TurnOutcome(rewards, counts & is_out, np.zeros_like(plays))
         truncated = self._of_games(self.games.truncated)
         terminated = self._of_games(self.is_over) & ~truncated
-        return Played(rewards, counts & (terminated | is_out), counts & truncated & ~is_out)
+        return TurnOutcome(rewards, counts & (terminated | is_out), counts & truncated & ~is_out)
 
     def _play(self, moves: IntArray, done: IntArray | None, flown: FloatArray | None) -> None:
         """Play one turn."""
         self._numbers.actions[:, self._members] = moves
-        if self._hand is not None:
-            self._hand.take(self.games.turn, moves, done, flown)
+        if self._scripted is not None:
+            self._scripted.take(self.games.turn, moves, done, flown)
         if step_numbers(self.games, self._numbers, self._threads):
             return
-        self.games.step({} if self._hand is not None else self._given(moves, done, flown), on_illegal="stay")
+        self.games.step({} if self._scripted is not None else self._given(moves, done, flown), on_illegal="stay")
 
     def _earned(self, before: Sequence[Sequence[ArrayView]] | None, scores: Mapping[Any, FloatArray]) -> FloatArray:
-        """Return the rewards of a turn, also of agents that have none."""
+        """Return the rewards of a turn, also for agents that did not take part."""
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
         earned = np.zeros(self._shape)
         if self._reward is None or before is None:
@@ -315,7 +319,7 @@ class Learners:
                 if team in gains:
                     earned[:, columns] = gains[team][:, None]
             return earned
-        outcomes = Outcomes(self.games)
+        outcomes = GameOutcomes(self.games)
         for team, views, views_now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
             for was, now in zip(views, views_now, strict=True):
                 own = {key: numbers[now.games] for key, numbers in gains.items()}
@@ -324,21 +328,21 @@ class Learners:
         return earned
 
     def are_legal(self, actions: ActionArray) -> BoolArray:
-        """Return which actions are legal, (games, agents)."""
+        """Return whether actions are legal, (games, agents)."""
         found: BoolArray = (actions >= 0) & (actions < self._counts)
         return found
 
     def begin_all(self, seed: int | None = None) -> None:
-        """Begin all games: game i with the seed `seed + i`, and without one their next games; see `begin_again`."""
+        """Begin all games: game i with the seed `seed + i`; None: with their next seeds; see `begin_again`."""
         if seed is not None:
             self.begin_from(seed)
         self.begin_again(np.arange(len(self.games)))
 
     def begin_from(self, seed: int | Sequence[int | None], which: IntArray | None = None) -> None:
-        """Set the seeds with which games begin next: game i with `seed + i`, or with the i-th of several.
+        """Set the seeds of the games' next start: `seed + i` for game i, or the i-th of several seeds.
 
         Args:
-            seed: an integer, or one for each game of the batch; None: this game has its next seed.
+            seed: an integer, or one for each game of the batch; None in the list: the next seed of the game.
             which: the numbers of games; None: all.
         """
         games = np.arange(len(self.games)) if which is None else which
@@ -350,13 +354,13 @@ class Learners:
         self._episodes[games] = 0
 
     def begin_again(self, which: IntArray) -> None:
-        """Begin games: at first with their seeds, and at each further time with one larger by `stride`."""
+        """Begin games with their first seeds, and at each later start with a seed larger by `stride`."""
         seeds = self._first[which] + self._episodes[which] * self.stride
         self._episodes[which] += 1
         self.begin(which, seeds.tolist())
 
     def begin_next(self, seed: int | None) -> None:
-        """Begin the first game again: with a seed; None: at first with that which it has, then with the next one."""
+        """Begin the first game with a seed; None: with its own seed at first, then with the next one."""
         if seed is not None:
             self._seed = as_int(seed, "seed")
         else:
@@ -377,16 +381,16 @@ class Learners:
             self._begin_writing()
         self._remember(which)
 
-    def carried(self) -> Carried:
-        """Return where the games are, for `restore` in learners of the same scenario and options."""
+    def carried(self) -> GamesCheckpoint:
+        """Return a checkpoint of the games, for `restore` in learners of the same scenario and options."""
         self._refuse_closed()
         seeds = tuple(self.games.seeds) if self.has_begun else None
-        return Carried(seeds, self._first.copy(), self._episodes.copy(), self._seed, self._prefix.cut())
+        return GamesCheckpoint(seeds, self._first.copy(), self._episodes.copy(), self._seed, self._prefix.cut())
 
-    def restore(self, carried: Carried) -> None:
-        """Play games again to where others were, all to their last turns at once.
+    def restore(self, carried: GamesCheckpoint) -> None:
+        """Replay games up to a checkpoint, so that all reach it in the same step.
 
-        A game that is behind the others begins when they have played as many turns as it is behind.
+        A game with fewer turns begins later, so that it reaches its last turn together with the others.
         """
         if carried.seeds is not None:
             seeds, steps = np.array(carried.seeds, object), carried.prefix.steps
@@ -396,7 +400,7 @@ class Learners:
                 which = np.flatnonzero(behind == turn)
                 if turn and len(which):
                     self.begin(which, seeds[which].tolist())
-                self.observe()  # an observation may remember
+                self.observe()  # an observation function may have memory
                 if turn < steps.max():
                     self.step(*carried.prefix.at(turn - behind))
         self._first[:] = carried.first
@@ -404,11 +408,10 @@ class Learners:
         self._seed = carried.seed
 
     def whole(self) -> Float32Array:
-        """Return the whole games as numbers, (games, entries): what no agent knows, but a critic may.
+        """Return the full state of the games as numbers, (games, entries), for a centralized critic.
 
-        They are of each agent of all teams, in the order of their names, `alive`, `x` and `y`, and where an agent flies
-        `z`, in shares of the map,
-        then the share n / (n + 100) after n turns, and the scores of the teams.
+        For each agent of all teams, sorted by name: `alive`, `x` and `y`, and if an agent flies `z`, as shares of the
+        map; then the share n / (n + 100) after n turns, and the scores of the teams.
         """
         views = [self.games.observe(team) for team in self.games.teams]
         order = np.argsort(np.concatenate([view.agents for view in views]))
@@ -430,20 +433,20 @@ class Learners:
         return np.concatenate(parts, axis=1, dtype=np.float32)
 
     def names_by_team(self) -> dict[Hashable, tuple[str, ...]]:
-        """Return the names of the agents of each team."""
+        """Return team -> the names of its agents."""
         return {team: views[0]["name"] for team, views in zip(self.teams, self._now, strict=True)}
 
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _views(self, number: int) -> list[ArrayView]:
-        """Return the views of the teams in the games on the map of this number, perhaps none."""
+        """Return the views of the teams in the games on the map of this number, which may be empty."""
         games, agent = self.games, self.agent
         if agent is not None:
             return [games.observe_agent(agent, map=number)]
         return [games.observe(team, map=number) for team in self.teams]
 
     def _begin_writing(self) -> None:
-        """Find out whether the core can write what agents observe, on the maps that games are on now."""
+        """Choose whether the core writes the observations, for the maps of the current games."""
         self._writers: Writers | None = None
         if self.observation is default_observation and self.games.is_in_arrays:
             views = self._seen_now()[0]
@@ -451,19 +454,19 @@ class Learners:
             self._writers = writers_of(views, self._members, others, 1, self._threads)
 
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
-        """Return of each team a view for each map that has games."""
+        """Return for each team a view for each map that has games."""
         by_map = [self._views(number) for number in np.unique(self.games.maps).tolist()]
         return list(zip(*by_map, strict=True))
 
     @property
     def _now(self) -> list[tuple[ArrayView, ...]]:
-        """What `_seen_now` returns of the games as they are now."""
+        """The views of the current games; see `_seen_now`."""
         if self._known_views is None:
             self._known_views = self._seen_now()
         return self._known_views
 
     def _remember(self, which: IntArray | None = None) -> None:
-        """Look at the games as they are now, of which some have begun again: which; None: all have gone on."""
+        """Update the stored state from the games; `which`: the games that were reset, None: a turn was played."""
         self._known_views = None
         self._scores = self.games.scores
         self.is_over = self.games.is_over
@@ -487,15 +490,15 @@ class Learners:
         self.masks = self._masks_of.take(self._counts, axis=0)
 
     def _of_games(self, column: BoolArray) -> BoolArray:
-        """Return a column (games,) for each agent, (games, agents)."""
-        # NOTE: arrays of one shape are combined five times as fast as one with a column (benchmarks: learners).
+        """Return a column (games,) repeated for each agent, (games, agents)."""
+        # NOTE: arrays of equal shape are combined five times as fast as an array and a column (benchmarks: learners).
         return column.repeat(self._shape[1]).reshape(self._shape)
 
     @property
     def deed_masks(self) -> BoolArray:
-        """Which deeds agents may choose, (games, agents, choices): of dead agents and in games that are over nothing.
+        """A mask of the agents' deed choices, (games, agents, choices); only 0 for dead agents and in finished games.
 
-        A rule may refuse a deed all the same.
+        A rule may still refuse a deed.
         """
         if self.deeds is None:
             return np.ones((*self._shape, 1), np.bool_)
@@ -504,7 +507,7 @@ class Learners:
         return masks
 
     def _given(self, chosen: ActionArray, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
-        """Return what the agents of each team do, as `Batch.step` takes it."""
+        """Return the actions of the agents of each team, as `Batch.step` takes them."""
         given: dict[Hashable, Any] = dict(zip(self.teams, self._by_team(chosen), strict=True))
         if done is None and flown is None:
             return given
@@ -523,7 +526,7 @@ class Learners:
         return len(self.games), self._columns[-1].stop
 
     def _numbers_of(self, given: ActionArray) -> IntArray:
-        """Return the numbers of actions, (games, agents), that a caller gave."""
+        """Return the caller's actions as checked integers, (games, agents)."""
         found: IntArray = np.asarray(given)
         if found.shape != self._shape or found.dtype.kind not in "iu":
             raise BadValue(
@@ -533,11 +536,11 @@ class Learners:
         return found
 
     def _by_team(self, of_all: np.ndarray[Any, Any]) -> list[Any]:
-        """Return the columns of each team, views of an array (games, agents)."""
+        """Return the columns of each team, as views of an array (games, agents)."""
         return [of_all[:, columns] for columns in self._columns]
 
     def _checked(self, given: object, view: ArrayView, what: str) -> Any:
-        """Return what a function of the caller gave, if it fits, as an array."""
+        """Return the result of a user's function as a checked array."""
         games, agents = len(view.games), len(view.agents)
         found = np.asarray(given)
         is_number = found.dtype.kind in "biuf"
@@ -550,7 +553,7 @@ class Learners:
         return found
 
     def _refuse_no_numbers(self, rewards: FloatArray) -> None:
-        """Refuse rewards of agents that play that are not finite."""
+        """Refuse rewards that are not finite, for agents that took part."""
         wrong = ~np.isfinite(rewards)
         if wrong.any():
             game, agent = np.argwhere(wrong)[0].tolist()
@@ -561,27 +564,27 @@ class Learners:
 
 
 def joined(columns: Sequence[Any]) -> Any:
-    """Return arrays (games, agents, …) one after the other, as they are if there is one."""
+    """Concatenate arrays (games, agents, …) by agents; return a single one unchanged."""
     return columns[0] if len(columns) == 1 else np.concatenate(columns, axis=1)
 
 
 def _in_order(parts: Sequence[Any], views: Sequence[ArrayView]) -> Any:
-    """Return arrays of the games of views, (games of the view, …), as one in the order of the games."""
+    """Return arrays (games of the view, …) as one array in the order of the games."""
     if len(parts) == 1:
         return parts[0]
     return np.concatenate(parts)[np.argsort(np.concatenate([view.games for view in views]))]
 
 
 def _in_games(views: Sequence[ArrayView], which: IntArray) -> list[ArrayView]:
-    """Return views of some games, ascending; of at least one game each."""
+    """Return the views restricted to some games, ascending, without empty views."""
     found = [(view, np.flatnonzero(np.isin(view.games, which))) for view in views]
     return [view.in_games(places) for view, places in found if len(places)]
 
 
 def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Return flights of so many games and agents, given in shares of what each reaches, in map units.
+    """Return flights (games, agents, 3), given as shares of the agents' reach, in map units.
 
-    One that is longer than 1 is shortened to 1, and one that is not finite hovers.
+    A flight longer than 1 is shortened to 1; one that is not finite hovers.
     """
     if flights.shape != (*shape, 3) or flights.dtype.kind not in "iuf":
         raise BadValue(
@@ -595,21 +598,21 @@ def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int
 
 
 def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
-    """Return which numbers, of any shape, are legal by masks with one axis more."""
+    """Return whether numbers, of any shape, are legal by masks with one more axis."""
     known = np.clip(chosen, 0, masks.shape[-1] - 1)
     found: BoolArray = (known == chosen) & np.take_along_axis(masks, known[..., None], axis=-1)[..., 0]
     return found
 
 
 def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
-    """Return what agents observe unless a function is given: (games, agents, entries).
+    """Return the default observation: (games, agents, entries).
 
-    These are the entries of `ArrayView.vector`, of up to 8 other agents; where an agent of the game flies, `z`; and as
-    the last one `turn`: the share n / (n + 100) after n turns.
+    The entries are those of `ArrayView.vector` with up to 8 other agents; `z`, if an agent of the game flies; and last
+    `turn`: the share n / (n + 100) after n turns.
 
     Args:
-        view: of the agents.
-        threads: how many threads write them; the numbers are the same with any number.
+        view: the view of the agents.
+        threads: the number of threads; the result does not depend on it.
     """
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
     values = vectors_in(view, min(len(view.roster.names) - 1, _MOST_OTHERS), 1 + has_z, threads).values
@@ -620,7 +623,7 @@ def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
 
 
 def _longer_side(xy: FloatArray) -> float:
-    """Return the longer side of the box around nodes; 2 where it has none."""
+    """Return the longer side of the bounding box of nodes; 2 if it is 0."""
     return float((xy.max(axis=0) - xy.min(axis=0)).max()) or 2.0
 
 
@@ -629,18 +632,18 @@ default_observation.of_each = True  # type: ignore[attr-defined] # what it gives
 
 
 def _brings_back(rule: object) -> bool:
-    """Return whether a rule declares that it brings agents back, or code of the caller names `respawn`."""
+    """Return whether a rule declares that it brings agents back, or a user's code calls `respawn`."""
     own = (code for code in _codes_of(rule, set()) if not code.co_filename.startswith(_GAMMS))
     return rule_spec_of(rule).brings_back or any("respawn" in code.co_names for code in own)
 
 
 def _gives_scores(rule: object) -> bool:
-    """Return whether the code of a rule, or of a function that it calls, names the scores of the game."""
+    """Return whether the code of a rule, or of a function that it calls, uses the scores of the game."""
     return any("scores" in code.co_names for code in _codes_of(rule, set()))
 
 
 def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
-    """Yield the code of a function or of the methods of an object, and of the functions that it can reach."""
+    """Yield the code of a function or of an object's methods, and of all functions that it can reach."""
     if id(value) in seen or isinstance(value, type | ModuleType):
         return
     seen.add(id(value))

@@ -1,7 +1,7 @@
-"""Networks that policies consist of, evaluated by NumPy or onnxruntime: observations in, a number for each action out.
+"""Networks of policies, evaluated by NumPy or onnxruntime: observations in, a number for each action out.
 
-The same row gives the same numbers, whichever rows are beside it, so that a policy does in a batch what it does in a
-game alone: NumPy sums up in 64 bits and rounds to 32 after each layer, onnxruntime gets blocks of one size.
+A row gives the same numbers whatever other rows are evaluated with it, so that a policy acts equally in a batch and in
+a single game: NumPy sums in 64 bits and rounds to 32 after each layer, onnxruntime gets blocks of a fixed size.
 """
 
 import re
@@ -22,13 +22,13 @@ from gamms.text import shown
 
 DoubleArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Logits = Callable[[Mapping[str, Any]], Float32Array]
-"""Gives numbers for actions, (rows, actions), of what rows observe: `observation`, (rows, …), and `action_mask`."""
+"""Maps observations `observation`, (rows, …), and `action_mask` to numbers for actions, (rows, actions)."""
 
 _MOST_LAYERS = 64
 _BLOCK = 64  # rows
-_MOST_SECONDS = 10.0  # of one evaluation of an ONNX model
+_MOST_SECONDS = 10.0  # for one evaluation of an ONNX model
 _EXTERNAL = re.compile(rb"(\x0a|\x8a\x80*\x00)(\x08|\x88\x80*\x00)location")
-"""The key of an entry by which an ONNX file names another file that has its weights, however numbers are written."""
+"""The key by which an ONNX file names an external file of weights, in every encoding of its numbers."""
 _FUNCTIONS: dict[str, Callable[[DoubleArray], DoubleArray]] = {
     "tanh": np.tanh,
     "relu": lambda x: np.maximum(x, 0.0),
@@ -46,19 +46,19 @@ _OF_TORCH = {
     "LeakyReLU": "leaky_relu",
 }
 _DEFAULTS = {"ELU": {"alpha": 1.0}, "LeakyReLU": {"negative_slope": 0.01}}  # other values are refused
-_NOTHING = ("Identity", "Dropout", "Flatten")  # layers that do nothing when a policy is played
+_NOTHING = ("Identity", "Dropout", "Flatten")  # layers without effect when a policy is played
 
 Layer = Literal["linear", "tanh", "relu", "sigmoid", "silu", "elu", "leaky_relu"]
 
 
 class Architecture(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a feed-forward network is, without its weights.
+    """The architecture of a feed-forward network, without its weights.
 
     Attributes:
-        inputs: what it takes, one after the other.
-        layers: in order; the n-th of them has its weights in `n.weight` (out, in) and `n.bias` (out,), if it is linear.
-        shared: None: it gives all actions their numbers. Else it gives one number, and is asked for each action, with
-            the first `shared` entries of an observation and those of the action, which follow.
+        inputs: the inputs, concatenated.
+        layers: the layers, in order; if layer n is linear, its weights are `n.weight` (out, in) and `n.bias` (out,).
+        shared: None: the network returns numbers for all actions. Else it returns a single number and is evaluated for
+            each action, with the first `shared` entries of an observation followed by the entries of the action.
     """
 
     inputs: Annotated[list[Literal["observation", "action_mask"]], msgspec.Meta(min_length=1, max_length=2)]
@@ -70,18 +70,18 @@ class Network(NamedTuple):
     """A feed-forward network.
 
     Attributes:
-        architecture: what it is.
-        weights: by the names that `Architecture` says, float32.
+        architecture: its architecture.
+        weights: float32 arrays, by the names in `Architecture`.
     """
 
     architecture: Architecture
     weights: dict[str, Float32Array]
 
     def check(self, entries: int, actions: int) -> None:
-        """Refuse weights that do not fit each other, or the spaces of observations and actions.
+        """Check the weights against each other, and against the spaces of observations and actions.
 
         Raises:
-            BadValue: some do not, or are no numbers.
+            BadValue: they do not fit, or are not numbers.
         """
         shared, width = self.architecture.shared, 0
         for part in self.architecture.inputs:
@@ -115,7 +115,7 @@ class Network(NamedTuple):
             raise BadValue("The network has weights that are no finite numbers.")
 
     def logits(self, actions: int) -> Logits:
-        """Return what evaluates it."""
+        """Return the function that evaluates the network."""
         inputs, shared = self.architecture.inputs, self.architecture.shared
         layers = [
             (
@@ -147,7 +147,7 @@ def network_of(model: Any, shared: int | None = None) -> Network:
     """Return the network of a model: an `nn.Sequential` of PyTorch, or a model of Stable-Baselines3 with a policy.
 
     Raises:
-        BadType: it is neither, or has other layers than feed-forward networks.
+        BadType: it is neither, or has layers other than those of feed-forward networks.
     """
     if hasattr(model, "policy") and hasattr(model.policy, "mlp_extractor"):
         policy = model.policy
@@ -185,7 +185,7 @@ _WAY = (
 
 
 def _layers_in(module: Any) -> list[Any]:
-    """Return the layers of a module, those within sequences as well."""
+    """Return the layers of a module, including those in nested sequences."""
     kind = type(module).__name__
     if kind == "Sequential":
         return [layer for part in module for layer in _layers_in(part)]
@@ -204,16 +204,16 @@ def _values_of(parameter: Any) -> Float32Array:
 
 
 def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
-    """Return what evaluates an ONNX model with onnxruntime on the CPU, and its metadata.
+    """Return the function that evaluates an ONNX model with onnxruntime on the CPU, and the model's metadata.
 
-    It takes `observation`, (rows, …) float32, and may take `action_mask`, (rows, actions) float32; its first output has
-    a number for each action, (rows, actions). As a file may hold any computation, nothing is worked out when it is
-    loaded, and an evaluation may take 10 seconds and, with those of all other models, `limits.max_memory`. onnxruntime
-    looks at the time between the nodes of the graph: a single node goes on to its end.
+    The model takes `observation`, (rows, …) float32, and optionally `action_mask`, (rows, actions) float32; its first
+    output has a number for each action, (rows, actions). Because a file may hold any computation, nothing is computed
+    while loading it, an evaluation may take 10 seconds, and all models together may take `limits.max_memory`.
+    onnxruntime checks the time between the nodes of the graph: a single node runs to its end.
 
     Raises:
         MissingExtra (ImportError): onnxruntime is not installed.
-        BadFile: it is no such model, or has weights in other files.
+        BadFile: it is not a valid model, or has weights in other files.
     """
     with needing("A policy in ONNX", "onnx"):
         import onnxruntime
@@ -267,7 +267,7 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
 
 @cache
 def _bound_memory(most: int) -> None:
-    """Let all models that are evaluated take so much memory together, bytes; what is set first counts."""
+    """Limit the memory of all evaluated models together, in bytes; only the first call has an effect."""
     import onnxruntime
 
     kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
@@ -277,17 +277,17 @@ def _bound_memory(most: int) -> None:
 
 
 def with_metadata(model: bytes, key: str, value: str) -> bytes:
-    """Return an ONNX model with another entry of its metadata.
+    """Return an ONNX model with another entry in its metadata.
 
-    A message of protocol buffers goes on where another one ends: field 14 of a model are its entries, each with a key
-    in field 1 and a value in field 2.
+    Appending to a protocol buffers message adds fields to it: field 14 of a model holds its metadata entries, each with
+    a key in field 1 and a value in field 2.
     """
     entry = b"".join(tag + _length(text) + text for tag, text in ((b"\x0a", key.encode()), (b"\x12", value.encode())))
     return model + b"\x72" + _length(entry) + entry
 
 
 def _length(data: bytes) -> bytes:
-    """Return how many bytes there are, seven bits a byte, the lowest first."""
+    """Return the length of data as a varint: seven bits a byte, the lowest first."""
     number, found = len(data), bytearray()
     while number > 127:
         found.append(number & 127 | 128)

@@ -1,6 +1,6 @@
-"""Observations of nodes: those around an agent, padded to one number, and the whole map as a graph.
+"""Observations of nodes: the neighborhood of an agent, padded to a fixed size, and the whole map as a graph.
 
-Both are functions for `observation=`, of a view to numbers, and give an agent the same in one game and in a batch.
+Both are functions for `observation=`, from a view to numbers, and give the same in a single game and in a batch.
 """
 
 from typing import Any
@@ -28,14 +28,14 @@ NODE = ("x", "y", "is_here", "action", "mates", "enemies")
 
 
 class Neighbourhood:
-    """The nodes around an agent, the nearest first, (games, agents, nodes, entries); made by `neighbourhood`.
+    """The nodes around an agent, nearest first, (games, agents, nodes, entries); made by `neighbourhood`.
 
     Args:
-        hops: how many edges away.
-        nodes: how many at most.
+        hops: the largest distance in edges.
+        nodes: the largest number of nodes.
 
     Attributes:
-        names: of the entries.
+        names: the names of the entries.
     """
 
     names, of_each = NEAR, True
@@ -58,7 +58,7 @@ class Neighbourhood:
         return _observed(view, self.hops, near, far, places)
 
     def _table(self, streets: Streets) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return of each node the rows of those around it, how far they are, -1 behind the last one; and places."""
+        """Return for each node the rows of its neighborhood, their distances padded with -1, and all positions."""
         source, node, far = _around(streets, self.hops)
         counts = np.bincount(source, minlength=len(streets.counts))
         most = int(counts.max(initial=1)) if self._most is None else self._most
@@ -75,7 +75,7 @@ class MapGraph:
     """The whole map as each agent knows it, (games, agents, nodes, entries); made by `graph`.
 
     Attributes:
-        names: of the entries.
+        names: the names of the entries.
     """
 
     names, of_each = NODE, True
@@ -85,7 +85,7 @@ class MapGraph:
 
     @property
     def edge_index(self) -> IntArray:
-        """The edges of the map that was observed last, (2, edges): the rows of their sources, and of their targets.
+        """The edges of the map that was observed last, (2, edges): rows of sources and of targets.
 
         Raises:
             BadValue: nothing was observed yet.
@@ -105,14 +105,14 @@ class MapGraph:
         return _observed(view, 0, none, none, _places(view.streets))
 
     def data(self, observation: Float32Array) -> dict[str, Float32Array | IntArray]:
-        """Return graphs as PyTorch Geometric has them: `Data(**graph.data(observation))`, after `torch.as_tensor`.
+        """Return graphs for PyTorch Geometric: `Data(**graph.data(observation))`, after `torch.as_tensor`.
 
         Args:
-            observation: of one agent, (nodes, entries), or of several, (rows, nodes, entries).
+            observation: the observation of one agent, (nodes, entries), or of several, (rows, nodes, entries).
 
         Returns:
-            `x` (nodes, entries) and `edge_index` (2, edges) of all of them, one behind the other; of several `batch`,
-            (nodes,), says which each node is of.
+            `x` (nodes, entries) and `edge_index` (2, edges), concatenated over the rows; for several rows also `batch`,
+            (nodes,), the row of each node.
         """
         values = np.asarray(observation, np.float32)
         edges, nodes = self.edge_index, values.shape[-2]
@@ -131,16 +131,16 @@ class MapGraph:
 def neighbourhood(hops: int = 2, nodes: int | None = None) -> Neighbourhood:
     """Return an observation of the nodes around an agent: `rl.vector_env(…, observation=rl.neighbourhood(2))`.
 
-    It is (nodes, entries), the nearest nodes first: those that actions lead to in the order of the actions, then those
-    that are two edges away, and so on. Where there are fewer nodes, all entries are 0 but `action`, which is -1. The
-    entries are `NEAR`; of agents that are out, all are 0.
+    It is (nodes, entries), nearest nodes first: the nodes that actions lead to, in the order of the actions, then those
+    two edges away, and so on. Missing nodes have the entries 0, and -1 for `action`. The entries are `NEAR`; for
+    agents that are out, all are 0.
 
     Args:
-        hops: how many edges away they are at most.
-        nodes: how many they are at most, the nearest; None: as many as the largest neighbourhood of the map has.
+        hops: the largest distance in edges.
+        nodes: the largest number of nodes, which keeps the nearest; None: the size of the map's largest neighborhood.
 
     Raises:
-        BadType, BadValue: these are no positive integers.
+        BadType, BadValue: an argument is not a positive integer.
     """
     if isinstance(hops, ArrayView):
         raise BadType("observation=rl.neighbourhood makes an observation: call it, rl.neighbourhood(2).")
@@ -150,16 +150,16 @@ def neighbourhood(hops: int = 2, nodes: int | None = None) -> Neighbourhood:
 def graph() -> MapGraph:
     """Return an observation of all nodes of the map, (nodes, entries), for graph networks.
 
-    The entries are `NODE`; of agents that are out, all are 0. `edge_index` has the edges, and `data` makes graphs of
-    observations as PyTorch Geometric has them.
+    The entries are `NODE`; for agents that are out, all are 0. `edge_index` has the edges, and `data` converts
+    observations to graphs for PyTorch Geometric.
     """
     return MapGraph()
 
 
 def _around(streets: Streets, hops: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Return pairs of nodes up to so many edges apart and how many these are, by the first node and the distance.
+    """Return pairs of nodes up to `hops` edges apart and their distances, sorted by the first node and the distance.
 
-    At the same distance they are in the order of the actions of those that lead there.
+    Equal distances are in the order of the actions that lead there.
     """
     nodes = len(streets.counts)
     source = node = np.arange(nodes)
@@ -181,7 +181,7 @@ def _around(streets: Streets, hops: int) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _places(streets: Streets) -> FloatArray:
-    """Return where nodes are, (nodes, 2), in halves of the longer side of the map, from its centre."""
+    """Return positions of nodes, (nodes, 2), relative to the map's center, in halves of its longer side."""
     xy = streets.columns.xy
     low, high = xy.min(axis=0), xy.max(axis=0)
     places: FloatArray = (xy - (low + high) / 2.0) / (float((high - low).max()) / 2.0 or 1.0)
@@ -189,7 +189,7 @@ def _places(streets: Streets) -> FloatArray:
 
 
 def _observed(view: ArrayView, hops: int, near: IntArray, far: IntArray, places: FloatArray) -> Float32Array:
-    """Return the entries of the nodes around the agents of a view, (games, agents, nodes, entries); 0 hops: of all."""
+    """Return the entries of nodes around the agents of a view, (games, agents, nodes, entries); 0 hops: all nodes."""
     most, entries = (near.shape[1], len(NEAR)) if hops else (len(near), len(NODE))
     found = np.empty((*view.node.shape, most, entries), np.float32)
     columns: Any = flat(near, np.int64), flat(far, np.int64), flat(places, np.float64), found.reshape(-1).data

@@ -1,4 +1,4 @@
-"""Policies in files: saved with the hashes of the scenario and spaces of their training, played as strategies."""
+"""Policies in files: save them with the hashes of their scenario and spaces, and play them as strategies."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
@@ -31,10 +31,10 @@ from gamms.typing.context import HostContext
 
 Maker = Callable[[IContext], Callable[[Any], None]]
 
-_KEY = "gamms"  # in the metadata of a file
+_KEY = "gamms"  # key in the metadata of a file
 _DEFAULT = "default"  # the name of `default_observation`
 _MOST_METADATA = 1 << 18  # bytes
-_TIMES_SIZE = 8  # of a file: the memory that its weights take as 64 bits, and while they are read
+_TIMES_SIZE = 8  # of a file: memory for its weights in 64 bits, and for reading them
 _PICKLES = (".zip", ".pt", ".pth", ".pkl")
 _BY_SUFFIX = (".safetensors", ".onnx", *_PICKLES)
 
@@ -42,15 +42,15 @@ Count = Annotated[int, msgspec.Meta(ge=1, le=1 << 24)]
 _Text = Annotated[str, msgspec.Meta(max_length=500)]
 
 
-class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a policy takes and gives.
+class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The observation and action spaces of a policy.
 
     Attributes:
-        observation: the shape of what one agent observes.
-        actions: how many there are.
-        function: that observes: its module and name, or "default".
-        deeds: how many choices of deeds there are; 0: none are declared.
-        flies: whether it is for agents that fly, whose actions are three numbers: see `heads`.
+        observation: the shape of one agent's observation.
+        actions: the number of actions.
+        function: the observation function: its module and name, or "default".
+        deeds: the number of deed choices; 0: no deeds are declared.
+        flies: whether it is for flying agents, whose actions are three numbers: see `heads`.
     """
 
     observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
@@ -61,7 +61,7 @@ class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def numbers(self) -> int:
-        """How many numbers a network gives: of each action, and of each choice of deeds."""
+        """The number of outputs of a network: one for each action and each deed choice."""
         return self.actions + self.deeds
 
     @property
@@ -73,23 +73,24 @@ class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return hashlib.sha256(msgspec.json.encode(named)).hexdigest()
 
 
-class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a file says of its policy.
+class PolicyDescription(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The description of a policy in its file.
 
     Attributes:
-        version: of this form.
-        scenario: its name.
-        digests: of its parts; see `Scenario.digests`. That of the map says where the policy plays.
-        spaces: see there.
-        spaces_digest: of them.
-        teams: that it was trained for.
-        agent: the only one that it was trained for.
-        network: in safetensors, what the weights belong to.
+        version: the version of this format.
+        scenario: the name of the scenario.
+        digests: the digests of the scenario's parts; see `Scenario.digests`. The map's digest decides where the policy
+            may play.
+        spaces: the spaces.
+        spaces_digest: the digest of the spaces.
+        teams: the teams that it was trained for.
+        agent: the only agent that it was trained for.
+        network: in safetensors, the architecture of the weights.
     """
 
     scenario: _Text
     digests: Annotated[dict[_Text, _Text], msgspec.Meta(max_length=100)]
-    spaces: Spaces
+    spaces: PolicySpaces
     spaces_digest: _Text
     teams: Annotated[list[_Text], msgspec.Meta(max_length=1000)]
     agent: _Text | None = None
@@ -107,21 +108,22 @@ def save_policy(
     observation: Observation | None = None,
     shared: int | None = None,
 ) -> None:
-    """Write a trained policy into a file, with the hashes of the scenario and the spaces that it was trained in.
+    """Write a trained policy into a file, with the hashes of its scenario and spaces.
 
     Args:
         model: for a file `.safetensors`, a model of Stable-Baselines3 or an `nn.Sequential` of PyTorch that gives a
             number for each action; for a file `.onnx`, the path of an ONNX model that takes `observation`.
-        path: of the file, which is replaced.
-        env: the environment that it was trained in, or a scenario, of which the next three say what was observed.
-        team: that was trained; None: all.
-        agent: the only one that was trained.
+        path: the file, which is replaced.
+        env: the environment of the training; or a scenario, with the next three arguments.
+        team: the team that was trained; None: all.
+        agent: the only agent that was trained.
         observation: see `parallel_env`.
-        shared: of a network that gives one number and is asked for each action: with the first `shared` entries of an
-            observation and those of the action, which follow. None: it gives all actions their numbers.
+        shared: for a network that returns a single number and is evaluated for each action: the number of first entries
+            of an observation that all actions share, which the entries of the action follow. None: the network returns
+            numbers for all actions.
 
     Raises:
-        BadType: the model has other layers, or the environment is none.
+        BadType: the model has other layers, or the environment is not one of gamms.rl.
         BadValue: the model does not fit the environment, or the file has another suffix.
         MissingExtra (ImportError): the library of the file is not installed.
     """
@@ -130,11 +132,11 @@ def save_policy(
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
     if isinstance(env, Scenario):
         with Learners(env, teams=team, agent=agent, observation=observation, reward=_no_reward) as learners:
-            found = _described(learners)
+            found = _describe(learners)
     elif team is not None or agent is not None or observation is not None:
         raise BadValue("team=, agent= and observation= are for a scenario: an environment knows its own.")
     else:
-        found = _described(_learners_of(env))
+        found = _describe(_learners_of(env))
     if file.suffix == ".onnx":
         _save_onnx(model, file, found)
         return
@@ -157,27 +159,27 @@ def policy(
 ) -> Maker:
     """Return a saved policy as a strategy: `scenario.play(strategies={"red": gamms.rl.policy("red.safetensors")})`.
 
-    It is made in a context, as the strategies of `gamms.strategies` are: `policy(path)(ctx)`. In batches it plays in
-    arrays, and the same games.
+    It is made in a context, like the strategies of `gamms.strategies`: `policy(path)(ctx)`. In batches it works on
+    arrays, and plays the same games.
 
     Args:
-        path: of a file that `save_policy` has written; or, with `trusted`, a model of Stable-Baselines3 (`.zip`) or of
-            PyTorch (`.pt`, `.pth`).
-        observation: the function that it was trained with; None: the default.
-        sample: draw actions with their probabilities, the same with the same seed; else it takes the best ones.
-        trusted: you trust the file with all that your programs may do. Pickles need it: reading one runs code in it.
-        other_scenario: it may play on other maps than that it was trained on, if the spaces are the same.
+        path: a file written by `save_policy`; or, with `trusted`, a model of Stable-Baselines3 (`.zip`) or of PyTorch
+            (`.pt`, `.pth`).
+        observation: the observation function of the training; None: the default.
+        sample: draw actions by their probabilities, repeatably by the seed; else take the best action.
+        trusted: you trust the file to run any code. Pickles need it, because reading one runs code in it.
+        other_scenario: allow maps other than that of the training, if the spaces are the same.
 
     Raises:
-        BadFile: it is no policy, or damaged.
-        BadValue: it does not fit the observation; and later, when a strategy is made of it, the map.
-        MissingFile (FileNotFoundError): there is no such file.
+        BadFile: the file is not a policy, or is damaged.
+        BadValue: the policy does not fit the observation; or later, when a strategy is made, the map.
+        MissingFile (FileNotFoundError): the file does not exist.
         MissingExtra (ImportError): the library of the file is not installed.
     """
     if observation is not None:
         as_function_of(observation, "observation", "a view")
     loaded = _loaded(as_path(path, "path"), as_bool(trusted, "trusted"))
-    player = _Player(loaded, observation, as_bool(sample, "sample"), as_bool(other_scenario, "other_scenario"))
+    player = _PolicyOptions(loaded, observation, as_bool(sample, "sample"), as_bool(other_scenario, "other_scenario"))
     return _maker(player)
 
 
@@ -188,9 +190,9 @@ def played_policy(
     sample: bool = False,
     other_scenario: bool = False,
 ) -> Callable[[Any], None]:
-    """Return the strategy that a scenario file names: `{function: gamms.rl:policy, with: {path: red.safetensors}}`.
+    """Return the strategy for a scenario file: `{function: gamms.rl:policy, with: {path: red.safetensors}}`.
 
-    A file cannot trust a pickle.
+    A scenario file cannot trust a pickle.
     """
     return policy(path, observation=observation, sample=sample, other_scenario=other_scenario)(ctx)
 
@@ -202,27 +204,27 @@ played_policy.files = ("path",)  # type: ignore[attr-defined] # which scenarios 
 
 
 @dataclass(frozen=True, eq=False)
-class _Loaded:
-    """A policy that was read."""
+class _LoadedPolicy:
+    """A policy read from a file."""
 
     file: Path
-    described: Description | None  # None: a pickle
+    described: PolicyDescription | None  # None: a pickle
     network: Network | None  # None: an ONNX model
     logits: Logits | None  # of an ONNX model
 
 
-class _Player(NamedTuple):
-    """A policy, and how it plays."""
+class _PolicyOptions(NamedTuple):
+    """A policy, and the options with which it plays."""
 
-    policy: _Loaded
+    policy: _LoadedPolicy
     observation: Observation | None
     sample: bool
     other_scenario: bool
 
 
 @lru_cache(maxsize=256)
-def _maker(player: _Player) -> Maker:
-    """Return what makes strategies of a policy; the same for all agents, so that a batch asks once for all of them."""
+def _maker(player: _PolicyOptions) -> Maker:
+    """Return the factory of a policy's strategies, one for all agents, so that a batch evaluates them together."""
     loaded, given, sample, _ = player
     described = loaded.described
     observe = given or default_observation
@@ -254,7 +256,7 @@ def _maker(player: _Player) -> Maker:
             logits = np.where(mask, evaluate(parts), -np.inf)
             for head, part in enumerate(np.split(logits, [most], axis=1)[:heads]):
                 drawn = None if uniform is None else uniform[head][:, columns].ravel()
-                actions[head][:, columns] = _chosen(part, drawn).reshape(shape)
+                actions[head][:, columns] = _choose_actions(part, drawn).reshape(shape)
         if choices is not None:
             choices.do(actions[1], view)
         moves: IntArray = actions[0]
@@ -273,8 +275,8 @@ def _maker(player: _Player) -> Maker:
     return make
 
 
-def _flight(player: _Player, observe: Observation, view: ArrayView) -> FloatArray:
-    """Return how far an agent flies in a game that is played by itself, as its environment took its actions."""
+def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> FloatArray:
+    """Return the flight of an agent in a single game, decoded as in its environment."""
     if player.sample:
         raise BadValue("sample=True draws moves and deeds: agents that fly do what is best, without it.")
     if not getattr(observe, "of_each", False):
@@ -296,7 +298,7 @@ def _flight(player: _Player, observe: Observation, view: ArrayView) -> FloatArra
 
 
 def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]:
-    """Yield the views that a learner had of the agents, with the columns of those that are asked."""
+    """Yield the views that learners had in training, with the columns of the agents to decide for."""
     if alone:
         for column, number in enumerate(view.agents.tolist()):
             yield view.of(np.array([number])), np.array([column])
@@ -307,8 +309,8 @@ def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]
         yield view.of(view.roster.members(team)), columns
 
 
-def _chosen(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
-    """Return an action for each row: the best one, or with numbers between 0 and 1, one by its probability."""
+def _choose_actions(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
+    """Return an action for each row: the best one, or with numbers from 0 to 1, one drawn by its probability."""
     best: IntArray = logits.argmax(axis=1)
     if uniform is None:
         return best
@@ -319,8 +321,8 @@ def _chosen(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
 
 
 @lru_cache(maxsize=64)
-def _fitting(loaded: _Loaded, shape: tuple[int, ...], *, flies: bool) -> Logits:
-    """Return what evaluates a policy for so many actions and deeds, and observations of such a shape."""
+def _fitting(loaded: _LoadedPolicy, shape: tuple[int, ...], *, flies: bool) -> Logits:
+    """Return the evaluation function of a policy, checked for (actions, deeds, *shape of observations)."""
     actions, deeds, *observed = shape
     spaces = None if loaded.described is None else loaded.described.spaces
     if spaces is not None and flies != spaces.flies:
@@ -343,8 +345,8 @@ def _fitting(loaded: _Loaded, shape: tuple[int, ...], *, flies: bool) -> Logits:
     return loaded.network.logits(actions + deeds)
 
 
-def _refuse_other_map(file: Path, described: Description, ctx: HostContext) -> None:
-    """Refuse a map that a policy was not trained on; that of a scenario as it was before any street was closed."""
+def _refuse_other_map(file: Path, described: PolicyDescription, ctx: HostContext) -> None:
+    """Refuse a map that a policy was not trained on; closed streets of a scenario do not count."""
     known = ctx.game.internals.digests
     here = digest_of(ctx.graph.columns(), ctx.graph.obstacle_columns().corners) if known is None else known()["map"]
     if here != described.digests.get("map"):
@@ -357,7 +359,7 @@ def _refuse_other_map(file: Path, described: Description, ctx: HostContext) -> N
 # -- files --------------------------------------------------------------------------------------------------------
 
 
-def _loaded(file: Path, trusted: bool) -> _Loaded:
+def _loaded(file: Path, trusted: bool) -> _LoadedPolicy:
     if file.suffix not in _BY_SUFFIX:
         raise BadFile(
             f"{file} is no policy: they are {', '.join(_BY_SUFFIX[:2])}, and what you trust {', '.join(_PICKLES)}."
@@ -375,12 +377,12 @@ def _loaded(file: Path, trusted: bool) -> _Loaded:
 
 
 @lru_cache(maxsize=16)
-def _read(file: Path, _stamp: tuple[int, int]) -> _Loaded:
+def _read(file: Path, _stamp: tuple[int, int]) -> _LoadedPolicy:
     if file.suffix == ".onnx":
         logits, metadata = onnx_logits(file.read_bytes(), str(file))
-        return _Loaded(file, _description(metadata.get(_KEY), file), None, logits)
+        return _LoadedPolicy(file, _description(metadata.get(_KEY), file), None, logits)
     if file.suffix in _PICKLES:
-        return _Loaded(file, None, network_of(_unpickled(file)), None)
+        return _LoadedPolicy(file, None, network_of(_unpickle(file)), None)
     with needing("A policy in safetensors", "rl"):
         from safetensors import SafetensorError, safe_open
     try:
@@ -400,17 +402,17 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _Loaded:
         network.check(_entries(described.spaces), described.spaces.numbers)
     except BadValue as error:
         raise BadFile(f"{file} is damaged: {error}") from None
-    return _Loaded(file, described, network, None)
+    return _LoadedPolicy(file, described, network, None)
 
 
-def _description(text: str | None, file: Path) -> Description:
-    """Return what the metadata of a file say."""
+def _description(text: str | None, file: Path) -> PolicyDescription:
+    """Return the description in the metadata of a file."""
     if text is None:
         raise BadFile(f"{file} has no metadata of GAMMS: gamms.rl.save_policy writes a policy with them.")
     if len(text) > _MOST_METADATA:
         raise BadFile(f"{file} has {len(text):,} bytes of metadata, more than {_MOST_METADATA:,}.")
     try:
-        described = msgspec.json.decode(text, type=Description)
+        described = msgspec.json.decode(text, type=PolicyDescription)
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
         raise BadFile(f"{file} has metadata that GAMMS does not know: {error}.") from None
     if described.spaces.digest != described.spaces_digest:
@@ -418,8 +420,8 @@ def _description(text: str | None, file: Path) -> Description:
     return described
 
 
-def _unpickled(file: Path) -> Any:
-    """Return a model of Stable-Baselines3 or PyTorch; this runs the code that is in the file."""
+def _unpickle(file: Path) -> Any:
+    """Return a model of Stable-Baselines3 or PyTorch; this runs the code in the file."""
     with needing(f"The policy {file}", "train"):
         if file.suffix == ".zip":
             from gamms.rl.sb3 import loaded
@@ -430,7 +432,7 @@ def _unpickled(file: Path) -> Any:
         return load(file, map_location="cpu", weights_only=False)
 
 
-def _save_onnx(model: object, file: Path, found: Description) -> None:
+def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
     source = as_path(model, "What is saved as .onnx")
     if not source.is_file():
         raise MissingFile("an ONNX model", source)
@@ -447,23 +449,23 @@ def _save_onnx(model: object, file: Path, found: Description) -> None:
 # -- what was trained -----------------------------------------------------------------------------------------------
 
 
-def _described(learners: Learners) -> Description:
-    """Return what a file says of a policy that was trained by these learners."""
+def _describe(learners: Learners) -> PolicyDescription:
+    """Return the description of a policy trained by these learners."""
     refuse_mixed(learners, range(len(learners.names)), "a policy")
     shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
     name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = _DEFAULT if function is default_observation else name[:500]
     flies = bool(learners.flies.all())
     actions, deeds = AXES if flies else learners.num_actions, 0 if learners.deeds is None else len(learners.deeds)
-    spaces = Spaces(shape, actions, named, deeds, flies)
+    spaces = PolicySpaces(shape, actions, named, deeds, flies)
     scenario = learners.scenario
-    return Description(
+    return PolicyDescription(
         scenario.spec.name, scenario.digests(), spaces, spaces.digest, list(map(str, learners.teams)), learners.agent
     )
 
 
 def _learners_of(env: Any) -> Learners:
-    """Return the learners of an environment, whatever is wrapped around it."""
+    """Return the learners of an environment, inside any wrappers."""
     inner = env
     for _ in range(100):
         known = inner if isinstance(inner, Learners) else getattr(inner, "learners", None)
@@ -476,13 +478,13 @@ def _learners_of(env: Any) -> Learners:
 
 
 def _inside(env: object) -> Iterator[Any]:
-    """Yield what an environment may be wrapped around."""
+    """Yield the environments that an environment may wrap."""
     for name in ("venv", "env", "unwrapped", "par_env", "aec_env"):
         yield getattr(env, name, None)
     yield next(iter(getattr(env, "envs", ())), None)
 
 
-def _entries(spaces: Spaces) -> int:
+def _entries(spaces: PolicySpaces) -> int:
     return int(np.prod(spaces.observation))
 
 

@@ -1,7 +1,7 @@
-"""Many games at once in several processes: each plays a share of them, and all arrays are in memory that they share.
+"""Many games at once in several processes: each plays a share of them, and all arrays are in shared memory.
 
-The processes are those of `gamms.workers`. The arrays are in a file that is mapped into all of them, and that has no
-name any more once they have opened it, so that nothing is left of it whatever happens to them.
+The processes are those of `gamms.workers`. The arrays are in a file that is mapped into all of them. Its name is
+removed once they have opened it, so that nothing remains of it, whatever happens to them.
 """
 
 import mmap
@@ -23,42 +23,45 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.gym_envs import GamesEnv, SlotsTurn
-from gamms.rl.interface import Columns, Interface
+from gamms.rl.interface import Columns, EnvInterface
 from gamms.rl.learners import ActionArray, Seeds
 from gamms.workers import Worker, WorkerDied, task_of
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 _KEYS = "observation", "action_mask"
-_OF_SLOTS = "rewards", "terminated", "truncated", "valid"  # of a `SlotsTurn`
+_OF_SLOTS = "rewards", "terminated", "truncated", "valid"  # fields of a `SlotsTurn`
 _MEMORY = "/dev/shm"  # noqa: S108 - where Linux has files in memory; ours have names of `mkstemp`
-_LINE = 64  # bytes at which arrays begin
-_OBSERVED, _LAST = "observed ", "observed last "  # before the names of what was observed, now and at the end of a game
+_LINE = 64  # bytes at which arrays are aligned
+_OBSERVED, _LAST = (
+    "observed ",
+    "observed last ",
+)  # prefixes of the names of observations: current, and at the end of a game
 
 
-class Column(NamedTuple):
-    """An array of all slots."""
+class SharedColumn(NamedTuple):
+    """The layout of an array over all slots."""
 
     name: str
     shape: tuple[int, ...]
-    kind: str  # of its numbers, as NumPy writes it
+    kind: str  # NumPy's code for the type of its numbers
 
 
 class ProcessesEnv(GamesEnv):
     """The games of `GamesEnv` in several processes, each with a share of them; made by `gamms.rl.vector_env`.
 
     Args:
-        interface: of learners in a game that is not played: they say what all observe and do.
-        name: of the scenario.
+        interface: the interface of learners in a game that is not played, for the spaces.
+        name: the name of the scenario.
         autoreset_mode: see `GamesEnv`.
-        num_games: how many games are played.
-        seed: of the first one.
-        workers: how many processes play them, at most one for each game.
-        make: returns an environment of so many games, `num_games=`, of which the first has the `seed=`.
+        num_games: the number of games.
+        seed: the seed of the first game.
+        workers: the number of processes, at most one for each game.
+        make: returns an environment of `num_games=` games, the first of which has the seed `seed=`.
     """
 
     def __init__(
         self,
-        interface: Interface,
+        interface: EnvInterface,
         name: str,
         autoreset_mode: AutoresetMode,
         *,
@@ -70,7 +73,7 @@ class ProcessesEnv(GamesEnv):
         self._workers: list[Worker] = []
         self._file: Path | None = None
         super().__init__(interface, name, autoreset_mode, num_games)
-        self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # game of each process
+        self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # first game of each process
         columns = self._columns()
         file = self._file = _new_file(_size(columns))
         try:
@@ -85,7 +88,7 @@ class ProcessesEnv(GamesEnv):
         self._unlink()
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are legal, (slots, actions)."""
+        """Return a mask of legal actions, (slots, actions)."""
         key = f"{_OBSERVED}action_mask"
         return self._arrays[key] > 0 if key in self._arrays else self._interface.masks()
 
@@ -110,11 +113,11 @@ class ProcessesEnv(GamesEnv):
         return SlotsTurn(self._observed(_OBSERVED), self._observed(_LAST), *of_slots)
 
     def _carried(self) -> list[Any]:
-        """Return where the games of each process are."""
+        """Return checkpoints of the games of each process."""
         return self._ask([_task(carried) for _ in self._workers])
 
     def _restore(self, carried: list[Any]) -> None:
-        """Let each process play its games to where they were."""
+        """Make each process replay its games up to a checkpoint."""
         self._ask([_task(restore, one) for one in carried])
         self.learners.has_begun = carried[0].seeds is not None
 
@@ -127,7 +130,7 @@ class ProcessesEnv(GamesEnv):
         return plays
 
     def close_extras(self, **_: object) -> None:
-        """End the games and the processes."""
+        """Close the games and end the processes."""
         for worker in self._workers:
             worker.end()
         self._workers, self._memory = [], {}
@@ -135,12 +138,17 @@ class ProcessesEnv(GamesEnv):
         self.learners.close()
 
     def _unlink(self) -> None:
-        with suppress(OSError):  # on Windows the file has its name for as long as it is used
+        with suppress(OSError):  # on Windows the file keeps its name while it is used
             if self._file is not None:
                 self._file.unlink(missing_ok=True)
 
     def _first_task(
-        self, file: Path, columns: Sequence[Column], share: tuple[int, int], seed: int, make: Callable[..., GamesEnv]
+        self,
+        file: Path,
+        columns: Sequence[SharedColumn],
+        share: tuple[int, int],
+        seed: int,
+        make: Callable[..., GamesEnv],
     ) -> bytes:
         (first, last), agents = share, self.num_agents
         share_of_games = partial(make, num_games=last - first, seed=seed + first)
@@ -149,25 +157,25 @@ class ProcessesEnv(GamesEnv):
     def _observed(self, prefix: str) -> Columns:
         return {key: self._arrays[prefix + key].copy() for key in _KEYS if prefix + key in self._arrays}
 
-    def _columns(self) -> list[Column]:
+    def _columns(self) -> list[SharedColumn]:
         slots = (self.num_envs,)
         actions = slots + (self.single_action_space.shape or ())
         kind = "f8" if self.learners.flies.any() else "i8"
-        found = [Column("actions", actions, kind), Column("rewards", slots, "f8")]
-        found += [Column(name, slots, "?") for name in (*_OF_SLOTS[1:], "over", "plays")]
+        found = [SharedColumn("actions", actions, kind), SharedColumn("rewards", slots, "f8")]
+        found += [SharedColumn(name, slots, "?") for name in (*_OF_SLOTS[1:], "over", "plays")]
         return found + [
-            Column(prefix + key, slots + column.shape[2:], column.dtype.str)
+            SharedColumn(prefix + key, slots + column.shape[2:], column.dtype.str)
             for prefix in (_OBSERVED, _LAST)
             for key, column in self._interface.columns().items()
         ]
 
     def _ask(self, tasks: Sequence[bytes]) -> list[Any]:
-        """Let each process do a task, all at once, and return what the tasks give; arrays are written meanwhile.
+        """Run a task in each process, all at once, and return their results; the tasks also write shared arrays.
 
         Raises:
             BadValue: the environment is closed.
-            WorkerDied: a process has ended; the environment is closed then.
-            Exception: what one of them has raised; likewise.
+            WorkerDied: a process has ended, which closes the environment.
+            Exception: an error in a process, which closes the environment as well.
         """
         self._refuse_closed()
         try:
@@ -175,7 +183,7 @@ class ProcessesEnv(GamesEnv):
                 self._of(number, Worker.send, task)
             answers = [self._of(number, Worker.receive)[1] for number in range(len(tasks))]
         except BaseException:
-            self.close()  # after Ctrl-C, too: answers still to come would be taken for those of the next turn
+            self.close()  # also after Ctrl-C: late answers would be taken for those of the next turn
             raise
         for number, answer in enumerate(answers):
             if isinstance(answer, Exception):
@@ -192,7 +200,7 @@ class ProcessesEnv(GamesEnv):
 
     @property
     def _arrays(self) -> Arrays:
-        """The arrays of all slots."""
+        """The shared arrays over all slots."""
         self._refuse_closed()
         return self._memory
 
@@ -205,12 +213,12 @@ class ProcessesEnv(GamesEnv):
         return f"In process {number + 1} of {len(self._first) - 1}, which plays the games {first} to {last - 1}"
 
 
-class _Share:
+class _WorkerGames:
     """The games that a process plays.
 
     Args:
-        games: they.
-        arrays: of their slots.
+        games: the environment of these games.
+        arrays: the parts of the shared arrays for their slots.
     """
 
     def __init__(self, games: GamesEnv, arrays: Arrays) -> None:
@@ -247,42 +255,44 @@ class _Share:
             self._arrays[prefix + key][:] = column
 
 
-_here: _Share | None = None  # in a process that plays
+_games_here: _WorkerGames | None = None  # in a worker process
 
 
-def begin(file: Path, columns: Sequence[Column], slots: slice, num_games: int, make: Callable[[], GamesEnv]) -> None:
-    """Have the games of some slots in this process, of so many in all; `make` returns them."""
-    global _here  # noqa: PLW0603 - a process plays in one environment
+def begin(
+    file: Path, columns: Sequence[SharedColumn], slots: slice, num_games: int, make: Callable[[], GamesEnv]
+) -> None:
+    """Create the games of some slots in this process by `make`; `num_games` counts those of all processes."""
+    global _games_here  # noqa: PLW0603 - a process plays in one environment
     games, arrays = make(), _mapped(file, columns)
     games.learners.stride = num_games
-    _here = _Share(games, {name: array[slots] for name, array in arrays.items()})
+    _games_here = _WorkerGames(games, {name: array[slots] for name, array in arrays.items()})
 
 
 def begin_games(which: IntArray, seeds: Seeds) -> None:
     """Begin games of this process, by their numbers in it; see `GamesEnv`."""
-    if _here is not None:
-        _here.begin(which, seeds)
+    if _games_here is not None:
+        _games_here.begin(which, seeds)
 
 
 def carried() -> Any:
-    """Return where the games of this process are; see `Learners.carried`."""
-    return None if _here is None else _here.carried()
+    """Return a checkpoint of the games of this process; see `Learners.carried`."""
+    return None if _games_here is None else _games_here.carried()
 
 
 def restore(carried: object) -> None:
-    """Play the games of this process to where others were."""
-    if _here is not None:
-        _here.restore(carried)
+    """Replay the games of this process up to a checkpoint."""
+    if _games_here is not None:
+        _games_here.restore(carried)
 
 
 def step() -> None:
     """Play a turn of the games of this process."""
-    if _here is not None:
-        _here.step()
+    if _games_here is not None:
+        _games_here.step()
 
 
 def answer(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
-    """Call a function in this process; return what it gives, or what it raises."""
+    """Call a function in this process; return its result, or the error that it raises."""
     try:
         return function(*given)
     except Exception as error:  # noqa: BLE001 - raised by the process that has asked
@@ -305,7 +315,7 @@ _STEP = _task(step)
 
 
 def _new_file(size: int) -> Path:
-    """Return a file of so many bytes, in memory where the system has such files and enough of it."""
+    """Return a new file of this size, in memory if the system supports it and has enough space."""
     has_space = os.access(_MEMORY, os.W_OK) and disk_usage(_MEMORY).free > 2 * size
     number, name = tempfile.mkstemp(prefix="gamms-", dir=_MEMORY if has_space else None)
     with os.fdopen(number, "r+b") as file:
@@ -313,8 +323,8 @@ def _new_file(size: int) -> Path:
     return Path(name)
 
 
-def _mapped(file: Path, columns: Sequence[Column]) -> Arrays:
-    """Return the arrays that a file holds."""
+def _mapped(file: Path, columns: Sequence[SharedColumn]) -> Arrays:
+    """Return the arrays in a memory-mapped file."""
     with file.open("r+b") as opened:
         memory, found, begin_at = mmap.mmap(opened.fileno(), 0), Arrays(), 0
     for name, shape, kind in columns:
@@ -324,7 +334,7 @@ def _mapped(file: Path, columns: Sequence[Column]) -> Arrays:
     return found
 
 
-def _size(columns: Sequence[Column]) -> int:
+def _size(columns: Sequence[SharedColumn]) -> int:
     return sum(_padded(int(np.prod(shape)) * np.dtype(kind).itemsize) for _, shape, kind in columns)
 
 

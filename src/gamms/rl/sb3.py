@@ -1,4 +1,4 @@
-"""The games of many as a `VecEnv` of Stable-Baselines3."""
+"""Many games as a `VecEnv` of Stable-Baselines3."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ _METHODS = ("action_masks",)
 
 
 def loaded(file: Path) -> Any:
-    """Return a model that PPO has saved, with masks or without; this runs the code that is in the file."""
+    """Return a model saved by PPO, with or without masks; this runs the code in the file."""
     from sb3_contrib import MaskablePPO
 
     data, _, _ = load_from_zip_file(file, device="cpu")
@@ -29,26 +29,26 @@ def loaded(file: Path) -> Any:
     return (MaskablePPO if is_masked else PPO).load(file, device="cpu")
 
 
-class Validity:
-    """Which slots took part in the last turn, for the rollouts of a model; a model that is saved has none.
+class SlotValidity:
+    """The slots that took part in the last turn, for the rollouts of a model; pickling empties it.
 
     Attributes:
-        now: (slots,) None: of no environment.
+        now: (slots,) None: no environment is attached.
     """
 
     def __init__(self) -> None:
         self.now: BoolArray | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Validity, ()
+        return SlotValidity, ()
 
 
-class _Living(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
-    """The part of rollouts that leaves out the turns of agents that were out of their games.
+class _LivingRollouts(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
+    """Rollouts without the turns of agents that were out of their games: the common part.
 
     Args:
         given: see `sb3_contrib.common.maskable.buffers`.
-        validity: of the environment.
+        validity: the validity of the environment's slots.
         more: see `given`.
     """
 
@@ -56,14 +56,14 @@ class _Living(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 is not a
     n_envs: int
     observations: Any
 
-    def __init__(self, *given: object, validity: Validity, **more: object) -> None:
+    def __init__(self, *given: object, validity: SlotValidity, **more: object) -> None:
         super().__init__(*given, **more)
         self._validity, self._shape = validity, (self.buffer_size, self.n_envs)
         self._is_valid = np.ones(self._shape, np.bool_)
 
     def reset(self) -> None:
-        """Empty it, and make it as large as it was."""
-        if hasattr(self, "_shape"):  # not while it is made
+        """Empty the buffer, and restore its original size."""
+        if hasattr(self, "_shape"):  # not during construction
             self.buffer_size, self.n_envs = self._shape
         super().reset()
 
@@ -77,7 +77,7 @@ class _Living(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 is not a
         super().add(*given, **more)
 
     def compute_returns_and_advantage(self, last_values: object, dones: object) -> None:
-        """Work out what was gained, and then leave out the turns that do not count."""
+        """Compute returns and advantages, then drop the turns that do not count."""
         super().compute_returns_and_advantage(last_values, dones)
         rows = np.flatnonzero(self.swap_and_flatten(self._is_valid))
         for name in ("actions", "values", "log_probs", "advantages", "returns", "action_masks"):
@@ -89,28 +89,28 @@ class _Living(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 is not a
         self.buffer_size, self.n_envs, self.generator_ready = len(rows), 1, True
 
 
-class LivingRollouts(_Living, MaskableDictRolloutBuffer):  # type: ignore[misc] # as above
-    """Rollouts of dicts without the turns of agents that were out of their games: nothing is learned of them."""
+class LivingRollouts(_LivingRollouts, MaskableDictRolloutBuffer):  # type: ignore[misc] # as above
+    """Dict rollouts without the turns of agents that were out of their games, which teach nothing."""
 
 
-class LivingBoxRollouts(_Living, MaskableRolloutBuffer):  # type: ignore[misc] # as above
-    """Rollouts of arrays without the turns of agents that were out of their games: nothing is learned of them."""
+class LivingBoxRollouts(_LivingRollouts, MaskableRolloutBuffer):  # type: ignore[misc] # as above
+    """Array rollouts without the turns of agents that were out of their games, which teach nothing."""
 
 
 class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
     """The slots of many games for Stable-Baselines3 and sb3-contrib; made by `gamms.rl.sb3_env`.
 
-    `sb3_contrib.MaskablePPO` finds which actions are legal. An episode of a slot ends when its agent is out or its game
-    is over.
+    `sb3_contrib.MaskablePPO` finds the masks of legal actions. The episode of a slot ends when its agent is out or its
+    game is over.
 
     Args:
-        games: that are played.
+        games: the environment of the games.
     """
 
     def __init__(self, games: GamesEnv) -> None:
         self._games, self.learners, self._actions = games, games.learners, np.zeros(games.num_envs, np.int64)
         self._seed: int | None = None
-        self._validity = Validity()
+        self._validity = SlotValidity()
         is_dict = isinstance(games.single_observation_space, spaces.Dict)
         self.rollouts: dict[str, Any] = {
             "rollout_buffer_class": LivingRollouts if is_dict else LivingBoxRollouts,
@@ -130,16 +130,16 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         return observed
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Let the games begin with this seed at the next `reset`."""
+        """Set the seed of the games for the next `reset`."""
         self._seed = seed
         return [seed] * self.num_envs
 
     def step_async(self, actions: np.ndarray[Any, Any]) -> None:
-        """Take the actions of the next turn."""
+        """Store the actions of the next turn."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
-        """Play it."""
+        """Play the turn."""
         observed, rewards, terminated, truncated, infos = self._games.step(self._actions)
         ends, self._validity.now = terminated | truncated, infos["valid"]
         of_slots: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -151,11 +151,11 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         return observed, rewards.astype(np.float32), ends, of_slots
 
     def close(self) -> None:
-        """End the games."""
+        """Close the games."""
         self._games.close()
 
     def env_method(self, method_name: str, *_: object, indices: Any = None, **__: object) -> list[Any]:
-        """Return what a method gives for each slot: `action_masks`."""
+        """Return the result of a method for each slot; only `action_masks` is supported."""
         as_known(method_name, "method of the slots", _METHODS)
         masks = self._games.action_masks()
         return [masks[slot] for slot in self._get_indices(indices)]
@@ -170,10 +170,10 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         setattr(self._games, attr_name, value)
 
     def env_is_wrapped(self, wrapper_class: object, indices: Any = None) -> list[bool]:  # noqa: ARG002 - the signature of SB3
-        """Return that no slot is wrapped."""
+        """Return False for each slot: none is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
 
 def _row(observed: dict[str, Any] | np.ndarray[Any, Any], slot: int) -> Any:
-    """Return what a slot observes."""
+    """Return the observation of a slot."""
     return {key: column[slot] for key, column in observed.items()} if isinstance(observed, dict) else observed[slot]

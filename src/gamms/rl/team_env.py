@@ -1,4 +1,4 @@
-"""The environment of PettingZoo: the agents of one team, or of several, that learn in one game."""
+"""The environment of PettingZoo: the agents of one or several teams that learn in one game."""
 
 from copy import deepcopy
 from itertools import compress
@@ -11,22 +11,22 @@ from pettingzoo import ParallelEnv
 from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
 from gamms.rl.heads import are_legal
-from gamms.rl.interface import METADATA, Copyable, Interface, RenderMode, mask_in, prepare, rendered
+from gamms.rl.interface import METADATA, CopyableEnv, EnvInterface, RenderMode, mask_in, prepare, rendered
 from gamms.rl.learners import Float32Array
 
 Observed = dict[str, Any]  # agent -> `observation` and `action_mask`, or the observation alone
 
 
-class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # PettingZoo has no types
+class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # PettingZoo has no types
     """The agents of some teams in one game; made by `gamms.rl.parallel_env`.
 
-    Agents that are dead leave `agents`. Where a rule brings agents back, they stay there and wait, with no reward and
-    only staying legal: PettingZoo knows no agent that comes back. Agents for which `most_agents` has reserved a place
-    join when they come.
+    Dead agents leave `agents`. If a rule brings agents back, they stay there and wait, without reward and with staying
+    as their only legal action, because agents of PettingZoo cannot return. Agents for which `most_agents` reserves
+    names join when they are created.
 
     Args:
-        interface: of learners in one game, in a context.
-        name: of the scenario.
+        interface: the interface of learners in one game, in a context.
+        name: the name of the scenario.
         render_mode: "human", "rgb_array" or None.
 
     Attributes:
@@ -35,7 +35,7 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
 
     _own = "agents", "observation_spaces", "action_spaces", "np_random"
 
-    def __init__(self, interface: Interface, name: str, render_mode: RenderMode) -> None:
+    def __init__(self, interface: EnvInterface, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
         self._interface = interface
         self.render_mode = render_mode
@@ -49,29 +49,29 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
         of_agents = list(zip(self.possible_agents, learners.flies.tolist(), strict=True))
         self.observation_spaces = {
             agent: deepcopy(kinds[flies]) for agent, flies in of_agents
-        }  # each samples by itself
+        }  # each samples independently
         self.action_spaces = {agent: interface.action_space(self._number[agent]) for agent in self.possible_agents}
         self._parts = [np.flatnonzero(learners.flies == flies) for flies in (False, True)]
         self._idle = {agent: 0 * space.sample() for agent, space in self.action_spaces.items()}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the space of what an agent observes."""
+        """Return the observation space of an agent."""
         return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the space of what an agent does: the number of a legal node, 0 to stay, and perhaps of a deed."""
+        """Return the action space of an agent: the index of a legal node, 0 to stay, and optionally a deed."""
         return self.action_spaces[self._known(agent)]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
-        """Begin a game; without a seed, that of the next one.
+        """Reset the game to a seed; None: the next seed.
 
         Returns:
-            What each agent observes, and the infos of each.
+            The observations and the infos by agent.
         """
         self.learners.begin_next(seed)
         if seed is not None:
-            self.np_random = np.random.default_rng(abs(int(seed)))  # which has no negative seeds
+            self.np_random = np.random.default_rng(abs(int(seed)))  # NumPy has no negative seeds
         self.agents = self._those_in()
         return self._answers(self.agents)
 
@@ -81,11 +81,11 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
         """Play a turn.
 
         Args:
-            actions: of each agent; of one that is missing, and one that is not legal: to stay.
+            actions: agent -> action; an agent without an action, or with an illegal one, stays.
 
         Returns:
-            Observations, rewards, terminations, truncations and infos by agent; `infos[agent]["is_legal"]` is whether
-            its action was. It is False for an agent that is alive and has none.
+            Observations, rewards, terminations, truncations and infos by agent; `infos[agent]["is_legal"]` tells
+            whether its action was legal. It is False for a living agent without an action.
         """
         for name in as_mapping(actions, "actions"):
             self._known(name)
@@ -110,14 +110,14 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
         return observations, rewards, terminated, truncated, infos
 
     def action_masks(self) -> dict[str, Any]:
-        """Return which actions are legal: agent on the ground -> (actions,) booleans."""
+        """Return the masks of legal actions: agent on the ground -> (actions,) booleans."""
         if self.learners.flies.all():
             return {}
         masks = zip(self.possible_agents, self._interface.masks()[0], self.learners.flies, strict=True)
         return {name: mask for name, mask, flies in masks if not flies}
 
     def state(self) -> Float32Array:
-        """Return the whole game as numbers: of each agent of all teams `alive`, `x`, `y` in shares of the map.
+        """Return the state of the game as numbers: for each agent of all teams `alive`, and `x`, `y` as map shares.
 
         See `Learners.whole`.
         """
@@ -125,11 +125,11 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
         return whole
 
     def render(self) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
-        """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
+        """Return a picture, (height, width, 3), or show it in the window; do nothing without a render mode."""
         return rendered(self.learners, self.render_mode)
 
     def close(self) -> None:
-        """End the game."""
+        """Close the game."""
         self.learners.close()
 
     def _known(self, agent: str) -> str:
@@ -138,13 +138,13 @@ class TeamEnv(Copyable, ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[
         return agent
 
     def _those_in(self) -> list[str]:
-        """Return the agents that are alive, or may come back."""
+        """Return the agents that are alive, or may return."""
         learners = self.learners
         are_in = learners.is_there[0] if learners.may_return else learners.alive[0]
         return list(compress(self.possible_agents, are_in.tolist()))
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
-        """Return what these agents observe, and their infos."""
+        """Return the observations of these agents, and their infos."""
         columns, values, infos = self._interface.columns(), {}, {}
         for name in names:
             number = self._number[name]

@@ -1,4 +1,4 @@
-"""The games of many as an `EnvBase` of TorchRL: tensordicts of games, with a group of agents for each team."""
+"""Many games as an `EnvBase` of TorchRL: tensordicts of games, with a group of agents for each team."""
 
 from typing import Any
 
@@ -10,23 +10,23 @@ from torchrl.envs import EnvBase
 
 from gamms.rl.heads import action_masks, heads_of, refuse_mixed
 from gamms.rl.learners import Learners
-from gamms.rl.turns import Played
+from gamms.rl.turns import TurnOutcome
 
 _ENDS = ("done", "terminated", "truncated")
 
 
 class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to be checked
-    """Many games for TorchRL, of the batch size (games,); made by `gamms.rl.torchrl_env`.
+    """Many games for TorchRL, with the batch size (games,); made by `gamms.rl.torchrl_env`.
 
-    Each team is a group, with agents in the order of their names: `(team, "observation")`, (games, agents, …),
-    `(team, "action_mask")`, which actions are legal, `(team, "mask")`, who takes part, `(team, "action")`,
-    `(team, "reward")`, and `done`, `terminated` and `truncated` of agents; those of games are at the root. A game that
-    has ended waits for its reset.
+    Each team is a group, with its agents sorted by name: `(team, "observation")`, (games, agents, …),
+    `(team, "action_mask")`, the legal actions, `(team, "mask")`, the agents that take part, `(team, "action")`,
+    `(team, "reward")`, and `done`, `terminated` and `truncated` of agents; those of games are at the root. A finished
+    game waits for its reset.
 
-    On the CPU, the tensors of observations, masks and ends share the memory of the arrays of the games.
+    On the CPU, the tensors of observations, masks and ends share the memory of the games' arrays.
 
     Args:
-        learners: in the games.
+        learners: learners in the games.
 
     Attributes:
         learners: see above.
@@ -80,34 +80,34 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         return Composite(kinds, shape=size)
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: object) -> TensorDictBase:
-        """Begin the games that `_reset` names; None: all."""
+        """Reset the games that `_reset` names; None: all."""
         which = None if tensordict is None else tensordict.get("_reset", None)
         if which is None:
             self.learners.begin_all()
         else:
             self.learners.begin_again(np.flatnonzero(_array(which)))
-        return self._filled(None)
+        return self._results(None)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Play a turn of all games that are not over."""
+        """Play a turn of all unfinished games."""
         given = [_array(tensordict.get((team, "action"))) for team in self.group_map]
         ends = np.cumsum([one.shape[1] for one in given])
         parts = [(np.arange(end - one.shape[1], end), one) for one, end in zip(given, ends, strict=True)]
-        return self._filled(self.learners.step(*heads_of(self.learners, parts)))
+        return self._results(self.learners.step(*heads_of(self.learners, parts)))
 
     def _set_seed(self, seed: int | None) -> None:
-        """Let game i have the seed `seed + i` at the next reset."""
+        """Set the seed of game i to `seed + i` for the next reset."""
         if seed is not None:
             self.learners.begin_from(seed)
 
     def close(self, **options: Any) -> None:
-        """End the games; the options, which early versions of TorchRL lack, are those of `EnvBase.close`."""
+        """Close the games; the options, which early versions of TorchRL lack, are those of `EnvBase.close`."""
         if not self.is_closed:
             self.learners.close()
         super().close(**options)
 
-    def _filled(self, played: Played | None) -> TensorDictBase:
-        """Return what is observed, and what the last turn came to."""
+    def _results(self, played: TurnOutcome | None) -> TensorDictBase:
+        """Return the observations, and the results of the last turn."""
         learners, games = self.learners, len(self.learners.games)
         alive, over = learners.alive, learners.is_over
         if played is None:
@@ -142,10 +142,10 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
 
 
 def _array(tensor: torch.Tensor) -> np.ndarray[Any, Any]:
-    """Return an array that shares the memory of a tensor, or of a copy of one on a GPU."""
+    """Return an array that shares the memory of a tensor; a tensor on a GPU is copied."""
     return np.from_dlpack(tensor.detach().cpu())
 
 
 def _tensor(array: np.ndarray[Any, Any]) -> torch.Tensor:
-    """Return a tensor that shares the memory of an array, or of a copy of one that must not be written."""
+    """Return a tensor that shares the memory of an array; a read-only array is copied."""
     return torch.from_dlpack(array if array.flags.writeable else array.copy())

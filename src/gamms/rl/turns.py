@@ -1,4 +1,4 @@
-"""Turns of learners: what agents do in them, what rewards are made of, and what they came to."""
+"""Turns of learners: the actions in them, the input of rewards, and their outcomes."""
 
 from collections.abc import Hashable
 from copy import copy
@@ -18,11 +18,11 @@ from gamms.rl.deeds import DeedChoices
 ObjectArray = np.ndarray[tuple[int, ...], np.dtype[np.object_]]
 
 
-class Outcomes:
-    """How games have ended, read from them when it is first asked.
+class GameOutcomes:
+    """The winners and reasons of ended games, computed on first use.
 
     Args:
-        games: the batch that they are in.
+        games: the batch of the games.
     """
 
     def __init__(self, games: Batch) -> None:
@@ -47,22 +47,22 @@ class Outcomes:
 
 
 class Turn(NamedTuple):
-    """A turn that was played, for `reward=`: of the games of one map, where there are several.
+    """A played turn, for `reward=`; with several maps, of the games on one map.
 
     Attributes:
-        team: whose reward it is.
-        before: its agents before the turn; of this view only the attributes `node` and `mask`, (games, agents), and
-            `turn`, (games,), are those of then.
-        after: its agents now.
-        gains: key -> (games,) by how much each score has changed.
-        outcomes: how all games of the batch have ended; read `winner` and `reason` of the turn.
+        team: the team that gets the reward.
+        before: the view of its agents before the turn; only the attributes `node` and `mask`, (games, agents), and
+            `turn`, (games,), of this view have the old values.
+        after: the view of its agents now.
+        gains: key -> (games,) the change of each score.
+        outcomes: the ends of all games of the batch; use `winner` and `reason` of the turn instead.
     """
 
     team: Hashable
     before: ArrayView
     after: ArrayView
     gains: dict[Any, FloatArray]
-    outcomes: Outcomes
+    outcomes: GameOutcomes
 
     @property
     def winner(self) -> ObjectArray:
@@ -77,14 +77,14 @@ class Turn(NamedTuple):
         return reason
 
 
-class Played(NamedTuple):
-    """What a turn came to, each (games, agents).
+class TurnOutcome(NamedTuple):
+    """The outcome of a turn for learners, each (games, agents).
 
     Attributes:
-        rewards: of the agents; 0 of those that were dead before.
-        terminated: who has gone out in this turn, or took part in a game that was ended by what happened in it. Of an
-            agent that went out in an earlier turn it is not said again when its game ends.
-        truncated: who took part in a game that ended because the time was up.
+        rewards: the rewards of the agents; 0 for those that were dead before.
+        terminated: whether the agent went out in this turn, or took part in a game that an event of this turn ended. An
+            agent that went out in an earlier turn is not terminated again when its game ends.
+        truncated: whether the agent took part in a game that reached its time limit.
     """
 
     rewards: FloatArray
@@ -92,27 +92,27 @@ class Played(NamedTuple):
     truncated: BoolArray
 
 
-class Prefix:
+class ActionHistory:
     """The actions of games since they began.
 
     Args:
-        shape: how many games and agents there are.
-        heads: how many numbers an action has: a move, and perhaps a deed.
+        shape: the numbers of games and agents.
+        heads: the number of heads of an action: a move, and optionally a deed.
         flies: whether agents fly.
 
     Attributes:
-        steps: (games,) how many actions were taken.
+        steps: (games,) the number of actions.
     """
 
     def __init__(self, shape: tuple[int, int], heads: int, *, flies: bool) -> None:
         self.steps: IntArray = np.zeros(shape[0], np.int64)
-        self._first: IntArray = np.zeros(shape[0], np.int64)  # the turn, of those that are kept, in which each began
+        self._first: IntArray = np.zeros(shape[0], np.int64)  # the index of the stored turn in which each game began
         self._heads: list[list[IntArray]] = []  # by turn and head, (games, agents)
         self._flights: list[FloatArray | None] = []
         self._none = [np.zeros(shape, np.int64)] * heads, np.zeros((*shape, 3)) if flies else None
 
     def begin(self, which: IntArray) -> None:
-        """Forget the actions of games, by their numbers."""
+        """Discard the actions of games, by their numbers."""
         self.steps[which] = 0
         self._first[which] = len(self._heads)
         forgotten = int(self._first.min())
@@ -120,13 +120,13 @@ class Prefix:
         self._first -= forgotten
 
     def add(self, games: BoolArray, heads: list[Any], flights: FloatArray | None) -> None:
-        """Add what agents do in a turn of some games, each head (games, agents) legal: at most 4,096 in number."""
+        """Add a turn of some games: heads (games, agents) of legal actions, which fit into 16 bits."""
         self._heads.append([head.astype(np.int16) for head in heads])
         self._flights.append(None if flights is None else flights.copy())
         self.steps += games
 
-    def cut(self) -> "Prefix":
-        """Return a copy, to which nothing is added."""
+    def cut(self) -> "ActionHistory":
+        """Return a copy to which nothing is added later."""
         copied = copy(self)
         copied.steps = self.steps.copy()
         copied._first = self._first.copy()
@@ -135,7 +135,7 @@ class Prefix:
         return copied
 
     def at(self, turns: IntArray) -> tuple[IntArray, IntArray | None, FloatArray | None]:
-        """Return the moves, deeds and flights of these turns of the games, (games,); before the first turn all stay."""
+        """Return the moves, deeds and flights of these turns of the games, (games,); before turn 0 agents stay."""
         stay, hover = self._none
         heads = [one.copy() for one in stay]
         flights = None if hover is None else hover.copy()
@@ -149,22 +149,22 @@ class Prefix:
         return heads[0], heads[1] if len(heads) > 1 else None, flights
 
 
-class Hand:
-    """The strategy of one agent: in each turn of each game it does what it was given for that turn."""
+class ScriptedActions:
+    """The strategy of a learning agent: takes the action that was stored for each turn of each game."""
 
     def __init__(self) -> None:
         self._games: Batch | None = None
         self._choices: DeedChoices | None = None
-        self._taken = np.zeros((0, 0, 5))  # (turns, games, 5)  moves, deeds, and flights
+        self._taken = np.zeros((0, 0, 5))  # (turns, games, 5) move, deed and flight
 
     def begin(self, games: Batch, choices: DeedChoices | None) -> None:
-        """Play in the games of a batch."""
+        """Use the strategy in the games of a batch."""
         self._games = games
         self._choices = choices
         self._taken = np.zeros((16, len(games), 5))
 
     def take(self, turns: IntArray, moves: IntArray, deeds: IntArray | None, flights: FloatArray | None) -> None:
-        """Take what is to be done in these turns of the games, (games,), as arrays (games, 1)."""
+        """Store actions for these turns of the games, (games,), as arrays (games, 1)."""
         while turns.max() >= len(self._taken):
             self._taken = np.concatenate((self._taken, np.zeros_like(self._taken)))
         done = moves * 0 if deeds is None else deeds
@@ -172,7 +172,7 @@ class Hand:
         self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, done, flown))
 
     def __call__(self, state: dict[str, Any]) -> None:
-        """Do what it is given for this turn of the game that is played."""
+        """Take the action that was stored for this turn of the current game."""
         legal, games = state["legal"], cast("Batch", self._games)
         move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
         agent = games.game.ctx.agent.agents[state["name"]]
@@ -186,5 +186,5 @@ class Hand:
 
     @property
     def strategy_spec(self) -> StrategySpec:
-        """How the core plays it: what it is given stands in place of what it decides."""
+        """Declare that the core keeps the agent's stored action, instead of calling a decision."""
         return StrategySpec(core_form=moves.STAY)
