@@ -66,7 +66,7 @@ def test_what_is_there_is_not_written_over(folder):
     (folder / "hunt").mkdir()
     done = run("new", "hunt")
     assert (done.exit_code, list((folder / "hunt").iterdir())) == (1, [])
-    assert "There is 'hunt' already" in done.stderr
+    assert "'hunt' already exists" in done.stderr
 
 
 @pytest.mark.parametrize(

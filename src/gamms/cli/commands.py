@@ -1,4 +1,4 @@
-"""All commands in the order of the help, and those on scenario files and maps, which only look."""
+"""All commands in the order of the help, and the commands that check scenario files and maps."""
 
 import json
 import os
@@ -136,7 +136,7 @@ def _fidelity(
     return osm.report(graph, file)
 
 
-_Commands = Mapping[Callable[..., None], tuple[str, ...]]  # each with examples, in the order of the help
+_Commands = Mapping[Callable[..., None], tuple[str, ...]]  # command -> examples, in the order of the help
 
 _COMMANDS: _Commands = {
     play.demo: ("gamms demo", "gamms demo --seed 7 --teams cats=5,dogs=3 --map town.osm.pbf"),
@@ -189,7 +189,7 @@ _ON_MAPS: _Commands = {report: ("gamms osm report town.osm.pbf --network walk",)
 
 
 class _Command(TyperCommand):
-    """A command whose errors name the value that an option cannot have, which typer leaves out."""
+    """A command whose errors name the invalid value of an option, which typer leaves out."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override] # a click.Context
         words = [part for word in args for part in (word.split("=", 1) if word.startswith("--") else [word])]
@@ -204,9 +204,9 @@ class _Command(TyperCommand):
 
 
 class _Interruptible(TyperGroup):
-    """A group whose commands end with a word when they are interrupted."""
+    """A group whose commands print a message when they are interrupted."""
 
-    def make_context(self, *args: Any, **options: Any) -> Any:  # Any: of a library that typer contains
+    def make_context(self, *args: Any, **options: Any) -> Any:  # Any: of a library inside typer
         with _saying_when_interrupted():
             return super().make_context(*args, **options)
 
@@ -224,8 +224,8 @@ def _saying_when_interrupted() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
 
 
-class _WithUsual(TyperGroup):
-    """A group whose first command is meant where none is named: `gamms experiment FILE`."""
+class _GroupWithDefault(TyperGroup):
+    """A group whose first command is the default: `gamms experiment FILE`."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override] # a click.Context
         usual = next(iter(self.commands))
@@ -237,7 +237,7 @@ class _WithUsual(TyperGroup):
 def _group(
     about: str, commands: _Commands, examples: tuple[str, ...] = (), kind: type[TyperGroup] = TyperGroup
 ) -> typer.Typer:
-    """Return a group of commands; its help is plain text, in which flags are shown as flags."""
+    """Return a group of commands; its help is plain text, so that flags appear as flags."""
     group = typer.Typer(
         cls=kind,
         help=about,
@@ -254,7 +254,7 @@ def _group(
 
 
 def _shown(examples: tuple[str, ...]) -> str | None:
-    """Return examples as the end of a help, each on a line of its own."""
+    """Return examples as the end of a help text, one per line."""
     return "\n".join(("\b", "Examples:", *(f"  {example}" for example in examples))) if examples else None
 
 
@@ -268,22 +268,22 @@ app.callback(invoke_without_command=True)(about)
 app.add_typer(_group("Look at scenario files.", _ON_SCENARIOS), name="scenario")
 app.add_typer(_group("Look at maps.", _ON_MAPS), name="osm")
 app.add_typer(
-    _group("Play a scenario and its variants with many seeds.", _EXPERIMENTS, kind=_WithUsual), name="experiment"
+    _group("Play a scenario and its variants with many seeds.", _EXPERIMENTS, kind=_GroupWithDefault), name="experiment"
 )
 
 
 def run() -> None:
-    """Run the command that the arguments of the process name."""
-    out: object = sys.stdout  # None where it is closed
+    """Run the command named by the arguments of the process."""
+    out: object = sys.stdout  # None if it is closed
     if isinstance(out, TextIOWrapper):
-        out.reconfigure(errors="backslashreplace")  # of characters that the encoding of the system lacks
+        out.reconfigure(errors="backslashreplace")  # for characters that the encoding of the system lacks
     try:
         try:
             app()
         finally:
-            if isinstance(out, TextIOWrapper) and out is sys.stdout:  # not where a reader had enough
+            if isinstance(out, TextIOWrapper) and out is sys.stdout:  # not if a reader such as `head` has closed it
                 out.flush()
     except OSError as error:  # the output is full
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would say so again at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would report it again at its end
         before = error.__context__
         sys.exit(before.code if isinstance(before, SystemExit) and before.code else explained(error))

@@ -128,7 +128,7 @@ def unpack(
 
 
 def _print_rows(rows: "Rows") -> None:
-    """Print a summary, and how many games have raised."""
+    """Print a summary, and the number of games that raised errors."""
     try:
         metrics = [name for name in rows.metrics() if not name.startswith("collector.")]
         variants = {tuple(row[key] for key in rows.keys) for row in rows}
@@ -199,7 +199,7 @@ def suite(
 
 
 def _found(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
-    """Return how a scenario names a strategy, and where its code is."""
+    """Return the reference by which a scenario names a strategy, and the place of its code."""
     from gamms.scenario.code import chosen
     from gamms.suite import BASELINES
 
@@ -212,7 +212,7 @@ def _found(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
 
 
 def _print_results(results: "Results", strategy: str) -> None:
-    """Print the table, and the games that have raised."""
+    """Print the table, and the games that raised errors."""
     echo(f"{strategy}: the share of games that it wins, and that against the worst opponent\n")
     echo(str(results.table))
     for name, rows in results.rows.items():

@@ -1,4 +1,4 @@
-"""`gamms gallery`: the games that come with GAMMS: a list of them, one of them played, or a page with all."""
+"""`gamms gallery`: list the games that come with GAMMS, play one, or write a page with all."""
 
 import json
 from html import escape
@@ -45,12 +45,12 @@ _CARD = """<article id="{name}">
 </article>"""
 
 
-class Record(NamedTuple):
-    """What is known of a game of the gallery: `data/gallery/results.json`.
+class GalleryStatistics(NamedTuple):
+    """The statistics of a gallery game, from `data/gallery/results.json`.
 
     Attributes:
-        games: how many were played, with the seeds from 0 on.
-        wins: by team, "" for none: how many, and the ends of the 95 % interval of their share.
+        games: the number of games, with the seeds from 0 on.
+        wins: team ("" for none) -> its number of wins, and the ends of the 95 % interval of their share.
         turns: the median length of a game.
     """
 
@@ -96,16 +96,16 @@ def gallery(
         _print_list()
 
 
-def records() -> dict[str, Record]:
-    """Return what came of many games, by the name of the game."""
+def records() -> dict[str, GalleryStatistics]:
+    """Return the statistics of the gallery's games, by name."""
     from gamms import scenario
 
     file = next(iter(scenario.gallery().values())).with_name("results.json")
-    return {name: Record(**found) for name, found in json.loads(file.read_text(encoding="utf-8")).items()}
+    return {name: GalleryStatistics(**found) for name, found in json.loads(file.read_text(encoding="utf-8")).items()}
 
 
 def about(game: "Scenario") -> list[str]:
-    """Return the paragraphs at the head of a scenario file: what is modelled, and what plays well."""
+    """Return the paragraphs at the head of a scenario file: the modeled problem, and good strategies."""
     lines = [] if game.file is None else game.file.read_text(encoding="utf-8").splitlines()
     head = next(i for i, line in enumerate([*lines, ""]) if not line.startswith("#"))
     text = "\n".join(line.removeprefix("#").strip() for line in lines[:head])
@@ -138,7 +138,7 @@ def _play(name: str, seed: int | None, out: Path) -> None:
 
 
 def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "Result":
-    """Play a game, with its result and its recording in a folder, and write the page that replays it."""
+    """Play a game, save its result and recording in a folder, and write the page that replays it."""
     from gamms import recorder
 
     with game.build(seed) as ctx, recorded(ctx, folder, sensed=True) as recording:
@@ -150,7 +150,7 @@ def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "
 
 
 def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
-    """Write `index.html`, and a replay and a still of each game; of several, those that miss a library are left out."""
+    """Write `index.html`, with a replay and a still of each game; skip games whose library is missing."""
     from gamms import scenario
 
     games = {name: scenario.from_gallery(name) for name in names}
@@ -170,7 +170,7 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
 
 
 def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str) -> str:
-    """Play a game, write its replay and its still, and return what the page says of it."""
+    """Play a game, write its replay and its still, and return its card for the page."""
     with TemporaryDirectory() as scratch:
         result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"))
         turn = result.turns // 3
@@ -190,7 +190,7 @@ def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str
 
 
 def _still(recording: Path, file: Path, turn: int) -> Path:
-    """Write a picture of the game after a turn, as PNG where Pillow is installed, else as SVG; return the file."""
+    """Write a picture of the game after a turn, as PNG if Pillow is installed, else as SVG; return the file."""
     from gamms.rendering import RenderOptions, render
 
     for suffix in (".png", ".svg"):

@@ -1,4 +1,4 @@
-"""`gamms run --seeds`: the same scenario with many seeds, in several processes, and what came of all of them."""
+"""`gamms run --seeds`: play a scenario with many seeds, in several processes, and compare the results."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 Strategies = Mapping[
     str, tuple["CodeReference", Path]
-]  # by team or agent: where its code is, and the folder to import it from
+]  # by team or agent: reference to its code, and the folder to import it from
 _MOST = 1_000_000  # seeds
-_MOST_IN_A_BATCH = 20  # games that a process plays before it says what came of them
+_MOST_IN_A_BATCH = 20  # games that a process plays before it reports
 
 
 def parsed_seeds(text: str) -> Sequence[int]:
@@ -44,17 +44,17 @@ def parsed_seeds(text: str) -> Sequence[int]:
 
 
 def checked_keys(file: Path, values: object, kind: str, required: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
-    """Return the values of a file, which must be a mapping with some keys and no others.
+    """Return the values of a file, which must be a mapping with the required keys and no unknown ones.
 
     Args:
-        file: for the error.
-        values: of the file.
-        kind: of the file, in a word.
-        required: keys that it has.
-        keys: all that it may have.
+        file: the file, for errors.
+        values: the values of the file.
+        kind: the kind of the file, in a word.
+        required: the required keys.
+        keys: all allowed keys.
 
     Raises:
-        BadValue: it is not.
+        BadValue: the values are not such a mapping.
     """
     if not isinstance(values, dict):
         found = "nothing" if values is None else shown(values)
@@ -98,7 +98,7 @@ def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Pa
 def _results(
     game: "Scenario", seeds: Sequence[int], strategies: Strategies, jobs: int
 ) -> Iterator[tuple[int, "Result"]]:
-    """Yield the result of each seed, in their order, whatever process has played it."""
+    """Yield the result of each seed, in order, from any process."""
     from gamms.workers import WorkerPool, result_of
 
     jobs = min(jobs, len(seeds))
@@ -107,7 +107,7 @@ def _results(
     batch = partial(_play_batch, game, strategies, max_memory())
     with progress() as show:
         done = 0
-        pool = None if jobs == 1 else WorkerPool(jobs)  # whose games end with it, at Ctrl-C too
+        pool = None if jobs == 1 else WorkerPool(jobs)  # its games end with it, also after Ctrl-C
         try:
             results: Iterator[list[Result] | str] = (
                 map(batch, batches) if pool is None else map(result_of, [pool.submit(batch, some) for some in batches])
@@ -125,7 +125,7 @@ def _results(
 
 
 def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Sequence[int]) -> "list[Result] | str":
-    """Return the results of some seeds, or what to print of an error, whose traceback stays in this process."""
+    """Return the results of some seeds, or the message for an error, whose traceback stays in this process."""
     seed = seeds[0]
     try:
         with allowing(memory):
@@ -138,7 +138,7 @@ def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Se
 
 
 def _row(result: "Result", teams: list[str]) -> dict[str, Any]:
-    """Return what a row of the CSV holds."""
+    """Return the contents of a CSV row."""
     table = result.table("teams")
     alive = dict(zip(table["team"].tolist(), table["alive"].tolist(), strict=True))
     return {
@@ -159,7 +159,7 @@ def _cells(row: dict[str, Any], teams: list[str]) -> tuple[str, ...]:
 
 
 def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
-    """Return in words who has won how often, and how long the games were."""
+    """Return in words how often each team won, and the length of the games."""
     wins, turns = Counter(row["winner"] for row in rows), [row["turns"] for row in rows]
     winners = [*teams, *(one for one in wins if one is not None and one not in teams)]
     parts = [f"{one} won {wins[one]} ({wins[one] / len(rows):.0%})" for one in winners]

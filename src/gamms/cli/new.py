@@ -13,7 +13,7 @@ from gamms.folders import made_folder, write_whole
 if TYPE_CHECKING:
     from gamms.scenario import Scenario
 
-_DEMO = "gamms.demo.strategies"  # what its scenario calls the strategies of the demo
+_DEMO = "gamms.demo.strategies"  # the module of the demo's strategies in its scenario
 _WHAT = {"strategies.py": "its strategies, and what is its own", "rules.py": "its own rules"}
 
 
@@ -30,10 +30,10 @@ def new(
     if not re.fullmatch(r"\w[\w-]*", name.name):
         raise BadValue(f"{str(name)!r} cannot be the name of a game: use letters, digits, _ and -.")
     if name.exists():
-        raise BadValue(f"There is {str(name)!r} already: choose another name, for nothing is written over.")
+        raise BadValue(f"{str(name)!r} already exists. Choose another name; `gamms new` never overwrites files.")
     scenario = name / f"{name.name}.yaml"
     text = "" if game.file is None else game.file.read_text(encoding="utf-8")
-    files = {}  # of the copy -> what is copied
+    files = {}  # name of the copy -> copied file
     for module, file in _code_of(game).items():
         copy = module.removeprefix(source).removeprefix("_") or "strategies"
         copy = "strategies" if module == _DEMO else copy

@@ -1,4 +1,4 @@
-"""What all commands share: printing, errors, tables, and the files that a game is saved to."""
+"""The shared parts of all commands: printing, errors, tables, and saving a game to files."""
 
 import errno
 import os
@@ -33,17 +33,17 @@ _MaxMemory = Annotated[
 ]
 _Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
 _GAMMS = str(Path(__file__).parents[1])
-_FINE = 192.0  # pixels of an inch
-INTERRUPTED = 130  # as shells say it of Ctrl-C
+_FINE = 192.0  # pixels per inch
+INTERRUPTED = 130  # the exit code of Ctrl-C in shells
 _MOST_ROWS = 500  # of a table that is printed
-_FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under a minute for 600 turns
+_FILMS: dict[str, dict[str, Any]] = {  # the first supported one is written; under a minute for 600 turns
     "game.mp4": {"fps": 25, "frames_per_turn": 2},
     "game.gif": {"fps": 12, "height": 640, "frames_per_turn": 1},
 }
 
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of all commands, and print errors for people: `--max-memory` and `--traceback`."""
+    """Add the options `--max-memory` and `--traceback` to a command, and print errors as sentences."""
 
     @wraps(command)
     def run(*args: object, max_memory: str | None = None, traceback: bool = False, **keywords: object) -> None:
@@ -52,7 +52,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 command(*args, **keywords)
         except (typer.Exit, typer.Abort, typer.BadParameter, BrokenPipeError):
             raise
-        except (Exception, SystemExit) as error:  # which a strategy may raise, too
+        except (Exception, SystemExit) as error:  # a strategy may raise it, too
             if traceback:
                 raise
             echo(explained(error), err=True)
@@ -60,7 +60,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
     known = signature(command)
     for hint in (hint for one in known.parameters.values() for hint in getattr(one.annotation, "__metadata__", ())):
-        hint.readable = False  # a file that may not be read is an error of the system, as is one that is not there
+        hint.readable = False  # an unreadable file is an error of the system, like a missing one
     options = (("max_memory", None, _MaxMemory), ("traceback", False, _Traceback))
     added = [Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=of) for name, default, of in options]
     run.__signature__ = known.replace(parameters=[*known.parameters.values(), *added])  # type: ignore[attr-defined] # what typer reads
@@ -68,10 +68,10 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def explained(error: BaseException) -> str:
-    """Return what is printed of an error: of GAMMS or of a file a sentence, of the user's code a traceback.
+    """Return the message for an error: a sentence for errors of GAMMS or of files, a traceback for the user's code.
 
-    Of a traceback only the user's own frames are left; where there are none, it is an error in GAMMS itself, and all
-    of it is printed.
+    A traceback contains only the user's own frames; without any, it is an error in GAMMS itself, and the whole
+    traceback is printed.
     """
     from gamms.scenario import ScenarioError
 
@@ -85,7 +85,7 @@ def explained(error: BaseException) -> str:
 
 
 def _own_traceback(error: BaseException) -> list[str]:
-    """Return the traceback of an error without the frames of GAMMS and of what it is called by; [] if none is left."""
+    """Return the traceback of an error without frames of GAMMS and its callers; [] if none is left."""
     shown = TracebackException.from_exception(error)
     own = _own_frames(shown.stack)
     part: TracebackException | None = shown
@@ -96,21 +96,21 @@ def _own_traceback(error: BaseException) -> list[str]:
 
 
 def _own_frames(frames: StackSummary) -> list[FrameSummary]:
-    """Return the frames from the first one of the user's on, but for those of GAMMS."""
+    """Return the frames from the user's first one on, without those of GAMMS."""
     foreign = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
     own = [frame for frame in frames if not frame.filename.startswith((_GAMMS, "<frozen")) and not _is_compiled(frame)]
     return list(dropwhile(lambda frame: frame.filename.startswith(foreign), own))
 
 
 def _is_compiled(frame: FrameSummary) -> bool:
-    """Return whether a frame is of a compiled library, which names its source as its makers had it."""
+    """Return whether a frame is in a compiled library, which names its source as on the build machine."""
     return frame.filename.endswith((".pyx", ".pxi")) or not (
         frame.filename.startswith("<") or os.path.exists(frame.filename)  # noqa: PTH110 - in 3.11, Path.exists may raise
     )
 
 
 def _sentence(error: GammsError | OSError) -> str:  # noqa: PLR0911 - one for each kind
-    """Return what an error says; of one of the system, which file it is about, and a file of nearly that name."""
+    """Return the message of an error; for system errors with the file, and a file of a similar name."""
     if isinstance(error, GammsError) or error.strerror is None:
         return reason(error)
     if isinstance(error, FileNotFoundError) and _is_current_folder_gone():
@@ -142,7 +142,7 @@ def echo(text: str, *, err: bool = False) -> None:
 
 
 def warn(game: "Scenario") -> None:
-    """Print what may be a mistake in a scenario."""
+    """Print likely mistakes in a scenario."""
     for line in game.warnings():
         echo(f"gamms: {line}", err=True)
 
@@ -151,7 +151,7 @@ class _Console(Console):
     """Prints styled texts with their control characters escaped."""
 
     def on_broken_pipe(self) -> None:
-        """Let commands end as after any other output when a reader such as `head` has enough."""
+        """End commands as after any other output when a reader such as `head` closes the pipe."""
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
     def print(self, *objects: object, **options: Any) -> None:  # Any: the options of rich
@@ -178,10 +178,10 @@ def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, righ
 
 
 def write_page(file: Path, page: bytes) -> None:
-    """Write a page of HTML, and print where it is.
+    """Write an HTML page, and print its file name.
 
     Raises:
-        BadValue: the file is named as something else, such as the recording that the page shows.
+        BadValue: the file name does not end in .html, such as that of the recording shown.
     """
     if file.suffix.lower() not in (".html", ".htm"):
         raise BadValue(f"A page is a file .html: give such a name instead of {str(file)!r}.")
@@ -191,7 +191,7 @@ def write_page(file: Path, page: bytes) -> None:
 
 @contextmanager
 def recorded(ctx: "Context", folder: Path, *, sensed: bool = False) -> Iterator[Path]:
-    """Record a game into a folder, perhaps with what agents sense; replaces an earlier recording there."""
+    """Record a game into a folder, optionally with sensor data; replace an earlier recording there."""
     path = folder / RECORDING
     with made_folder(folder):
         path.unlink(missing_ok=True)
@@ -204,7 +204,7 @@ def recorded(ctx: "Context", folder: Path, *, sensed: bool = False) -> Iterator[
 
 @contextmanager
 def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> Iterator[Path | None]:
-    """Film a game into a folder; yield the file, or None where the libraries for films are missing."""
+    """Film a game into a folder; yield the file, or None if the libraries for films are missing."""
     for name, options in _FILMS.items():
         try:
             film = ctx.visual.film(without_link(folder / name), **options, **page)
@@ -217,9 +217,9 @@ def filmed(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> It
 
 
 def save_pictures(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]) -> list[Path]:
-    """Save the last state as `final.svg`, and as `final.png` where Pillow is installed; return the files.
+    """Save the last state as `final.svg`, and as `final.png` if Pillow is installed; return the files.
 
-    There are none if the context has ended, because the window was closed.
+    Returns no files if the context has ended, because the window was closed.
     """
     files: list[Path] = []
     if ctx.is_terminated():
@@ -234,14 +234,14 @@ def save_pictures(ctx: "Context", folder: Path, **page: Unpack["PictureOptions"]
 
 
 def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
-    """Return a line on the files that could not be made, and on how to install the libraries for them."""
+    """Return a line about files that could not be made, and how to install the libraries for them."""
     missing = [path for path in wanted if path not in made]
     if not missing:
         return ""
     extras = ("viz", "video") if any(path.name in _FILMS for path in missing) else ("viz",)
     return (
-        f"\nNot made, for want of optional libraries: {in_words(missing)}. "
-        f"To get them: {install_command(*extras)}, then play again."
+        f"\nSkipped because optional packages are missing: {in_words(missing)}. "
+        f"To install them: {install_command(*extras)}, then play again."
     )
 
 

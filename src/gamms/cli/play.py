@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from gamms.web import ServeOptions
 
 _HELSINKI = "Central Helsinki"
-HERE = "127.0.0.1"  # where games are served
+HERE = "127.0.0.1"  # the address at which games are served
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
 
@@ -196,8 +196,8 @@ def _play_one(
     name = game.spec.name or (game.file.stem if game.file else "A game")
     with game.build(seed, many.imported(found), engine) as ctx:
         with ExitStack() as making:
-            making.enter_context(made_folder(out))  # where the film may be
-            if film is not None:  # refused, if at all, before an earlier recording is replaced
+            making.enter_context(made_folder(out))  # the film may be there
+            if film is not None:  # if refused, then before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
             recording = making.enter_context(recorded(ctx, out))
             result = ctx.game.run(progress=True)
@@ -216,7 +216,7 @@ def _play_one(
 
 
 def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
-    """Serve a game to browsers, and write what came of it, until Ctrl-C."""
+    """Serve a game to browsers, and write its result, until Ctrl-C."""
     from gamms import web
 
     recording = out / RECORDING
@@ -251,7 +251,7 @@ def _changes(texts: list[str]) -> dict[str, Any]:
 
 
 def _found_strategies(texts: list[str]) -> many.Strategies:
-    """Find the code of `--strategy`: team or agent -> where it is, and the folder to import it from."""
+    """Find the code of `--strategy`: team or agent -> (reference, folder to import it from)."""
     from gamms.scenario.code import chosen
 
     found = {}
@@ -264,7 +264,7 @@ def _found_strategies(texts: list[str]) -> many.Strategies:
 
 
 def foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
-    """Yield the code to be imported that is neither GAMMS's nor in the folder of the file or the current one."""
+    """Yield the code to be imported from outside of GAMMS, the folder of the file and the current folder."""
     replaced = [f"teams.{team}.strategy" for team in chosen]
     named = [(found.path, found) for found in game.code() if found.path not in replaced]
     folders = [folder.resolve() for folder in (game.folder, Path.cwd()) if folder is not None]

@@ -116,7 +116,7 @@ def convert(
 
 
 def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> tuple[list[Path], str | None]:
-    """Convert a recording; returns the files that were written, and what is missing of the recording."""
+    """Convert a recording; return the written files, and a warning if the recording is incomplete."""
     from gamms import recorder, recordings
 
     is_old, form = recordings.version_of(file) < 3, out.suffix.lower()
@@ -138,7 +138,7 @@ def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> 
 
 
 def _cut(file: Path, out: Path, team: str) -> Path:
-    """Write what a team knew; returns the path."""
+    """Write a team's view of a recording; return the path."""
     from gamms import recorder, recordings
 
     if out.suffix.lower() not in (".ggr", ""):
@@ -149,7 +149,7 @@ def _cut(file: Path, out: Path, team: str) -> Path:
 
 
 def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float) -> None:
-    """Make a recording of tracks, and say how well they fit the roads."""
+    """Make a recording from tracks, and print how well they match the roads."""
     from gamms.bridge import recording_from_tracks
 
     if map is None:
@@ -200,7 +200,7 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
             if not turns:
                 raise
             warning = str(error)
-        playback = getattr(ctx.visual, "playback", None)  # of which a person may have shown any turn
+        playback = getattr(ctx.visual, "playback", None)  # a person may have shown any turn with it
         _print_agents(ctx, file, start + len(turns) if playback is None else playback.turn)
         if window:
             ctx.visual.stay_open()
@@ -305,7 +305,7 @@ def _of_version_3(file: Path) -> dict[str, Any]:
 
 
 def _map_of(recording: "Recording") -> dict[str, Any]:
-    """Return the size of the map; of one that is not in the file, its SHA-256."""
+    """Return the size of the map; if it is not in the file, its SHA-256."""
     if "world_sha256" in recording.header:
         return {"map": f"not in the file; its SHA-256 is {as_text(recording.header['world_sha256'])}"}
     columns = recording.graph.columns()
@@ -354,7 +354,7 @@ def _score(score: object) -> str:
 
 
 def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
-    """Print where each agent ended."""
+    """Print the final position of each agent."""
     out = console()
     out.print(f"[bold]{escape(file.name)}[/]: {turns} turns\n")
     rows = []
@@ -371,7 +371,7 @@ def _print_agents(ctx: "Context", file: Path, turns: int) -> None:
 
 
 def _parsed_turns(text: str) -> tuple[int | None, int | None]:
-    """First and last turn of `100:200`, `100:`, `:200`, or `100` for that turn alone."""
+    """Return the first and last turn of `100:200`, `100:`, `:200`, or `100` for that turn alone."""
     first, colon, last = text.partition(":")
     try:
         begin, end = (int(part) if part.strip() else None for part in (first, last if colon else first))

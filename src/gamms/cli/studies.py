@@ -1,4 +1,4 @@
-"""`gamms study`: people take part in a study as a file says, until Ctrl-C."""
+"""`gamms study`: serve a study to participants, as described in a file, until Ctrl-C."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -111,8 +111,8 @@ def _consent(file: Path) -> str:
     """Return the text that participants agree to.
 
     Raises:
-        BadValue: there is none, too much of it, or it is not UTF-8.
-        OSError: it cannot be read.
+        BadValue: the text is empty, too long, or not UTF-8.
+        OSError: the file cannot be read.
     """
     with file.open("rb") as stream:
         data = stream.read(_MOST_CONSENT + 1)
@@ -128,7 +128,7 @@ def _consent(file: Path) -> str:
 
 
 def _summary(running: "Study") -> str:
-    """Say what is in the folder."""
+    """Return in words the contents of the results folder."""
     rows, folder = running.rows, running.folder
     if not rows:
         return f"No round was played to its end; {folder} says how many have agreed: {sum(running.assigned.values())}."

@@ -1,7 +1,7 @@
-"""Stores: named maps from a key to a row of typed fields, in memory or in a SQLite file, as 1.0.0 offers them.
+"""Stores: named maps from a key to a row of typed fields, in memory or in a SQLite file, as in 1.0.0.
 
-Read `store.py` first: it answers every call. `fields.py` says what a row may hold, `database.py` talks to SQLite, and
-`engine.py` keeps the stores of a context by name. The only user inside is `graph/map_file.py`.
+Read `store.py` first: it handles every call. `fields.py` defines the values of a row, `database.py` talks to SQLite,
+and `engine.py` keeps the stores of a context by name. The only user inside is `graph/map_file.py`.
 May import: `gamms.typing` and below; sqlite3 in `database.py` only, when a store is opened.
 """
 

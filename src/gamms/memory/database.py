@@ -1,6 +1,6 @@
-"""A connection to SQLite whose errors name the file; others that import sqlite3 only write GeoPackages.
+"""A connection to SQLite whose errors name the file; other modules import sqlite3 only to write GeoPackages.
 
-Nothing in a foreign file is run, and nothing takes more time or memory than the size of the file explains.
+Code in a foreign file is never run, and reading takes time and memory only in proportion to the size of the file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,14 +12,14 @@ from gamms.errors import BadFile
 from gamms.limits import Allowance
 from gamms.text import shown
 
-_STEP = 1_000_000  # instructions of SQLite's machine between two looks at how many there were
-_STEPS_PER_BYTE = 20  # that reading may take for each byte of the file,
-_STEPS_PER_CHANGE = 1_000  # and for each row that was written and need not be in the file yet
+_STEP = 1_000_000  # instructions of SQLite's virtual machine between two checks
+_STEPS_PER_BYTE = 20  # instructions for each byte of the file,
+_STEPS_PER_CHANGE = 1_000  # and for each written row that is not in the file yet
 _BYTES_PER_CHANGE = 64
 
 
 def quoted(name: str) -> str:
-    """Return a name as SQL, whatever it contains."""
+    """Return a name as a quoted SQL identifier."""
     return '"' + name.replace('"', '""') + '"'
 
 
@@ -31,24 +31,24 @@ class Database:
 
         self.path = path
         self.integrity_error = sqlite3.IntegrityError
-        # Text that is no UTF-8, also within SQLite's own messages, is a UnicodeError.
+        # Text that is not UTF-8, also in SQLite's own messages, raises a UnicodeError.
         self._errors = (sqlite3.Error, OSError, UnicodeError)
         self._steps = 0
         self._is_file = path != ":memory:"
         with self.naming_the_file():
             if self._is_file:
                 Path(path).parent.mkdir(parents=True, exist_ok=True)
-            # A context may be ended by another thread than the one that began it.
+            # A context may be terminated by another thread than the one that created it.
             self.connection = sqlite3.connect(path, check_same_thread=False)
         try:
-            self.read("PRAGMA trusted_schema = OFF")  # a foreign file's triggers get no dangerous functions
-            self.read("SELECT count(*) FROM sqlite_master")  # the first read is what tells a database from other files
+            self.read("PRAGMA trusted_schema = OFF")  # triggers in a foreign file get no dangerous functions
+            self.read("SELECT count(*) FROM sqlite_master")  # the first read detects files that are not databases
         except BaseException:
             self.abandon()
             raise
 
     def read(self, sql: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
-        """Return all rows of an answer, which may take work in proportion to the file."""
+        """Return all rows of a query, with a limit on work in proportion to the file."""
         self._steps = 0
         with self.naming_the_file():
             self.connection.set_progress_handler(self._is_too_much if self._is_file else None, _STEP)
@@ -58,14 +58,14 @@ class Database:
                 self.connection.set_progress_handler(None, 0)
 
     def read_table(self, table: str, columns: Sequence[str], order: str = "") -> list[tuple[Any, ...]]:
-        """Return all rows of a table, after asking how large they are; all names are quoted.
+        """Return all rows of a table, after checking their total size; all names are quoted.
 
         Raises:
             TooLarge: the values would take far more memory than the size of the file explains.
         """
         if self._is_file:
             sizes = "".join(f" + ifnull(length(CAST({name} AS BLOB)), 0)" for name in columns)
-            # Only what is in cells is charged: each cell takes a step of SQLite's machine, which `read` counts.
+            # Only the contents of cells are charged: each cell takes an instruction, which `read` counts.
             ((size,),) = self.read(f"SELECT total(0{sizes}) FROM {table}")  # noqa: S608 - quoted names
             allowance = Allowance(
                 self._size() + _BYTES_PER_CHANGE * self.connection.total_changes, f"The database {self.path!r}"
@@ -74,14 +74,14 @@ class Database:
         return self.read(f"SELECT {', '.join(columns)} FROM {table} {order}")  # noqa: S608 - quoted names
 
     def write(self, sql: str, values: Sequence[Any] = ()) -> int:
-        """Change something in the running transaction, and return how many rows it touched."""
+        """Run a statement in the current transaction, and return the number of affected rows."""
         self.begin()
         with self.naming_the_file():
             return self.connection.execute(sql, values).rowcount
 
     @contextmanager
     def all_or_nothing(self) -> Iterator[None]:
-        """Undo what the block wrote if it raises, and nothing before it."""
+        """Undo the writes of the block if it raises, but nothing before it."""
         self.write("SAVEPOINT gamms")
         try:
             with self.naming_the_file():
@@ -93,7 +93,7 @@ class Database:
             self.write("RELEASE gamms")
 
     def begin(self) -> None:
-        """Start a transaction unless one is running; meanwhile no other program can write."""
+        """Start a transaction unless one is running; it locks out writers of other programs."""
         with self.naming_the_file():
             if not self.connection.in_transaction:
                 self.connection.execute("BEGIN IMMEDIATE")
@@ -104,23 +104,23 @@ class Database:
             self.connection.commit()
 
     def undo(self) -> None:
-        """Forget the running transaction."""
+        """Discard the current transaction."""
         with self.naming_the_file():
             self.connection.rollback()
 
     def abandon(self) -> None:
-        """Close the connection; what was not committed is lost."""
+        """Close the connection; uncommitted changes are lost."""
         with self.naming_the_file():
             self.connection.close()
 
     def check_table(self, table: str, made_by: str) -> None:
         """Refuse a table that is not exactly as GAMMS makes it.
 
-        A view, a virtual table, a generated column, a check, a default, a trigger or an index may each
-        compute for ever.
+        A view, a virtual table, a generated column, a check, a default, a trigger or an index may each compute
+        forever.
 
         Raises:
-            BadFile: it is something else, or something was added to it.
+            BadFile: the table was made otherwise, or something was added to it.
         """
         found = self.read("SELECT type, name, sql FROM sqlite_master WHERE tbl_name = ? COLLATE NOCASE", (table,))
         if [one[2] for one in found if one[:2] == ("table", table)] != [made_by]:
@@ -151,7 +151,7 @@ class Database:
             return 0
 
     def _is_too_much(self) -> bool:
-        """Return whether to stop SQLite: pages may refer to each other so that a small file takes for ever to read."""
+        """Return whether to stop SQLite: pages may refer to each other so that a small file takes forever to read."""
         self._steps += _STEP
         per_change = _STEPS_PER_CHANGE * self.connection.total_changes
         return self._steps > _STEP + _STEPS_PER_BYTE * self._size() + per_change

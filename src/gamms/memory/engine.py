@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class MemoryEngine(IMemoryEngine):
-    """Opens stores and closes them all at the end."""
+    """Opens stores, and closes them all at the end."""
 
     def __init__(self) -> None:
         self._stores: dict[str, Store] = {}
@@ -24,9 +24,9 @@ class MemoryEngine(IMemoryEngine):
         """Open a store.
 
         Raises:
-            Duplicate: an open store has that name.
-            BadValue: an unknown type, or a DATABASE without a path.
-            BadFile: the path holds something that is no database.
+            Duplicate: an open store has this name.
+            BadValue: the type is unknown, or a DATABASE has no path.
+            BadFile: the file at the path is not a database.
             NotYet: a FILESYSTEM store.
         """
         if as_name(name, "a store") in self._open():
@@ -46,7 +46,7 @@ class MemoryEngine(IMemoryEngine):
         return iter([name for name in self._open() if not name.startswith(".")])
 
     def terminate(self) -> None:
-        """Close every store, even when closing one of them fails."""
+        """Close every store, even if closing one of them fails."""
         with ExitStack() as closing:
             for store in self._stores.values():
                 closing.callback(store.close)

@@ -1,7 +1,7 @@
-"""What a store may hold: plain values, fields with a type, and the schema of a map.
+"""Contents of a store: plain values, fields with a type, and the schema of a map.
 
 A field turns a value into a *cell* and back: None, one of five simple values, or the bytes of any other plain value
-(`ir/packing.py`). All stores hold cells, so that each keeps and returns the same values, and none of them is shared.
+(`ir/packing.py`). All stores hold cells, so that they keep and return equal values, and never share them.
 """
 
 import math
@@ -17,7 +17,7 @@ from gamms.ir import packing
 from gamms.plain import Plain
 from gamms.text import module_of, shown
 
-MAX_FIELDS = 1000  # a SQLite table holds no more than 2000 columns
+MAX_FIELDS = 1000  # a SQLite table holds at most 2000 columns
 
 
 class UnknownMap(GammsError, IndexError):
@@ -35,26 +35,26 @@ class DuplicateKey(GammsError, KeyError):
 
 
 class BadKeyField(GammsError, IndexError):
-    """A primary key that the schema cannot have."""
+    """A primary key that is not allowed in the schema."""
 
 
 class Field:
-    """One named, typed field of a map: `cell` is the way in, `value` the way out."""
+    """One named, typed field of a map: `cell` encodes a value for storage, `value` decodes it."""
 
     def __init__(self, map_name: str, name: str, python_type: type) -> None:
         self.name, self.python_type = name, python_type
         self.place = f"Field {name!r} of map {map_name!r}"
         self._simple = _SIMPLE.get(python_type)
         module, type_name = module_of(python_type), python_type.__qualname__
-        # For messages and files; it is never turned back into a type.
+        # for messages and files; never turned back into a type
         self.type_name = type_name if module == "builtins" else f"{module}.{type_name}"
 
     def cell(self, value: object) -> Plain:
-        """Return what a store keeps of a value.
+        """Return the stored form of a value.
 
         Raises:
             BadType: the field's type does not accept it.
-            BadValue: it is too large or too deep to be kept.
+            BadValue: it is too large or too deeply nested.
         """
         if value is None:
             return None
@@ -64,14 +64,14 @@ class Field:
             raise _refusal(value, self.place, f"a {self.type_name}")
         cell = packing.to_bytes(value, self.place)
         if type(value) is not self.python_type:
-            self.value(cell)  # on trial
+            self.value(cell)  # test the conversion
         return cell
 
     def value(self, cell: Plain) -> Plain:
-        """Return a value that belongs to nothing else.
+        """Return a new value from a cell.
 
         Raises:
-            BadFile: no such field has made the cell.
+            BadFile: this field cannot have made the cell.
         """
         if cell is None:
             return None
@@ -86,13 +86,13 @@ class Field:
         try:
             return self.python_type(plain)
         except Exception as error:
-            # Any class may be a field's type, so anything may come out of its constructor.
+            # Any class may be a field's type, so its constructor may raise any error.
             raise BadType(
                 f"{self.place} must hold what {self.type_name}(…) accepts, not {shown(plain)}: {error}."
             ) from error
 
     def key(self, value: object) -> Plain:
-        """Return the cell of a primary key: never None, always equal to itself; raises what `cell` raises."""
+        """Return the cell of a primary key: never None, always equal to itself; raises like `cell`."""
         key = self.cell(value)
         if key is None:
             raise BadValue(f"{self.place} is the primary key and must not be None. Give every row a key.")
@@ -128,7 +128,7 @@ class Schema:
         return self._cells(struct)
 
     def change(self, struct: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """Return the key in `struct`, and the cells that it changes, the key among them."""
+        """Return the key in `struct`, and the changed cells, including the key."""
         name = self.key.name
         if name not in as_mapping(struct, f"A row of map {self.map_name!r}"):
             raise BadValue(f"The row {shown(struct)} has no {name!r}, the primary key of {self.map_name!r}.")
@@ -136,7 +136,7 @@ class Schema:
         return self.lookup(struct[name]), self._cells(struct)
 
     def lookup(self, key: object) -> Plain:
-        """Return a key as rows are found by it.
+        """Return the cell by which the row of a key is found.
 
         Raises:
             UnknownName: no row can have this key, for example because of its type.
@@ -162,7 +162,7 @@ class Schema:
 
 
 def check_name(name: str, place: str) -> None:
-    """Refuse the few names that no database and no file can have."""
+    """Refuse names that databases and files cannot have."""
     if not name or "\0" in name:
         raise BadValue(f"{place} must not {'contain NUL' if name else 'be empty'}. Choose another name.")
     as_text(name, place)
@@ -185,7 +185,7 @@ def _check_types(schema: object) -> None:
 
 def _number(value: object, place: str) -> float | bytes:
     number = float(value) if isinstance(value, float | np.floating) else as_float(value, place)
-    # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay what they are.
+    # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay unchanged.
     is_altered = math.isnan(number) or (number == 0.0 and math.copysign(1.0, number) < 0.0)
     return pack("<d", number) if is_altered else number
 

@@ -20,20 +20,20 @@ from gamms.typing.memory_engine import Schema as TypesByName
 if TYPE_CHECKING:
     import sqlite3
 
-LazyMapping = dict  # the old name of what `get_data` returns; rows are read at once now
+LazyMapping = dict  # the type that `get_data` returned in 1.0.0; rows are now read at once
 
-_ORDER = quoted("gamms_order")  # our own row number: an INTEGER PRIMARY KEY of the user would replace SQLite's
+_ORDER = quoted("gamms_order")  # our own row number: a user's INTEGER PRIMARY KEY would replace SQLite's
 _LIST = "gamms_maps"
 _LIST_SQL = f"CREATE TABLE {_LIST} (name TEXT PRIMARY KEY, place TEXT NOT NULL)"
 _COLUMN_TYPES = {"int": "INTEGER", "float": "REAL", "str": "TEXT", "bool": "INTEGER", "bytes": "BLOB"}
 
 
 class PathLike(IPathLike):
-    """A path as text: equal by value, `':memory:'` for a database without a file.
+    """A path as text: compared by value, `':memory:'` for a database without a file.
 
     Raises:
-        BadType: the path is no text.
-        BadValue: it is empty.
+        BadType: the path is not a text.
+        BadValue: the path is empty.
     """
 
     def __init__(self, path: str) -> None:
@@ -47,7 +47,7 @@ class PathLike(IPathLike):
         return self.path
 
     def exists(self) -> bool:
-        """Return whether something is there."""
+        """Return whether a file or folder exists at the path."""
         return os.path.exists(self.path)  # noqa: PTH110 - a PathLike is made of text
 
     def __repr__(self) -> str:
@@ -61,7 +61,7 @@ class PathLike(IPathLike):
 
 
 class Store(IStore):
-    """Checks each call, so that stores of all kinds answer alike; a kind says where the rows of a map are.
+    """Checks each call, so that all kinds of stores behave alike; subclasses store the rows of maps.
 
     Attributes:
         is_closed: whether `close` was called.
@@ -71,7 +71,7 @@ class Store(IStore):
 
     def __init__(self, name: str, path: IPathLike | None = None) -> None:
         self._name, self._path = as_name(name, "a store"), path
-        self._maps: dict[str, _Rows] = {}
+        self._maps: dict[str, _MapRows] = {}
         self.is_closed = False
 
     def name(self) -> str:
@@ -79,7 +79,7 @@ class Store(IStore):
         return self._name
 
     def path(self) -> IPathLike | None:
-        """Return the path that the caller named; a store in memory writes nothing there."""
+        """Return the caller's path; a store in memory writes nothing there."""
         return self._path
 
     @property
@@ -88,7 +88,7 @@ class Store(IStore):
         return self._type
 
     def create_map(self, map_name: str, schema: TypesByName, primary_key: str) -> None:
-        """Begin a map, or go on with the one of that name in the store's file."""
+        """Create a map, or open the map of this name in the store's file."""
         self._check_open()
         if as_name(map_name, "a map") in self._maps:
             raise Duplicate("a map", map_name)
@@ -122,7 +122,7 @@ class Store(IStore):
         return {field.name: found.value(field, cell) for field, cell in zip(found.fields, row, strict=True)}
 
     def update_data(self, map_name: str, struct: Mapping[str, Any]) -> None:
-        """Change the given fields of the row whose key is in `struct`; all or none."""
+        """Change the given fields of the row whose key is in `struct`, all or none."""
         found = self._map(map_name)
         key, cells = found.schema.change(struct)
         if not found.change(key, cells):
@@ -135,7 +135,7 @@ class Store(IStore):
             raise found.schema.unknown_key(key)
 
     def query_keys(self, map_name: str) -> Iterator[Any]:
-        """Return all keys as of now, in insertion order; the map may change while you iterate."""
+        """Return all current keys, in insertion order; the map may change during the iteration."""
         found = self._map(map_name)
         return iter([found.value(found.schema.key, key) for key in found.all_keys()])
 
@@ -146,7 +146,7 @@ class Store(IStore):
             self._maps.clear()
             self._release()
 
-    def _map(self, map_name: str) -> "_Rows":
+    def _map(self, map_name: str) -> "_MapRows":
         self._check_open()
         if not self._has(map_name):
             raise UnknownMap(map_name, self._maps)
@@ -159,26 +159,26 @@ class Store(IStore):
         if self.is_closed:
             raise BadValue(f"The store {self._name!r} is closed. Create a new store.")
 
-    def _rows_of(self, schema: Schema) -> "_Rows":
-        """Find or make the place for the rows of a map."""
-        return _Rows(schema)
+    def _rows_of(self, schema: Schema) -> "_MapRows":
+        """Open or create the storage for the rows of a map."""
+        return _MapRows(schema)
 
     def _drop(self, map_name: str) -> None:
-        """Give up the place of a map."""
+        """Remove the storage of a map."""
 
     def _release(self) -> None:
-        """Let go of what the store holds."""
+        """Release the resources of the store."""
 
 
 class MemoryStore(Store):
-    """Keeps its maps in memory; they are gone when it is closed."""
+    """Keeps its maps in memory, until it is closed."""
 
 
 class SqliteStore(Store):
-    """Keeps its maps in a SQLite database; `create_map` with its schema goes on with a map of the file.
+    """Keeps its maps in a SQLite database; `create_map` with the same schema opens an existing map of the file.
 
     Attributes:
-        is_foreign: whether the file already held tables, and none of ours, when it was opened.
+        is_foreign: whether the file already held tables, but none of GAMMS, when it was opened.
     """
 
     _type = StoreType.DATABASE
@@ -187,7 +187,7 @@ class SqliteStore(Store):
         super().__init__(name, path)
         self._database = Database(path.as_str())
         try:
-            self._places = _read_places(self._database)
+            self._places = _read_map_tables(self._database)
             self.is_foreign = not self._places and bool(self._database.read("SELECT 1 FROM sqlite_master LIMIT 1"))
         except BaseException:
             self._database.abandon()
@@ -203,18 +203,18 @@ class SqliteStore(Store):
         return self.connection().cursor()
 
     def flush(self) -> None:
-        """Commit: what was written until now survives a crash."""
+        """Commit: all writes until now survive a crash."""
         self._check_open()
         self._database.commit()
 
     def mark_dirty(self) -> None:
-        """Begin a transaction, so that what you write through `cursor` waits for `flush` as well."""
+        """Begin a transaction, so that your writes through `cursor` also wait for `flush`."""
         self._check_open()
         self._database.begin()
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Commit what the block writes, or nothing of it; meanwhile no other program can write."""
+        """Commit all writes of the block or none; writers of other programs are locked out meanwhile."""
         self.flush()
         self._database.begin()
         try:
@@ -224,14 +224,14 @@ class SqliteStore(Store):
             self._database.undo()
             raise
 
-    def _rows_of(self, schema: Schema) -> "_Rows":
+    def _rows_of(self, schema: Schema) -> "_MapRows":
         place = self._places.get(schema.map_name)
         if place is None:
             with self._database.all_or_nothing():
-                self._places = _read_places(self._database)  # another program may have added it since
-                place = self._places.get(schema.map_name) or _add_place(self._database, schema)
+                self._places = _read_map_tables(self._database)  # another program may have added it since
+                place = self._places.get(schema.map_name) or _add_map_table(self._database, schema)
                 self._places[schema.map_name] = place
-        return _SqlRows(self._database, schema, place)
+        return _SqlMapRows(self._database, schema, place)
 
     def _drop(self, map_name: str) -> None:
         with self._database.all_or_nothing():
@@ -249,8 +249,8 @@ class SqliteStore(Store):
 # -- the rows of a map ------------------------------------------------------------------------------------------
 
 
-class _Rows:
-    """The rows of a map in memory: the cells of each by its key."""
+class _MapRows:
+    """The rows of a map in memory: key -> cells."""
 
     def __init__(self, schema: Schema) -> None:
         self.schema, self.fields = schema, [*schema.fields.values()]
@@ -281,10 +281,10 @@ class _Rows:
         return field.value(cell)
 
 
-class _SqlRows(_Rows):
-    """The same in a table of a database. Names are quoted, cells are bound."""
+class _SqlMapRows(_MapRows):
+    """The rows of a map in a table of a database. Names are quoted, cells are bound."""
 
-    def __init__(self, database: Database, schema: Schema, place: "_Place") -> None:
+    def __init__(self, database: Database, schema: Schema, place: "_MapTable") -> None:
         super().__init__(schema)
         self._database = database
         if (place.types, place.key) != (schema.type_names, schema.key.name):
@@ -324,7 +324,7 @@ class _SqlRows(_Rows):
         return [key for (key,) in self._database.read_table(self._table, [self._key], f"ORDER BY {_ORDER}")]
 
     def value(self, field: Field, cell: Plain) -> Plain:
-        """Return the value of a cell in the file, or raise a `BadFile`."""
+        """Return the value of a cell in the file; raise a `BadFile` if it is damaged."""
         try:
             return field.value(cell)
         except TooLarge:
@@ -340,8 +340,8 @@ class _SqlRows(_Rows):
 
 
 @dataclass(frozen=True)
-class _Place:
-    """The table of a map, and the schema it was written with."""
+class _MapTable:
+    """The table of a map, and its schema when it was created."""
 
     table: str
     key: str
@@ -349,7 +349,7 @@ class _Place:
     columns: dict[str, str]  # field name to column name
 
     def sql(self) -> str:
-        """Return the statement that makes the table, as SQLite keeps it."""
+        """Return the statement that creates the table, as SQLite stores it."""
         definitions = [f"{_ORDER} INTEGER PRIMARY KEY"]
         for name, type_name in self.types.items():
             unique = " NOT NULL UNIQUE" if name == self.key else ""
@@ -357,17 +357,17 @@ class _Place:
         return f"CREATE TABLE {quoted(self.table)} ({', '.join(definitions)})"
 
 
-def _read_places(database: Database) -> dict[str, _Place]:
-    """Return the maps that the file lists, from one session to the next."""
+def _read_map_tables(database: Database) -> dict[str, _MapTable]:
+    """Return the maps listed in the file."""
     if not database.read("SELECT 1 FROM sqlite_master WHERE name = ?", (_LIST,)):
         return {}
     database.check_table(_LIST, _LIST_SQL)
     return {name: _parsed(name, text, database.path) for name, text in database.read_table(_LIST, ["name", "place"])}
 
 
-def _parsed(name: object, text: Plain, path: str) -> _Place:
+def _parsed(name: object, text: Plain, path: str) -> _MapTable:
     try:
-        place = _Place(**json.loads(text))
+        place = _MapTable(**json.loads(text))
         columns, types = dict(place.columns), dict(place.types)
         names = [name, place.table, place.key, *columns, *columns.values(), *types, *types.values()]
         is_sound = all(isinstance(one, str) for one in names) and columns.keys() == types.keys()
@@ -378,12 +378,12 @@ def _parsed(name: object, text: Plain, path: str) -> _Place:
     return place
 
 
-def _add_place(database: Database, schema: Schema) -> _Place:
+def _add_map_table(database: Database, schema: Schema) -> _MapTable:
     tables = {row[0].lower() for row in database.read("SELECT name FROM sqlite_master")}
     if _LIST not in tables:
         database.write(_LIST_SQL)
     columns = {"gamms_order"}
-    place = _Place(
+    place = _MapTable(
         table=_free_name(schema.map_name, tables | {_LIST}),
         key=schema.key.name,
         types=schema.type_names,
@@ -396,7 +396,7 @@ def _add_place(database: Database, schema: Schema) -> _Place:
 
 
 def _free_name(wanted: str, taken: set[str]) -> str:
-    """Return `wanted`, or a name like it: SQLite ignores the case of names and keeps `sqlite_…` for itself."""
+    """Return `wanted`, or a similar free name: SQLite ignores the case of names and reserves `sqlite_…`."""
     name = f"map_{wanted}" if wanted.lower().startswith("sqlite_") else wanted
     while name.lower() in taken:
         name += "_"

@@ -1,9 +1,9 @@
-"""The benchmark suite: ten fixed scenarios with a protocol, on which strategies are compared.
+"""The benchmark suite: ten fixed scenarios with a protocol for comparing strategies.
 
     results = gamms.suite.run("mine:strategy", folder="players", workers=4, out="results")
     print(results.table)
 
-Read `protocol.py` first: what a task is, and the ten of this version. `generator.py` draws scenarios by seed,
+Read `protocol.py` first: it defines tasks, and the ten tasks of this version. `generator.py` draws scenarios by seed,
 `results.py` plays a strategy on all tasks and has the results of the baselines. A client of experiments: May import:
 `experiment`, `scenario` and below.
 """

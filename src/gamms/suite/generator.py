@@ -1,4 +1,4 @@
-"""Draws scenarios of the suite by seed: where teams start, where flags and goals are, and where towers stand."""
+"""Draw scenarios of the suite by seed: the starts of teams, the places of flags and goals, and of towers."""
 
 import hashlib
 from collections.abc import Callable
@@ -13,34 +13,34 @@ from gamms.scenario import Scenario
 Values = dict[str, Plain]
 
 MAPS: dict[str, Values] = {"grid": {"grid": {"width": 16, "height": 12, "spacing": 10}}, "helsinki": {"helsinki": {}}}
-"""The maps on which scenarios are generated, as `map` of a scenario file has them."""
+"""The maps for generated scenarios, as `map` in a scenario file."""
 
 _SIGHT_M = {"grid": 40.0, "helsinki": 200.0}
 _TOWER_M = {"grid": 50.0, "helsinki": 250.0}
-_START_M = {"grid": 30.0, "helsinki": 120.0}  # around its base a team starts
-_TAG_M = {"grid": 5.0, "helsinki": 12.0}  # how far a tag reaches, in a straight line
+_START_M = {"grid": 30.0, "helsinki": 120.0}  # radius around a team's base in which it starts
+_TAG_M = {"grid": 5.0, "helsinki": 12.0}  # reach of a tag, in a straight line
 _TURNS = {"grid": 120, "helsinki": 250}
 _TURNS_OF_HUNTS = {"grid": 18, "helsinki": 40}
-_APART = {  # how far bases lie from each other, as shares of the diagonal of the map
+_APART = {  # distance between the bases, as shares of the map's diagonal
     **{(kind, "grid"): (0.3, 0.6) for kind in ("pursuit", "evasion")},
     **{(kind, "helsinki"): (0.05, 0.1) for kind in ("pursuit", "evasion")},
     **{("flags", map): (0.25, 0.4) for map in MAPS},
 }
 _ELSE_APART = (0.4, 1.0)
 _TRIES = 1000
-_SPEEDS: dict[tuple[str, str], dict[str, float]] = {  # in edges a turn, of teams that do not go one
+_SPEEDS: dict[tuple[str, str], dict[str, float]] = {  # in edges per turn, for teams whose speed is not 1
     **{(kind, "grid"): {"blue": 0.9} for kind in ("pursuit", "evasion")},
     **{(kind, "helsinki"): {"blue": 0.7} for kind in ("pursuit", "evasion")},
     ("flags", "helsinki"): {"red": 2, "blue": 2},
 }
 
 
-class Drawn(NamedTuple):
-    """A scenario, and who plays whom in it.
+class GeneratedTask(NamedTuple):
+    """A generated scenario, and the strategies that play in it.
 
     Attributes:
-        scenario: with the baseline of the team.
-        team: that the strategy under test plays for.
+        scenario: the scenario, in which the team plays its baseline.
+        team: the team of the strategy under test.
         opponent: the other team.
         opponents: strategies of the other team, by name.
     """
@@ -51,28 +51,28 @@ class Drawn(NamedTuple):
     opponents: dict[str, Plain]
 
 
-def generate(kind: str, map: str = "grid", seed: int = 0) -> Drawn:
-    """Return a scenario of a kind, with starts, flags, goals and towers that follow from a seed.
+def generate(kind: str, map: str = "grid", seed: int = 0) -> GeneratedTask:
+    """Return a scenario of a kind, with starts, flags, goals and towers drawn by a seed.
 
     Args:
-        kind: "pursuit" and "evasion" (red tags blue), "breach" and "defence" (red gets to a goal that blue guards), or
+        kind: "pursuit" and "evasion" (red tags blue), "breach" and "defence" (red runs to a goal that blue guards), or
             "flags" (both capture the flag of the other); the first named side is under test.
         map: "grid" or "helsinki".
-        seed: from which all that is drawn follows.
+        seed: the seed of all draws.
 
     Returns:
         A named tuple: `scenario`, in which the team under test plays its baseline; `team`, its name; `opponent`, the
-        other one; `opponents`, strategies of that by name.
+        other team; `opponents`, strategies of that team by name.
 
     Raises:
-        BadValue: there is no such kind or map.
+        BadValue: the kind or the map does not exist.
     """
     chosen, where = as_choice(kind, "kind", KINDS), as_choice(map, "map", list(MAPS))
-    return _DRAWN[chosen](_Ground(where, as_int(seed, "seed"), chosen))
+    return _DRAWN[chosen](_TaskMap(where, as_int(seed, "seed"), chosen))
 
 
-class _Ground:
-    """A map with two bases and two towers that are drawn, and what all kinds have in common."""
+class _TaskMap:
+    """A map with two drawn bases and two towers: the common part of all kinds of scenarios."""
 
     def __init__(self, map: str, seed: int, kind: str) -> None:
         self.map, self._seed, self._kind = map, seed, kind
@@ -83,12 +83,12 @@ class _Ground:
         self.turns = (_TURNS_OF_HUNTS if kind in ("pursuit", "evasion") else _TURNS)[map]
 
     def _node(self, *names: object) -> int:
-        """Draw a node, by SHA-256 of the seed and names."""
+        """Draw a node by the SHA-256 of the seed and names."""
         text = "/".join(map(str, (self._seed, *names)))
         return int(self._ids[int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") % len(self._ids)])
 
     def _bases(self, map: str) -> tuple[int, int]:
-        """Draw two nodes that are far from each other."""
+        """Draw two nodes with a distance in the range of the kind."""
         xy_of = dict(zip(self._ids.tolist(), self._xy.tolist(), strict=True))
         diagonal = float(np.hypot(*np.ptp(self._xy, axis=0)))
         least, most = (share * diagonal for share in _APART.get((self._kind, map), _ELSE_APART))
@@ -98,7 +98,7 @@ class _Ground:
     def scenario(
         self, strategies: tuple[Plain, Plain], counts: tuple[int, int], rules: list[Plain], task: Values
     ) -> Scenario:
-        """Return the scenario of a red and a blue team around their bases; both see, and blue has a tower."""
+        """Return the scenario of a red and a blue team around their bases; both have sensors, and blue has a tower."""
         near = {"within": _START_M[self.map], "sensors": ["seen"]}
         teams: dict[str, Values] = {
             team: {"count": count, "near": base, **near, "strategy": strategy}
@@ -122,7 +122,7 @@ class _Ground:
         )
 
     def tag(self, taggers: str, tagged: str, **more: Plain) -> Values:
-        """Return the rule by which a team tags another from near by."""
+        """Return the rule by which a team tags another at short distance."""
         given = {"taggers": taggers, "tagged": tagged, "euclid": _TAG_M[self.map], "then": "eliminate", "score": 0}
         return {"rule": "tag", "with": {**given, **more}}
 
@@ -135,18 +135,18 @@ def _named(function: str, **given: Plain) -> Values:
     )
 
 
-def _pursuit(ground: _Ground, team: str = "red") -> Drawn:
+def _pursuit(ground: _TaskMap, team: str = "red") -> GeneratedTask:
     limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
     rules: list[Plain] = [ground.tag("red", "blue"), "last_team", limit]
     made = ground.scenario((_named("assign"), _named("flee")), (4, 2), rules, {"team": team})
     if team == "red":
         opponents = {"flee": _named("flee"), "waypoints": _named("random_waypoints"), "walk": _named("random_walk")}
-        return Drawn(made, "red", "blue", opponents)
+        return GeneratedTask(made, "red", "blue", opponents)
     opponents = {"assign": _named("assign"), "intercept": _named("intercept"), "chase": _named("chase")}
-    return Drawn(made, "blue", "red", opponents)
+    return GeneratedTask(made, "blue", "red", opponents)
 
 
-def _breach(ground: _Ground, team: str = "red") -> Drawn:
+def _breach(ground: _TaskMap, team: str = "red") -> GeneratedTask:
     goal = ground.bases[1]
     limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
     reach = {"rule": "reach", "with": {"team": "red", "nodes": goal}}
@@ -156,12 +156,12 @@ def _breach(ground: _Ground, team: str = "red") -> Drawn:
     made = ground.scenario(strategies, (3, 2), rules, {"team": team, "goal": goal})
     if team == "red":
         guards = {"guard": strategies[1], "intercept": _named("intercept", goals=[goal]), "chase": _named("chase")}
-        return Drawn(made, "red", "blue", guards)
+        return GeneratedTask(made, "red", "blue", guards)
     runners = {"exit": strategies[0], "straight": _named("goto", target=goal), "waypoints": _named("random_waypoints")}
-    return Drawn(made, "blue", "red", runners)
+    return GeneratedTask(made, "blue", "red", runners)
 
 
-def _flags(ground: _Ground) -> Drawn:
+def _flags(ground: _TaskMap) -> GeneratedTask:
     bases = dict(zip(("red", "blue"), ground.bases, strict=True))
     nodes = {"function": "gamms.rules.territory:by_distance", "with": {"bases": bases}}
     rules: list[Plain] = [
@@ -172,10 +172,10 @@ def _flags(ground: _Ground) -> Drawn:
     ]
     players = [{"function": "gamms.demo.strategies:player", "with": {"defenders": number}} for number in (1, 0, 3)]
     made = ground.scenario((players[0], players[0]), (4, 4), rules, {"team": "red", "flags": bases})
-    return Drawn(made, "red", "blue", dict(zip(("balanced", "rush", "siege"), players, strict=True)))
+    return GeneratedTask(made, "red", "blue", dict(zip(("balanced", "rush", "siege"), players, strict=True)))
 
 
-_DRAWN: dict[str, Callable[[_Ground], Drawn]] = {  # name -> what draws a scenario of that kind
+_DRAWN: dict[str, Callable[[_TaskMap], GeneratedTask]] = {  # name -> the function that draws a scenario of this kind
     "pursuit": _pursuit,
     "evasion": lambda ground: _pursuit(ground, "blue"),
     "breach": _breach,
@@ -184,4 +184,4 @@ _DRAWN: dict[str, Callable[[_Ground], Drawn]] = {  # name -> what draws a scenar
 }
 
 KINDS = tuple(_DRAWN)
-"""The kinds of scenario that `generate` draws."""
+"""The kinds of scenarios that `generate` draws."""

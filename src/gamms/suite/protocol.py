@@ -1,4 +1,4 @@
-"""The tasks of a version of the suite: fixed scenarios with a protocol, each named by its content."""
+"""The tasks of a version of the suite: fixed scenarios with a protocol, named by the digests of their contents."""
 
 import hashlib
 import json
@@ -10,21 +10,21 @@ from gamms.errors import BadFile, BadValue
 from gamms.plain import Plain
 from gamms.scenario import Scenario
 
-VERSION = 1  # of the tasks and the protocol; results of different versions are not compared
+VERSION = 1  # version of the tasks and the protocol; results of different versions are not comparable
 _DATA = Path(__file__).parent.parent / "data"
 
 
 class Task(NamedTuple):
-    """A scenario and how a strategy is measured on it.
+    """A scenario, and how a strategy is measured on it.
 
     Attributes:
-        name: kind and map, and the first eight digits of the SHA-256 of all that follows.
-        scenario: as plain values; the team plays its baseline in it.
-        team: that the strategy plays for, each of its agents.
+        name: kind and map, and the first eight digits of the SHA-256 of the other attributes.
+        scenario: the scenario as plain values; the team plays its baseline in it.
+        team: the team whose agents all play the strategy.
         opponent: the other team.
-        opponents: strategies that the other team plays, by name; each counts the same.
-        seeds: of the games against each of them.
-        metric: what counts: `wins.<team>`, the share of games that the team wins.
+        opponents: strategies of the other team, by name, with equal weights.
+        seeds: the seeds of the games against each of them.
+        metric: `wins.<team>`, the share of games that the team wins.
     """
 
     name: str
@@ -40,7 +40,7 @@ def tasks(version: int = VERSION) -> list[Task]:
     """Return the tasks of a version of the suite, which never change.
 
     Raises:
-        BadValue: there is no such version.
+        BadValue: the version does not exist.
         BadFile: the file of the version is damaged.
     """
     file = task_file(as_int(version, "version"))
@@ -59,13 +59,13 @@ def task_file(version: int, suffix: str = "") -> Path:
 
 
 def scenario_of(task: Task, strategy: Plain = None, **code: Any) -> Scenario:
-    """Return the scenario of a task, with another strategy of the team; `code` says where that is: folder, allow."""
+    """Return the scenario of a task with a strategy for the team; `code` locates its code: folder, allow."""
     scenario = Scenario(**task.scenario, **code)
     return scenario if strategy is None else scenario.replace(**{f"teams.{task.team}.strategy": strategy})
 
 
 def _named(task: Task) -> Task:
-    """Return a task with the name that follows from its content."""
+    """Return a task with the name that its content determines."""
     kind, map = task.name.split("-")[:2]
     content = json.dumps(task[1:], sort_keys=True)
     return task._replace(name=f"{kind}-{map}-{hashlib.sha256(content.encode()).hexdigest()[:8]}")

@@ -1,4 +1,4 @@
-"""Plays a strategy on the tasks of the suite: a table with intervals and the worst case, and a replay of each."""
+"""Play a strategy on the tasks of the suite: a table with intervals and the worst case, and a replay of each task."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from gamms.folders import without_link
 from gamms.plain import Plain
 from gamms.suite.protocol import VERSION, Task, scenario_of, task_file, tasks
 
-BASELINES: dict[str, Plain] = {  # name -> strategy; None for that which the scenario names
+BASELINES: dict[str, Plain] = {  # name -> strategy; None: the scenario's own strategy
     "scripted": None,
     "random_walk": "gamms.strategies:random_walk",
     "stay": "gamms.strategies:stay",
@@ -23,13 +23,13 @@ BASELINES: dict[str, Plain] = {  # name -> strategy; None for that which the sce
 
 
 class Results(NamedTuple):
-    """What a strategy has achieved.
+    """The results of a strategy.
 
     Attributes:
         table: a row for each task: task, games, seeds, errors, mean (the share of games won) with its Wilson interval
-            over seeds, worst (the same against the worst opponent), worst_opponent, and replay: the file of the first
-            game against that.
-        rows: of the games of each task, by its name.
+            over seeds, worst (the share won against the worst opponent), worst_opponent, and replay: the file of the
+            first game against that opponent.
+        rows: task name -> the rows of its games.
     """
 
     table: Table
@@ -47,22 +47,22 @@ def run(
     out: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> Results:
-    """Play a strategy on all tasks of the suite, and return what it has achieved.
+    """Play a strategy on all tasks of the suite, and return its results.
 
     Args:
-        strategy: a function of the state, or one that makes it of a context, as scenarios take them; a reference to
-            one, such as `mine:strategy`; or the name of a baseline. `state["facts"]["task"]` says what is played.
-        folder: that of the code of a reference; None: that is of GAMMS or of a package.
+        strategy: a function of the state, or a function of the context that makes one, as in scenarios; a reference to
+            code, such as `mine:strategy`; or the name of a baseline. `state["facts"]["task"]` describes the task.
+        folder: the folder of the referenced code; None: the code is in GAMMS or in a package.
         allow: see `scenario.load`.
         only: kinds, or names of tasks; None: all.
-        seeds: other seeds than those of the protocol; what comes of them is not comparable.
+        seeds: seeds other than those of the protocol; their results are not comparable.
         workers: see `experiment.run`.
-        out: a folder that keeps the rows, and a recording of each task; None: nothing is kept.
-        progress: show how far it is on a line of stderr, where that is a terminal.
+        out: a folder that keeps the rows, and a recording of each task; None: keep nothing.
+        progress: show the progress on a line of stderr, if that is a terminal.
 
     Raises:
-        UnknownName (KeyError): there is no such task.
-        ScenarioError: there is no such strategy.
+        UnknownName (KeyError): a task does not exist.
+        ScenarioError: the strategy does not exist.
     """
     chosen = _chosen(only)
     into = None if out is None else as_path(out, "out")
@@ -98,7 +98,7 @@ def _chosen(only: Sequence[str] | None) -> list[Task]:
 
 
 def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
-    """Return the row of a task, and record the first game against the opponent that was the worst."""
+    """Return the table row of a task, and record the first game against the worst opponent."""
     key = f"strategies.{task.opponent}"
     overall = rows.summary([], [task.metric])
     against = rows.summary([key], [task.metric])
@@ -116,9 +116,9 @@ def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
 
 
 def references(version: int = VERSION) -> Table:
-    """Return what the baselines that come with GAMMS have achieved on the tasks of a version of the suite on the grid.
+    """Return the results of the baselines of GAMMS on the grid tasks of a version of the suite.
 
-    It has the columns of `Results.table` but for replay, and before them the baseline.
+    Its columns are the baseline, and those of `Results.table` without replay.
     """
     rows: list[dict[str, Any]] = json.loads(task_file(version, "_references").read_text(encoding="utf-8"))
     return Table.of(rows)
@@ -127,7 +127,7 @@ def references(version: int = VERSION) -> Table:
 def measured_references(
     workers: int | None = None, only: Sequence[str] | None = None, seeds: Iterable[int] | None = None
 ) -> list[dict[str, Any]]:
-    """Play all baselines on the tasks as `run` does; return the rows of `references`."""
+    """Play all baselines on the tasks like `run`; return the rows of `references`."""
     made = []
     for name in BASELINES:
         table = run(name, workers=workers, only=only, seeds=seeds).table

@@ -1,12 +1,12 @@
-"""Checks that an implementer can run over graphs, sensors, rules, strategies and picture formats.
+"""Checks of graphs, sensors, rules, strategies and picture formats, for their implementers.
 
     from gamms.testing import check_graph
     check_graph(MyGraph)
 
-Each raises `AssertionError` with a sentence that says what was promised and what was seen. A client: it uses what it
-checks as any program would. `contracts.py` checks graphs and sensors, `backends.py` picture formats,
-`reproducibility.py` rules and strategies. To add a check, write a function in one of these, or in a file beside, and
-name it below.
+Each raises `AssertionError` with a sentence that names the promise and the observed value. A client: it uses the
+checked objects as any program would. `contracts.py` checks graphs and sensors, `backends.py` picture formats,
+`reproducibility.py` rules and strategies. To add a check, write a function in one of these files or a new one, and
+list it below.
 """
 
 from gamms.testing.backends import check_backend

@@ -1,4 +1,4 @@
-"""Does a picture format show what its drawing commands say?"""
+"""Check that a picture format shows its drawing commands."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,20 +13,20 @@ from gamms.visual.drawing import Commands
 
 _CAMERA = Camera(200, 100, 0.0, 100.0, 1.0)  # the world point (x, y) is pixel (x, 100 - y)
 _PAPER = (255, 255, 255, 255)
-_TOLERANCE = 6  # of a colour's components: formats may round
+_TOLERANCE = 6  # of color components: formats may round
 _PNG, _SVG = b"\x89PNG", b"<svg"
 
 _Point = tuple[int, int]
 _Rgb = tuple[int, int, int]
 
 
-class _Case(NamedTuple):
-    """A drawing, and what holds of it in every format."""
+class _PictureCase(NamedTuple):
+    """A drawing, and its expected pixels in every format."""
 
     promise: str
     draw: Callable[[Commands], None]
-    tag: str  # of SVG
-    color: _Rgb  # of what is painted, over the paper
+    tag: str  # expected SVG element
+    color: _Rgb  # of the painted pixels, over the paper
     painted: tuple[_Point, ...]  # pixels
     free: tuple[_Point, ...]  # pixels
 
@@ -36,10 +36,10 @@ _HOLE = ((80, 30), (80, 70), (120, 70), (120, 30))
 _CORNERS = ((2, 2), (197, 2), (2, 97), (197, 97))
 _RED, _BLUE = (200, 0, 0), (0, 0, 200)
 _FAINT = (*_RED, 51)
-_PINK = (244, 204, 204)  # of which is a fifth red
+_PINK = (244, 204, 204)  # a fifth of red over white
 
 _CASES = (
-    _Case(
+    _PictureCase(
         "a filled circle covers its centre and nothing far outside",
         lambda commands: commands.add_circles([(100, 50)], 20, _RED),
         "circle",
@@ -47,7 +47,7 @@ _CASES = (
         ((100, 50), (85, 50), (100, 65)),
         ((100, 75), (75, 50), *_CORNERS),
     ),
-    _Case(
+    _PictureCase(
         "an outlined circle leaves its middle free",
         lambda commands: commands.add_circles([(100, 50)], 20, _RED, 6),
         "circle",
@@ -55,7 +55,7 @@ _CASES = (
         ((120, 50), (100, 30)),
         ((100, 50), (110, 50), *_CORNERS),
     ),
-    _Case(
+    _PictureCase(
         "a rectangle hangs from its upper left corner, in pixels",
         lambda commands: commands.add_rectangle(40, 80, 60, 30, _BLUE),
         "rect",
@@ -63,7 +63,7 @@ _CASES = (
         ((42, 22), (97, 47)),
         ((37, 22), (42, 17), (103, 47), (97, 53)),
     ),
-    _Case(
+    _PictureCase(
         "a polygon is filled",
         lambda commands: commands.add_polygon([(40, 20), (160, 20), (100, 90)], _BLUE),
         "path",
@@ -71,7 +71,7 @@ _CASES = (
         ((100, 40), (60, 76)),
         ((45, 20), (155, 20), (100, 90)),
     ),
-    _Case(
+    _PictureCase(
         "a polygon with a seam to a ring that runs the other way around has a hole",
         lambda commands: commands.add_polygon([*_RING, _RING[0], *_HOLE, _HOLE[0]], _BLUE),
         "path",
@@ -79,7 +79,7 @@ _CASES = (
         ((60, 50), (100, 20), (140, 50), (100, 80)),
         ((100, 50), (85, 38), (115, 62), *_CORNERS),
     ),
-    _Case(
+    _PictureCase(
         "a line is as broad as it says",
         lambda commands: commands.add_line([(20, 50), (180, 50)], _RED, 10),
         "path",
@@ -87,7 +87,7 @@ _CASES = (
         ((30, 50), (100, 47), (170, 52)),
         ((100, 40), (100, 60), *_CORNERS),
     ),
-    _Case(
+    _PictureCase(
         "transparency is blended",
         lambda commands: commands.add_circles([(100, 50)], 20, _FAINT),
         "circle",
@@ -95,7 +95,7 @@ _CASES = (
         ((100, 50),),
         _CORNERS,
     ),
-    _Case(
+    _PictureCase(
         "a transparent line is blended once where it crosses itself",
         lambda commands: commands.add_lines([(20, 50), (180, 50), (100, 5), (100, 95)], [0, 2, 4], _FAINT, 10),
         "path",
@@ -103,7 +103,7 @@ _CASES = (
         ((40, 50), (100, 50), (100, 20)),
         _CORNERS,
     ),
-    _Case(
+    _PictureCase(
         "a line that crosses the view with both ends outside is seen",
         lambda commands: commands.add_line([(-900, 50), (900, 50)], _RED, 10),
         "path",
@@ -111,7 +111,7 @@ _CASES = (
         ((2, 50), (197, 50)),
         _CORNERS,
     ),
-    _Case(
+    _PictureCase(
         "a closed road whose ends are outside is seen",
         lambda commands: commands.add_line([(100, -400), (100, 50), (600, 50), (100, -400)], _RED, 10),
         "path",
@@ -119,7 +119,7 @@ _CASES = (
         ((100, 80), (150, 50)),
         _CORNERS[:2],
     ),
-    _Case(
+    _PictureCase(
         "a polygon around the view covers it",
         lambda commands: commands.add_polygon([(-900, -900), (900, -900), (0, 2000)], _BLUE),
         "path",
@@ -131,10 +131,10 @@ _CASES = (
 
 
 def check_backend(backend: Backend) -> None:
-    """Run every promise over a picture format.
+    """Check every promise for a picture format.
 
-    Pictures in PNG are looked at pixel by pixel, those in SVG element by element; of another format only what holds
-    of any bytes is checked.
+    PNG pictures are compared pixel by pixel, SVG pictures element by element; for other formats only general promises
+    are checked.
 
     Args:
         backend: as `gamms.visual.backends` describes it.
@@ -166,7 +166,7 @@ def _picture(backend: Backend, commands: DrawCommands) -> bytes:
     return picture
 
 
-def _look_at_pixels(case: _Case, picture: bytes) -> None:
+def _look_at_pixels(case: _PictureCase, picture: bytes) -> None:
     pixels = pixels_of(picture)
     expect("a picture has the size of its camera", pixels.shape == (100, 200, 3), pixels.shape)
     for expected, places in ((case.color, case.painted), (_PAPER[:3], case.free)):
@@ -176,7 +176,7 @@ def _look_at_pixels(case: _Case, picture: bytes) -> None:
             expect(f"{case.promise}; pixel ({x}, {y}) should be {expected}", is_right, seen.tolist())
 
 
-def _look_at_elements(case: _Case, picture: bytes) -> None:
+def _look_at_elements(case: _PictureCase, picture: bytes) -> None:
     root = ET.fromstring(picture)  # noqa: S314 - made a moment ago, by the backend
     tags = [element.tag.rpartition("}")[2] for element in root.iter()]
     wanted = 1 + (case.tag == "rect")  # the paper is a rectangle, too

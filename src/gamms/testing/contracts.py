@@ -1,4 +1,4 @@
-"""Do a graph and a sensor keep their contracts, `gamms.typing.IGraph` and `gamms.typing.ISensor`?"""
+"""Check that graphs and sensors keep their contracts, `gamms.typing.IGraph` and `gamms.typing.ISensor`."""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -10,7 +10,7 @@ _EDGES = [(10, 1, 2), (11, 2, 1), (12, 1, 7), (13, 1, 2), (14, 5, 5)]
 
 
 def check_graph(make: Callable[[], IGraph]) -> None:
-    """Run every promise over graphs that `make()` makes empty.
+    """Check every promise on graphs that `make()` returns empty.
 
     Raises:
         AssertionError: a promise is broken; the message names it.
@@ -20,11 +20,11 @@ def check_graph(make: Callable[[], IGraph]) -> None:
 
 
 def check_sensor(sensor: ISensor, node_id: int) -> None:
-    """Run every promise over a sensor that looks at the world from a node.
+    """Check every promise of a sensor that senses from a node.
 
     Args:
-        sensor: not registered on an agent that must keep it: its owner is set and taken away.
-        node_id: a node of the graph that the sensor looks at; the world must hold still meanwhile.
+        sensor: a sensor without an owner to keep: the check sets and removes its owner.
+        node_id: a node of the sensor's graph; the world must not change meanwhile.
 
     Raises:
         AssertionError: a promise is broken; the message names it.
@@ -47,7 +47,7 @@ def check_sensor(sensor: ISensor, node_id: int) -> None:
     try:
         sensor.set_owner("no-agent-yet")
     except KeyError:
-        sensor.set_owner(None)  # a sensor may insist on an agent that is there
+        sensor.set_owner(None)  # a sensor may require an existing agent
     expect("set_owner accepts None", sensor.set_owner(None) is None, "something")
 
 
@@ -159,6 +159,6 @@ def _is_fresh(data: object, before: object) -> bool:
 
 
 def expect(promise: str, is_true: bool, seen: object) -> None:
-    """Raise AssertionError with the promise and what was seen, unless it is true."""
+    """Raise AssertionError with the promise and the observed value, unless `is_true`."""
     if not is_true:
         raise AssertionError(f"{promise}: got {seen!r}.")

@@ -1,4 +1,4 @@
-"""Is a game with a rule or a strategy the same every time? Games are played again and compared."""
+"""Check that games with a rule or a strategy are reproducible, by playing them again and comparing."""
 
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ from gamms.readonly import ReadOnly
 from gamms.typing import AerialStrategy, AsyncStrategy, IAgent, Rule, State, Strategy
 
 _WHERE = "where (check)"  # the name of the collector
-_ORDERS = (1, 2)  # seeds by which agents are shuffled
+_ORDERS = (1, 2)  # seeds for shuffling agents
 _OWN = (
     "action",
     "memory",
@@ -34,24 +34,24 @@ _Actions = list[tuple[int, object]]  # turn and action
 
 
 def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30) -> None:
-    """Play with a rule, again and again, and compare the games.
+    """Play games with a rule repeatedly, and compare them.
 
-    It finds what a rule remembers elsewhere than in `ctx.game.data`, such as in a closure, what it draws otherwise than
-    from `ctx.stream`, what it keeps in `ctx.game.data` that is not plain, and agents that it treats differently because
-    of the order of creation.
+    The check detects memory of the rule outside of `ctx.game.data`, such as in a closure; draws other than from
+    `ctx.stream`; values in `ctx.game.data` that are not plain; and results that depend on the order in which agents
+    were created.
 
     Args:
-        rule: as it would be given to `ctx.game.add`.
-        make_ctx: makes a context, always the same, with a seed, a map and agents that meet what the rule is about, but
-            without the rule. If it takes the keyword `shuffled`, it is also called with a seed by which to shuffle the
-            order in which the agents are created, for example with `random.Random(shuffled).shuffle(names)`; None
-            leaves the order as it is.
-        turns: how long each game is played.
+        rule: the rule, as for `ctx.game.add`.
+        make_ctx: makes an identical context in each call, with a seed, a map and agents to which the rule applies, but
+            without the rule. If it takes the keyword `shuffled`, it is also called with a seed for shuffling the order
+            in which the agents are created, for example with `random.Random(shuffled).shuffle(names)`; None keeps the
+            order.
+        turns: the number of turns of each game.
 
     Raises:
-        AssertionError: a game went differently; the message says which, and what to do about it.
+        AssertionError: a game went differently; the message tells which, and how to fix it.
     """
-    play = _Play(make_ctx, rule, turns)
+    play = _RepeatableGame(make_ctx, rule, turns)
     play.check_repeatable()
     hidden = HiddenState(rule)
     first = play.once()
@@ -63,26 +63,26 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
 def check_strategy(
     strategy: _AnyStrategy | None, make_ctx: Callable[[], Context], agent: str, *, turns: int = 30
 ) -> None:
-    """Let an agent play with a strategy, again and again, and compare what it does.
+    """Play games with a strategy for an agent repeatedly, and compare its actions.
 
-    It finds what a strategy remembers elsewhere than in `state["memory"]` and `state["team_memory"]`, such as in a
-    closure, what it draws otherwise than from `state["rng"]` or the global generators that a game seeds, what it writes
-    into its state beside `state["action"]` and the two memories, and actions that are not legal.
+    The check detects memory of the strategy outside of `state["memory"]` and `state["team_memory"]`, such as in a
+    closure; draws other than from `state["rng"]` or the global generators that a game seeds; writes to its state other
+    than `state["action"]` and the two memories; and illegal actions.
 
     Args:
-        strategy: a function of the state, which may be awaited; None takes the one that the agent has.
-        make_ctx: makes a context, always the same, with a seed, a map, and agents with their strategies.
-        agent: the name of the one that is to play with it.
-        turns: how long each game is played.
+        strategy: a function of the state, which may be asynchronous; None: the agent's own strategy.
+        make_ctx: makes an identical context in each call, with a seed, a map, and agents with their strategies.
+        agent: the name of the agent that plays with the strategy.
+        turns: the number of turns of each game.
 
     Raises:
-        AssertionError: it does not keep to one of these; the message says which, and what to do about it.
+        AssertionError: the strategy breaks one of these rules; the message tells which, and how to fix it.
     """
-    play = _Play(make_ctx, None, turns)
+    play = _RepeatableGame(make_ctx, None, turns)
     if strategy is not None:
         play.check_repeatable()
     with play.opened() as ctx:
-        watched = _Watched(ctx, agent, strategy)
+        watched = _WatchedStrategy(ctx, agent, strategy)
         hidden = HiddenState(watched.strategy)
         first = watched.actions(turns)
         with _naming(hidden, _STRATEGIES_REMEMBER):
@@ -95,13 +95,13 @@ def check_strategy(
             ctx.game.restore(half)
             _same_actions("when the game is restored and played on", rest, watched.actions(turns - turns // 2))
             with play.opened() as new:
-                again = _Watched(new, agent, strategy).actions(turns)
+                again = _WatchedStrategy(new, agent, strategy).actions(turns)
                 _same_actions("in a new game of the same seed", first, again)
 
 
 @contextmanager
 def _naming(hidden: HiddenState, way_out: str) -> Iterator[None]:
-    """Name the variable that has changed: beside another error, or as the only one."""
+    """Name a changed hidden variable, in addition to another error or as the only one."""
     changed = hidden.changed(way_out)
     try:
         yield
@@ -114,12 +114,12 @@ def _naming(hidden: HiddenState, way_out: str) -> Iterator[None]:
 # -- games ------------------------------------------------------------------------------------------------------
 
 
-class _Play:
-    """A game that can be played again from the beginning.
+class _RepeatableGame:
+    """A game that can be played repeatedly from the beginning.
 
     Attributes:
         make_ctx: makes the context.
-        turns: how long it is played.
+        turns: the number of turns.
     """
 
     def __init__(self, make_ctx: Callable[..., Context], rule: Rule | None, turns: int) -> None:
@@ -155,7 +155,7 @@ class _Play:
 
 
 def _played(ctx: Context, turns: int) -> _Game:
-    """Play on and return the result, but for what it took."""
+    """Play on, and return the result without its timings."""
     return _plain(ctx.game.run(turns))
 
 
@@ -166,7 +166,7 @@ def _plain(result: Result) -> _Game:
 
 
 def _first_difference(one: _Game, other: _Game) -> str:
-    """Return a sentence about the first thing in which two games differ."""
+    """Return a sentence about the first difference between two games."""
     seen = [_by_turn(game["collected"][_WHERE]) for game in (one, other)]
     for turn in sorted(seen[0].keys() & seen[1].keys()):
         for agent in sorted(seen[0][turn].keys() | seen[1][turn].keys()):
@@ -198,7 +198,7 @@ def _short(value: object) -> str:
 # -- rules ------------------------------------------------------------------------------------------------------
 
 
-def _restarts(play: _Play, first: _Game) -> None:
+def _restarts(play: _RepeatableGame, first: _Game) -> None:
     with play.opened() as ctx:
         ctx.game.run(play.turns)
         flaw = why_not_plain(dict(ctx.game.data))
@@ -214,7 +214,7 @@ def _restarts(play: _Play, first: _Game) -> None:
     )
 
 
-def _restores(play: _Play, first: _Game) -> None:
+def _restores(play: _RepeatableGame, first: _Game) -> None:
     with play.opened() as ctx:
         ctx.game.run(play.turns // 2)
         half = ctx.game.snapshot()
@@ -229,7 +229,7 @@ def _restores(play: _Play, first: _Game) -> None:
     )
 
 
-def _is_forgotten(play: _Play, first: _Game) -> None:
+def _is_forgotten(play: _RepeatableGame, first: _Game) -> None:
     _same_game(
         "a new game with the same rule",
         play.once(),
@@ -238,7 +238,7 @@ def _is_forgotten(play: _Play, first: _Game) -> None:
     )
 
 
-def _shares(play: _Play, first: _Game) -> None:
+def _shares(play: _RepeatableGame, first: _Game) -> None:
     with play.opened() as one, play.opened() as other:
         for _ in range(play.turns):
             one.game.run(1)
@@ -251,7 +251,7 @@ def _shares(play: _Play, first: _Game) -> None:
         )
 
 
-def _ignores_order(play: _Play, first: _Game) -> None:
+def _ignores_order(play: _RepeatableGame, first: _Game) -> None:
     if "shuffled" not in signature_of(play.make_ctx).parameters:
         return
     for seed in _ORDERS:
@@ -271,8 +271,8 @@ def _same_game(what: str, seen: _Game, promised: _Game, advice: str) -> None:
 # -- strategies -------------------------------------------------------------------------------------------------
 
 
-class _Watched:
-    """A strategy that an agent plays with, and what it does.
+class _WatchedStrategy:
+    """A strategy under test, wrapped to record its actions.
 
     Attributes:
         strategy: the strategy.
@@ -288,7 +288,7 @@ class _Watched:
         ctx.game.on_error = "raise"
 
     def actions(self, turns: int) -> _Actions:
-        """Play on and return turn and action of each decision."""
+        """Play on, and return (turn, action) of each decision."""
         self._actions = []
         try:
             result = self._ctx.game.run(turns)
@@ -329,7 +329,7 @@ class _Watched:
 
 @contextmanager
 def _raising(turn: str) -> Iterator[None]:
-    """Turn what a strategy raises into the error of the check."""
+    """Turn errors of a strategy into errors of the check."""
     try:
         yield
     except Exception as error:
@@ -338,7 +338,7 @@ def _raising(turn: str) -> Iterator[None]:
 
 
 def _refuse_writing(turn: str, key: str, before: _Game, state: _Game, copies: _Game) -> None:
-    """Raise if a key is not as it was and should be."""
+    """Raise if the strategy changed a key of its state that it may not change."""
     if key == "action":
         return
     if key not in before:
@@ -354,7 +354,7 @@ def _refuse_writing(turn: str, key: str, before: _Game, state: _Game, copies: _G
 
 
 def _copied(action: object) -> object:
-    """Return an action that can be compared: arrays become lists."""
+    """Return a copy of an action for comparisons: arrays become lists."""
     return action.tolist() if hasattr(action, "tolist") else deepcopy(action)
 
 
