@@ -1,17 +1,17 @@
-"""Real road networks from OpenStreetMap, cut into pieces that agents can step along.
+"""Real road networks from OpenStreetMap, cut into pieces for agents to step along.
 
     G = gamms.osm.graph_from_xml("city.osm", resolution=10.0)
     ctx.graph.attach_networkx_graph(G)
 
-`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py`; `overpass.py` writes their queries and
-reads their answers, `servers.py` sends and caches them, and `settings.py` names the servers.
-`gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
+`create_osm_graph("Kluuvi, Helsinki")` asks OpenStreetMap's servers: `places.py` has such functions; `overpass.py`
+writes their queries and reads their answers, `servers.py` sends and caches them, and `settings.py` names the servers.
+`gamms.osm.helsinki(ctx)` uses the map that comes with the package, and needs no optional library.
 
-Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `network.py` holds roads as
-columns, `modes.py` says who may use them, `tags.py` what they keep, `areas.py` leads across squares, `topology.py`
-simplifies, merges and cuts, `networkx_bridge.py` makes the graph; `fidelity.py` and `comparison.py` compare it.
-`buildings.py` makes obstacles of maps; `footprints.py` says what is a wall and where, `walls.py` makes faces of that.
-`scenery.py` makes what is only drawn, `elevation.py` puts roads on the ground.
+Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files. `network.py` holds roads as
+columns, `modes.py` decides who may use them, `tags.py` which tags they keep, and `areas.py` adds lines across squares.
+`topology.py` simplifies, merges and cuts roads, and `networkx_bridge.py` makes the graph; `fidelity.py` and
+`comparison.py` compare it with the map. `buildings.py` makes obstacles of maps; `footprints.py` decides which things
+are walls, and `walls.py` makes their faces. `scenery.py` makes the drawn background, `elevation.py` adds heights.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """

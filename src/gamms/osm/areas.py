@@ -1,4 +1,4 @@
-"""Ways across squares: straight lines between the junctions on the rim of an area that is open to a mode of travel."""
+"""Lines across squares: straight lines between junctions on the rim of an area that is open to a mode of travel."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -10,19 +10,19 @@ import numpy as np
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import ellipsoid_lengths
 from gamms.osm.footprints import footprints_of, layer_of, leads_across, outlines_of_ways, repaired
-from gamms.osm.network import Rule, Ways
+from gamms.osm.network import OsmRoads, Rule
 
 Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
-"""From the id of a multipolygon that is open to a mode to its attributes, and the ids of the ways around it."""
+"""Id of an open multipolygon -> (its attributes, the ids of the ways around it)."""
 
-ACROSS = "across_area"  # the tag of the lines, which are on no map
-_NEAREST = 40  # junctions that a line from each junction may lead to
-_MOST_JUNCTIONS = 400  # of an area, or ways around it; around larger ones agents walk
-_DETOUR = 1.05  # times the straight line: as far as the way between two junctions in sight of each other may be
+ACROSS = "across_area"  # tag of the added lines, which are not on the map
+_NEAREST = 40  # junctions to which lines from a junction may lead
+_MOST_JUNCTIONS = 400  # of an area, or ways around it; agents walk around larger areas
+_DETOUR = 1.05  # a line is added only if the way along the rim is longer by this factor
 
 
 def open_squares(relations: Iterable[tuple[int, Mapping[str, str], list[int]]], rule: Rule) -> Squares:
-    """Return the multipolygons that a rule takes as ways, by id, of ids, tags and the ids of the ways around each."""
+    """Return the multipolygons that a rule accepts as ways; `relations` are (id, tags, ids of ways around it)."""
     found: dict[int, tuple[dict[str, Any], list[int]]] = {}
     for id, tags, rings in relations:
         is_square = "highway" in tags and tags.get("type") == "multipolygon" and id not in found
@@ -33,12 +33,12 @@ def open_squares(relations: Iterable[tuple[int, Mapping[str, str], list[int]]], 
 
 
 def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:
-    """Return the attributes of the ways around open multipolygons by their ids; the first of several squares counts."""
+    """Return way id -> attributes of the open multipolygon around which it lies; the first of several counts."""
     return {id: of_square for of_square, rings in reversed([*squares.values()]) for id in rings}
 
 
-def with_areas(ways: Ways, row_of: Mapping[int, int], squares: Squares) -> Ways:
-    """Return the ways with what they enclose: open multipolygons, and closed ways with `area=yes`."""
+def with_areas(ways: OsmRoads, row_of: Mapping[int, int], squares: Squares) -> OsmRoads:
+    """Return the ways with their open areas: multipolygons, and closed ways with `area=yes`."""
     areas = [[row_of[id] for id in rings if id in row_of] for _, rings in squares.values()]
     is_alone = ways.refs[ways.offsets[:-1]] == ways.refs[ways.offsets[1:] - 1]
     is_alone[[row for rows in areas for row in rows]] = False
@@ -46,12 +46,12 @@ def with_areas(ways: Ways, row_of: Mapping[int, int], squares: Squares) -> Ways:
     return replace(ways, areas=[rows for rows in areas if rows])
 
 
-def with_ways_across(ways: Ways) -> Ways:
-    """Return the ways with straight ones across each area, between junctions on its rim that see each other.
+def with_ways_across(ways: OsmRoads) -> OsmRoads:
+    """Return the ways with added straight lines across each area, between junctions on its rim that see each other.
 
-    A junction is where three stretches of way meet. Lines are added, the shortest first, where the way along the rim
-    and earlier lines is longer by a twentieth: all would be many times as many. Holes of an area are in the way, and
-    buildings of the map.
+    A junction is a node where three stretches of way meet. Lines are added, shortest first, if the way along the rim
+    and earlier lines is longer by a twentieth; adding all lines would give many times as many. Holes of an area and
+    buildings of the map block lines.
     """
     if not ways.areas:
         return ways
@@ -87,26 +87,26 @@ def _is_below_ground(tags: Mapping[str, Any]) -> bool:
     return any(layer_of({"layer": str(tags.get(key, "0"))}) < 0 for key in ("layer", "level"))
 
 
-def length_across(ways: Ways) -> float:
-    """Return the metres of the lines across areas."""
+def length_across(ways: OsmRoads) -> float:
+    """Return the total length of the lines across areas, meters."""
     rows = [row for row, tags in enumerate(ways.tags) if ACROSS in tags]
     first = ways.offsets[rows]
     return float(ellipsoid_lengths(ways.lonlat[first], ways.lonlat[first + 1]).sum())
 
 
-def _stretches(ways: Ways) -> IntArray:
-    """Return the pairs of nodes (stretches, 2) that follow each other on a way, each once."""
+def _stretches(ways: OsmRoads) -> IntArray:
+    """Return the pairs of nodes (stretches, 2) that are consecutive on a way, each once."""
     way = np.repeat(np.arange(len(ways.tags)), np.diff(ways.offsets))
     first = np.flatnonzero((way[:-1] == way[1:]) & (ways.refs[:-1] != ways.refs[1:]))
     return np.unique(np.sort(np.column_stack((ways.refs[first], ways.refs[first + 1])), axis=1), axis=0)
 
 
-def _refs_of(ways: Ways, rows: Sequence[int]) -> IntArray:
+def _refs_of(ways: OsmRoads, rows: Sequence[int]) -> IntArray:
     return np.concatenate([ways.refs[ways.offsets[row] : ways.offsets[row + 1]] for row in rows])
 
 
-def _along_rim(ways: Ways, rows: Sequence[int], junctions: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return a position of each junction and end of a way on the rim of an area, and the distances between all."""
+def _along_rim(ways: OsmRoads, rows: Sequence[int], junctions: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return a position for each junction and way end on the rim of an area, and their distances along the rim."""
     rank: dict[int, int] = {}  # of a node
     rim, steps = list[int](), list[tuple[int, int, float]]()
     for row in rows:
@@ -127,8 +127,8 @@ def _along_rim(ways: Ways, rows: Sequence[int], junctions: IntArray) -> tuple[In
     return np.array(rim, np.int64), apart
 
 
-def _near_pairs(rim: IntArray, ways: Ways, junctions: IntArray) -> IntArray:
-    """Return the rows (pairs, 2) of each junction on the rim and its nearest others, each pair once."""
+def _near_pairs(rim: IntArray, ways: OsmRoads, junctions: IntArray) -> IntArray:
+    """Return pairs of rows (pairs, 2): each junction on the rim with its nearest others, each pair once."""
     chosen = np.flatnonzero(np.isin(ways.refs[rim], junctions))
     pairs = set[tuple[int, int]]()
     for row in chosen.tolist():
@@ -140,7 +140,7 @@ def _near_pairs(rim: IntArray, ways: Ways, junctions: IntArray) -> IntArray:
 
 
 def _needed(pairs: IntArray, lengths: FloatArray, apart: FloatArray) -> IntArray:
-    """Return the pairs whose line is shorter than the way between them by a twentieth, once shorter lines are drawn."""
+    """Return the pairs whose line shortens the way by a twentieth, after all shorter lines are added."""
     needed = list[int]()
     for row in np.argsort(lengths, kind="stable").tolist():
         a, b = pairs[row].tolist()
@@ -151,13 +151,13 @@ def _needed(pairs: IntArray, lengths: FloatArray, apart: FloatArray) -> IntArray
 
 
 def _shorten(apart: FloatArray, a: int, b: int, length: float) -> None:
-    """Join two places in a matrix of the shortest distances between all."""
+    """Update a matrix of shortest distances after joining two places."""
     if length < apart[a, b]:
         there = apart[:, a, None] + length + apart[b]
         np.minimum(apart, np.minimum(there, there.T), out=apart)
 
 
 def _distances(lonlat: FloatArray, pairs: IntArray) -> FloatArray:
-    """Return how far the places of each pair are apart, in degrees of latitude."""
+    """Return the distance between the places of each pair, in degrees of latitude."""
     east, north = (lonlat[pairs[:, 1]] - lonlat[pairs[:, 0]]).T
     return np.asarray(np.hypot(east * np.cos(np.radians(lonlat[pairs[:, 0], 1])), north))

@@ -15,29 +15,31 @@ from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, 
 from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
-from gamms.osm.footprints import HeightEstimates, TagFilter, Wall
+from gamms.osm.footprints import HeightEstimates, TagFilter, WallProfile
 from gamms.osm.load import refuse_unknown
-from gamms.osm.network import Segments, Ways, largest_part, segments_of
+from gamms.osm.network import OsmRoads, RoadSegments, largest_part, segments_of
 from gamms.osm.osmium_reader import as_file, read_barriers, read_footprints, read_ways
 from gamms.osm.overpass import Location, features_of_place
-from gamms.osm.walls import Faces, Tolerance, faces_of
+from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
 from gamms.text import shown
 
-Barriers = bool | str | Iterable[str] | Mapping[str, float]  # which `barrier`s are walls
+Barriers = bool | str | Iterable[str] | Mapping[str, float]  # the `barrier` values that are walls
 Record = dict[str, Any]  # the arguments of `ctx.graph.add_obstacle_face`
 
 _AT_ONCE = 4096  # faces
 
 
 class WallOptions(TypedDict, total=False):
-    """More options of functions that make walls."""
+    """Further options of functions that make walls."""
 
     barriers: Barriers
-    """Which lines with `barrier` are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys, or a table of
-    your own, value of the tag -> height in metres; False."""
+    """Values of `barrier` whose lines are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys, or
+    your own table from values to heights in meters; False.
+    """
     elevation: ElevationPath | Elevation | None
-    """A .hgt file of SRTM, or a folder of them, as for roads: walls stand on the ground then, and z is above sea level;
-    None."""
+    """A .hgt file of SRTM, or a folder of them, as for roads: walls stand on the ground, and z is above sea level;
+    None.
+    """
 
 
 _with_options = with_options(barriers=False, elevation=None)
@@ -55,18 +57,18 @@ def obstacle_from_file(
 ) -> Iterator[Record]:
     """Return the walls of the buildings in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
 
-    A wall is a vertical quadrangle above one edge of a footprint, around courtyards too. A file without buildings
-    gives no walls. Footprints that a file holds in part, or that cross themselves, give the walls that they enclose.
+    A wall is a vertical quadrangle above one edge of a footprint, also around courtyards. A file without buildings
+    gives no walls. Footprints that are incomplete in the file, or cross themselves, give the walls that they enclose.
 
     Args:
         filepath: the map file.
-        tags: only things with one of these tags: key -> a value, several, or True for all.
-        height_estimates: (key, value) -> (height in metres, type): what is a wall at all, and how high where neither
-            `height` nor `building:levels` says so. None: `gamms.osm.wall_estimates()`, without land use.
-        min_tolerance: metres by which a footprint may be simplified, but never so that it crosses a street of the file
+        tags: select only objects with one of these tags: key -> a value, several, or True for all.
+        height_estimates: (key, value) -> (height in meters, type): which objects are walls, and their heights without
+            `height` or `building:levels`. None: `gamms.osm.wall_estimates()`, without land use.
+        min_tolerance: meters by which a footprint may be simplified, but never so that it crosses a street of the file
             that it did not cross before.
-        relative_tolerance: the same as a part of its perimeter, 0.5 m at most; the greater of both counts.
-        crs: the CRS of the walls, in metres; give `ctx.graph.crs` if there are streets already. None: that of
+        relative_tolerance: the tolerance as a share of the perimeter, 0.5 m at most; the greater of both counts.
+        crs: the CRS of the walls, in meters; give `ctx.graph.crs` if there are streets already. None: that of
             `graph_from_xml` with its defaults for the same file or, in a file without roads, the UTM zone of the
             mean point of the footprints.
         more: see `WallOptions`.
@@ -76,8 +78,8 @@ def obstacle_from_file(
         `face_id` from 0, the corners `tr`, `tl`, `br`, `bl` as (x, y, z), and `type`.
 
     Raises:
-        FileNotFoundError, IsADirectoryError: there is no such file.
-        BadFile: it is damaged or not OpenStreetMap data, or `elevation` is no file of heights.
+        FileNotFoundError, IsADirectoryError: the file does not exist.
+        BadFile: the file is damaged or not OpenStreetMap data, or `elevation` is not a file of heights.
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium is not installed.
     """
@@ -95,7 +97,7 @@ def obstacle_from_file(
     return _records(faces_of(shapes, walls, to_metres, tolerance, _streets(roads), ground))
 
 
-obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
+obstacle_from_xml = obstacle_from_file  # its name in 1.0.0
 
 
 @_with_options
@@ -112,13 +114,13 @@ def obstacle_from_osm(
 ) -> Iterator[Record]:
     """Return the walls of the buildings of a place, such as `"Monaco"`, from the servers of OpenStreetMap.
 
-    Everything but `location` is as for `obstacle_from_file`. Without `crs`, it is the UTM zone of the mean point of
-    the footprints; give `ctx.graph.crs` if there are streets already, so that both fit. `offline` takes what the
-    servers answered before.
+    Other arguments are those of `obstacle_from_file`. Without `crs`, it is the UTM zone of the mean point of the
+    footprints; give `ctx.graph.crs` if there are streets already, so that both fit. `offline` uses cached answers of
+    the servers.
 
     Raises:
         BadValue, BadType: an argument is impossible.
-        PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
+        PlaceError, NetworkError: the place is unknown or empty, or there is no answer.
         MissingExtra: requests is not installed.
     """
     rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
@@ -141,30 +143,30 @@ def faces_of_features(
 ) -> Iterator[Record]:
     """Return the walls of shapely polygons and multipolygons in longitude and latitude, each with its tags.
 
-    A LineString with `barrier` may be a wall, one with `highway` is a street. What is neither line nor polygon, and a
-    tag that is no text, is passed over. Everything else is as for `obstacle_from_file`.
+    A LineString with `barrier` may be a wall; one with `highway` is a street. Other geometries, and tags that are not
+    texts, are ignored. Other arguments are those of `obstacle_from_file`.
 
     Raises:
-        BadValue, BadType: an argument is impossible, or a polygon has no place in the CRS.
-        MissingExtra: the CRS is no zone of UTM, and pyproj is not installed.
+        BadValue, BadType: an argument is impossible, or a polygon is outside of the CRS.
+        MissingExtra: the CRS is not a UTM zone, and pyproj is not installed.
     """
     rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
     return _records_of_features(features, rules, tolerance, _plane(crs, as_elevation(more.get("elevation"))))
 
 
 def extract_osm_polygon_faces(
-    gdf: Any,  # geopandas is not ours to import
+    gdf: Any,  # geopandas is not a dependency
     height_estimates: HeightEstimates | None = None,
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
 ) -> Iterator[Record]:
     """Return the walls of the polygons in a GeoDataFrame, such as OSMnx makes, whose columns are the tags.
 
-    One whose `crs` counts in degrees is projected to UTM; any other is taken as metres, just as it is.
+    A GeoDataFrame in degrees is projected to UTM; any other is taken as meters, unchanged.
 
     Raises:
-        BadType: it is no GeoDataFrame.
-        BadValue: its CRS is none, or another argument is impossible.
+        BadType: it is not a GeoDataFrame.
+        BadValue: its CRS is not valid, or another argument is impossible.
     """
     rules, tolerance = _checked(None, height_estimates, (min_tolerance, relative_tolerance), {})
     try:
@@ -173,28 +175,28 @@ def extract_osm_polygon_faces(
     except AttributeError:
         raise BadType(f"gdf must be a GeoDataFrame, not {type(gdf).__name__}.") from None
     in_degrees = gdf.crs is not None and crs_of(gdf.crs)[1]
-    plane = _plane(None, None) if in_degrees else lambda _: Plane(lambda points: points)
+    plane = _plane(None, None) if in_degrees else lambda _: MetricPlane(lambda points: points)
     return _records_of_features(features, rules, tolerance, plane)
 
 
 # -- inside -----------------------------------------------------------------------------------------------------
 
 
-class Plane(NamedTuple):
-    """How places become metres, and how high the ground is there."""
+class MetricPlane(NamedTuple):
+    """The projection of points to meters, and the height of the ground there."""
 
     to_metres: Callable[[FloatArray], FloatArray]  # of points (points, 2)
-    ground: Callable[[FloatArray], FloatArray] | None = None  # heights at points in metres
+    ground: Callable[[FloatArray], FloatArray] | None = None  # heights at points in meters
 
 
 def _records_of_features(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
     rules: footprints.WallRules,
-    tolerance: Tolerance,
-    plane: Callable[[FloatArray], Plane],
+    tolerance: SimplifyTolerance,
+    plane: Callable[[FloatArray], MetricPlane],
 ) -> Iterator[Record]:
-    """Return the walls of shapes; `plane` says for all their points how these become metres."""
-    walls, streets = list[tuple[Any, Wall]](), list[Any]()
+    """Return the walls of shapes; `plane` returns the projection for all their points."""
+    walls, streets = list[tuple[Any, WallProfile]](), list[Any]()
     for shape, given in features:
         tags = {key: text for key, text in given.items() if isinstance(text, str)}
         is_line = getattr(shape, "geom_type", None) == "LineString"
@@ -211,8 +213,8 @@ def _records_of_features(
     return _records(faces_of(shapes, [wall for _, wall in walls], to_metres, tolerance, roads, ground))
 
 
-def _streets(roads: Ways) -> footprints.Shapes:
-    """Return the roads that the file holds whole."""
+def _streets(roads: OsmRoads) -> footprints.Shapes:
+    """Return the roads that are complete in the file."""
     rows = {way: way for way in range(len(roads.tags))}
     ways = [[way] for way in rows]
     return footprints.lines_of(footprints.outlines_of_ways(roads.offsets, roads.lonlat, rows, ways, roads.tags))
@@ -220,26 +222,28 @@ def _streets(roads: Ways) -> footprints.Shapes:
 
 def _plane(
     crs: object, elevation: Elevation | None, default: Callable[[FloatArray], str] = utm_crs
-) -> Callable[[FloatArray], Plane]:
-    """From the points of a map to its plane: in a CRS in metres of the caller's, or in the default one."""
+) -> Callable[[FloatArray], MetricPlane]:
+    """Return a function from the points of a map to its plane, in the caller's CRS in meters, or the default one."""
     if crs is not None:
         name, in_degrees = crs_of(crs)
         if in_degrees:
             raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
 
-    def plane(points: FloatArray) -> Plane:
-        # A CRS of the caller's may belong to another part of the world.
+    def plane(points: FloatArray) -> MetricPlane:
+        # The caller's CRS may belong to another part of the world.
         target, to = (default(points), project) if crs is None else (name, project_back_and_forth)
         to_metres = partial(to, source=WGS84, target=target)
         if elevation is None:
-            return Plane(to_metres)
-        return Plane(to_metres, lambda xy: elevation.heights(project(xy, target, WGS84)))
+            return MetricPlane(to_metres)
+        return MetricPlane(to_metres, lambda xy: elevation.heights(project(xy, target, WGS84)))
 
     return plane
 
 
-def _records(faces: Faces) -> Iterator[Record]:
-    for first in range(0, len(faces.types), _AT_ONCE):  # not all at once: a dict takes ten times its numbers
+def _records(faces: WallFaces) -> Iterator[Record]:
+    for first in range(
+        0, len(faces.types), _AT_ONCE
+    ):  # not all at once: a dict takes ten times the memory of its numbers
         corners = faces.corners[first : first + _AT_ONCE].tolist()
         types = faces.types[first : first + _AT_ONCE].tolist()
         for row, (type, face) in enumerate(zip(types, corners, strict=True), first):
@@ -247,19 +251,21 @@ def _records(faces: Faces) -> Iterator[Record]:
             yield {"face_id": row, "tr": tr, "tl": tl, "br": br, "bl": bl, "type": type}
 
 
-def _crs_of(segments: Segments) -> str | None:
-    """Return the CRS that `graph_from_xml` gives these roads; None if there are none."""
+def _crs_of(segments: RoadSegments) -> str | None:
+    """Return the CRS that `graph_from_xml` gives these roads; None without roads."""
     return utm_crs(largest_part(segments).lonlat) if len(segments.sources) else None
 
 
 def _checked(
     tags: TagFilter | None, estimates: HeightEstimates | None, tolerances: tuple[float, float], more: WallOptions
-) -> tuple[footprints.WallRules, Tolerance]:
-    """Return what decides on the walls, and the tolerance of their simplification."""
+) -> tuple[footprints.WallRules, SimplifyTolerance]:
+    """Return the checked rules for walls, and the tolerance of their simplification."""
     refuse_unknown(more, WallOptions, "walls")
     heights = _barrier_heights(more.get("barriers", False))
     rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates, heights)
-    tolerance = Tolerance(as_range(tolerances[0], "min_tolerance"), as_range(tolerances[1], "relative_tolerance"))
+    tolerance = SimplifyTolerance(
+        as_range(tolerances[0], "min_tolerance"), as_range(tolerances[1], "relative_tolerance")
+    )
     if math.inf in tolerance:
         raise BadValue("min_tolerance and relative_tolerance must be finite.")
     return rules, tolerance

@@ -1,4 +1,4 @@
-"""Measures between a graph and the network that it was made of: lengths, places, directions and joints."""
+"""Measures between a graph and its source network: lengths, positions, directions and joints."""
 
 import math
 
@@ -11,17 +11,17 @@ from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import RoadNetwork, along, chosen_roads, network_of_lines, offsets_of, segment_starts
 from gamms.osm.topology import chains_of, consolidate, degrees
 
-MOST_UNCUT = 1.5  # of the resolution: shorter roads stay whole
-_EXACT = 1e-6  # metres, and relative: what rounding may change
-_ON_LINE_M = 1e-3  # a place so near to a line lies on it
-_PARALLEL = 1e-2  # radians between two lines that run alike
-_STEP_M = 25.0  # at most, between the places of a straight road that are looked for on the map
-WIDEST = 3.0  # tolerances that a merged junction measures at most
+MOST_UNCUT = 1.5  # in resolutions: shorter roads stay whole
+_EXACT = 1e-6  # meters, and relative: rounding errors
+_ON_LINE_M = 1e-3  # a point so near to a line lies on it
+_PARALLEL = 1e-2  # radians between two lines that count as parallel
+_STEP_M = 25.0  # largest distance between points of a straight road that are compared with the map
+WIDEST = 3.0  # width of a merged junction in tolerances, at most
 _Places = np.ndarray[tuple[int], np.dtype[np.complex128]]
 
 
 def roads_once(edges: RoadNetwork) -> RoadNetwork:
-    """Count the edges there and back between two nodes as one road if they have exactly the same length."""
+    """Join the edges of both directions between two nodes into one road if their lengths are exactly equal."""
     low, high = np.minimum(edges.sources, edges.targets), np.maximum(edges.sources, edges.targets)
     order = np.lexsort((edges.lengths, high, low))
     keys = np.column_stack((low, high, edges.lengths))[order]
@@ -36,10 +36,11 @@ def roads_once(edges: RoadNetwork) -> RoadNetwork:
 
 
 def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tuple[BoolArray, BoolArray]:
-    """Recognise cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex.
+    """Recognize cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex.
 
     Returns:
-        which roads are pieces of longer ones; which of them are of a short road, cut only so that no road is lost.
+        Two masks (roads,): pieces of longer roads; and among them pieces of short roads that were cut only so that no
+        road is lost.
     """
     nodes = np.concatenate((roads.sources, roads.targets))
     lengths = np.tile(roads.lengths, 2)
@@ -55,7 +56,7 @@ def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tup
 
 
 def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
-    """Return the distance of every vertex of the source from the nearest of these roads, exactly, in metres."""
+    """Return the exact distance of every vertex of the source from the nearest of these roads, meters."""
     used = np.unique(np.concatenate((source.sources, source.targets)))
     vertices = np.unique(_complex(np.concatenate((source.xy[used], source.points))))
     away = np.flatnonzero(~np.isin(vertices, _complex(roads.points)))
@@ -70,15 +71,15 @@ def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
 
 
 def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> int:
-    """Return how many of these uncut roads are not as long as the pieces of the source that they follow.
+    """Return the number of these uncut roads whose length differs from the pieces of the source that they follow.
 
-    Roads that run where the source has none, because they lead on to a merged junction, are not judged.
+    Roads without a counterpart in the source, because they lead to a merged junction, are not compared.
     """
     chosen = chosen_roads(roads, rows)
     ours, _, line = _segments(chosen)
     theirs, source_share, source_line = _segments(source)
     places, numbers = np.unique(np.concatenate((ours, theirs)), return_inverse=True)
-    pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of places
+    pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of points
     wanted, (keys, firsts) = pairs[: len(ours)], np.unique(pairs[len(ours) :], return_index=True)
     if not len(keys) or not len(ours):
         return 0
@@ -92,10 +93,10 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
 
 
 def surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
-    """Return how far the roads lead off the map at most: vertices, the middles of straight pieces, and every 25 m.
+    """Return the largest distance of the roads from the map: at vertices, middles of straight pieces, and every 25 m.
 
-    A piece both ends of which lie on one straight piece of the source runs along it, since the distance from that is a
-    convex function. Only the others are looked at more closely.
+    A piece whose two ends lie on one straight piece of the source runs along it, because the distance is a convex
+    function. Only other pieces are examined at more points.
     """
     mine, theirs = segment_starts(roads.offsets), segment_starts(source.offsets)
     if not len(mine) or not len(theirs):
@@ -111,7 +112,7 @@ def surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
 
 
 def _places_along(here: FloatArray, there: FloatArray) -> FloatArray:
-    """Return the ends of straight lines (lines, 2), and places between: the middle of each, and every 25 m at least."""
+    """Return points on straight lines (lines, 2): their ends, their middle, and at least one every 25 m."""
     parts = np.maximum(np.ceil(np.hypot(*(there - here).T) / _STEP_M), 2.0).astype(np.int64)
     line = np.repeat(np.arange(len(parts)), parts + 1)
     share = (np.arange(len(line)) - offsets_of(parts + 1)[line]) / parts[line]
@@ -119,10 +120,10 @@ def _places_along(here: FloatArray, there: FloatArray) -> FloatArray:
 
 
 def wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> tuple[float, float]:
-    """Return how many metres of edges lead against the traffic, and how many are the only direction of a two-way road.
+    """Return the meters of edges against the traffic, and of edges that are the only direction of a two-way road.
 
-    An edge is judged by the roads that the middle of its longest straight piece lies on: those of the source, or, if
-    merging has moved it, those of the source with merged junctions.
+    An edge is compared with the roads under the middle of its longest straight piece: roads of the source or, if
+    merging has moved it, of the source with merged junctions.
     """
     alone = _without_way_back(edges)
     judged = np.flatnonzero(alone | ~source.two_way.all())
@@ -140,7 +141,7 @@ def wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwor
 
 
 def _without_way_back(edges: RoadNetwork) -> BoolArray:
-    """Return the edges without one of the same length in the other direction."""
+    """Return a mask of edges without an edge of the same length in the other direction."""
     count = len(edges.sources)
     ends = np.stack((edges.sources, edges.targets))
     sources, targets = np.concatenate((ends, ends[::-1]), axis=1)
@@ -154,7 +155,7 @@ def _without_way_back(edges: RoadNetwork) -> BoolArray:
 
 
 def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
-    """Return (3, edges): how many roads of the source lie below each edge, lead its way, and lead both ways."""
+    """Return (3, edges): the number of source roads under each edge, those in its direction, and two-way ones."""
     mine, theirs = segment_starts(edges.offsets), segment_starts(source.offsets)
     size, line = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T), _lines_of_pieces(edges)
     order = np.lexsort((size, line))
@@ -171,9 +172,9 @@ def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
 
 
 def wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> int:
-    """Return at how many places other roads meet, or end, than in the source.
+    """Return the number of places where the numbers of roads that meet or end differ from the source.
 
-    Places where a merged junction may be, or was made of others, are not counted.
+    Places that may be a merged junction, or were merged into one, are not counted.
     """
     source = consolidate(source, 0.0)
     ours, theirs = _joints(roads.xy, degrees(roads)), _joints(source.xy, degrees(source))
@@ -183,18 +184,23 @@ def wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> i
         np.concatenate((source.targets, source.sources[two_way])),
     )
     lengths = np.concatenate((source.lengths, source.lengths[two_way]))
-    pairs = roads_once(network_of_lines(source.xy, ends, {}, lengths, [], None))  # of one-way roads there and back
+    pairs = roads_once(
+        network_of_lines(source.xy, ends, {}, lengths, [], None)
+    )  # one-way roads of both directions count once
     once = _joints(source.xy, degrees(pairs))
     new = np.array([place for place, met in ours.items() if met not in (theirs.get(place), once.get(place))], complex)
     gone = np.array([place for place in theirs.keys() & once.keys() if place not in ours], complex)
     if tolerance > 0.0 and len(gone):
         reach = WIDEST * tolerance + _EXACT
-        new, gone = new[_near(new, gone, reach) == 0], gone[_near(gone, gone, reach) < 2]  # all of a junction are gone
+        new, gone = (
+            new[_near(new, gone, reach) == 0],
+            gone[_near(gone, gone, reach) < 2],
+        )  # every node of a merged junction is gone
     return len(new) + len(gone)
 
 
 def _joints(xy: FloatArray, degree: IntArray) -> dict[complex, list[int]]:
-    """Return how many roads meet at the nodes of each place, but for nodes where a road merely goes on."""
+    """Return place -> numbers of roads that meet at its nodes, without nodes that merely continue a road."""
     found: dict[complex, list[int]] = {}
     rows = np.flatnonzero((degree != 0) & (degree != 2))
     for place, met in sorted(
@@ -205,7 +211,7 @@ def _joints(xy: FloatArray, degree: IntArray) -> dict[complex, list[int]]:
 
 
 def _near(places: _Places, others: _Places, reach: float) -> IntArray:
-    """Return how many of the others are within reach of each place."""
+    """Return the number of others within reach of each place."""
     here, there = (np.column_stack((some.real, some.imag)) for some in (places, others))
     rows, _ = lines_near(here, there, there, reach)
     return np.bincount(rows, minlength=len(places))
@@ -217,7 +223,7 @@ def _lines_of_pieces(network: RoadNetwork) -> IntArray:
 
 
 def _segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]:
-    """The ends (segments, 2) of every straight piece of the polylines, sorted; its share of its road, and the road."""
+    """Return the ends (segments, 2) of every straight piece, sorted, its share of its road, and the road."""
     start = segment_starts(network.offsets)
     line = _lines_of_pieces(network)
     position = along(network.offsets, network.points)

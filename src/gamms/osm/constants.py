@@ -1,6 +1,6 @@
-"""Which buildings and places block the view, how high they are, and the colour of each kind.
+"""The buildings and areas that block the view, their heights, and the color of each kind.
 
-Tables that programs read and change by name; the loaders of buildings take them as arguments.
+Programs read and change these tables by name; the loaders of buildings take them as arguments.
 """
 
 from gamms.ir.obstacles import COLOR_TYPES
@@ -19,7 +19,7 @@ OSM_OBSTACLE_TAGS: dict[str, bool | list[str]] = {  # key -> values that block t
     "aeroway": ["terminal", "hangar"],
 }
 
-HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, value) -> (height in metres, type)
+HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, value) -> (height in meters, type)
     ("building", "house"): (8.0, 0),
     ("building", "residential"): (10.0, 1),
     ("building", "apartments"): (18.0, 2),
@@ -61,7 +61,7 @@ HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, va
 }
 
 
-BARRIER_HEIGHTS: dict[str, float] = {  # metres, of lines with `barrier`, where no tag says how high they are
+BARRIER_HEIGHTS: dict[str, float] = {  # height in meters of lines with `barrier` whose tags do not give one
     "city_wall": 8.0,
     "wall": 2.0,
     "retaining_wall": 2.0,
@@ -73,7 +73,7 @@ _ONE_STOREY: dict[tuple[str, str], tuple[float, int]] = {
     ("building", "garages"): (4.0, _GARAGES),
     **{("building", kind): (3.0, _OTHER) for kind in ("cabin", "container", "greenhouse", "hut", "kiosk", "shed")},
 }
-_SITES = (  # areas that have no walls around them, for all that stands there
+_SITES = (  # areas without walls around them, whatever stands on them
     "landuse",
     "leisure",
     ("man_made", "bridge"),
@@ -82,12 +82,12 @@ _SITES = (  # areas that have no walls around them, for all that stands there
 
 
 def wall_estimates() -> dict[tuple[str, str], tuple[float, int]]:
-    """Return the default heights of loaders of buildings: HEIGHT_ESTIMATES_TYPES as it is now, with some changes.
+    """Return the default heights for loaders of buildings: HEIGHT_ESTIMATES_TYPES in its current state, with changes.
 
     Land use, sports grounds, bridges and the grounds of power plants are left out, because they have no walls. A
-    building of a kind that has no row counts as `building=yes`, unless it is none (`no`, `proposed`, `construction`,
-    `razed`, `demolished`) or has no walls (`roof`, `carport`). Garages and huts have one storey. Parts of buildings
-    count.
+    building of an unlisted kind counts as `building=yes`, unless it is not a building (`no`, `proposed`,
+    `construction`, `razed`, `demolished`) or has no walls (`roof`, `carport`). Garages and huts have one story. Parts
+    of buildings count.
     """
     walls = {row: one for row, one in HEIGHT_ESTIMATES_TYPES.items() if row not in _SITES and row[0] not in _SITES}
     default = walls.get(("building", "yes"))

@@ -1,8 +1,8 @@
 """Heights of the ground from files of the Shuttle Radar Topography Mission (.hgt), and slopes of roads.
 
 A file covers one degree by one degree and is named after its south-western corner, such as N60E024.hgt: rows from north
-to south of 1201 (SRTM3) or 3601 (SRTM1) big-endian numbers of 16 bits, metres above sea level, -32768 where none is
-known (USGS, "SRTM Topography", 2015). decisions/0039 says what heights mean to walking times and sight lines.
+to south of 1201 (SRTM3) or 3601 (SRTM1) big-endian 16-bit numbers, meters above sea level, -32768 where unknown (USGS,
+"SRTM Topography", 2015). decisions/0039 explains how heights affect walking times and sight lines.
 """
 
 import os
@@ -30,8 +30,8 @@ _NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3})(?:\.SRTMGL[13])?\.hgt", re.IGNOR
 _ENDINGS = (".hgt", ".SRTMGL1.hgt", ".SRTMGL3.hgt", ".HGT")
 _POSTS = {2 * posts * posts: posts for posts in (1201, 3601)}  # bytes of a file -> posts along a side
 _VOID = -32768
-_REACH = 16  # posts, as far as a void is filled from its rim
-_MOST_ROUNDS = 2000  # exact for tunnels of so many nodes; longer ones are as high as the ground in their middle
+_REACH = 16  # posts: reach for filling a void from its rim
+_MOST_ROUNDS = 2000  # exact for tunnels of so many nodes; longer ones get the height of the ground in their middle
 _AT_GROUND = ("no", "building_passage")
 _WAY_OUT = (
     "Give a .hgt file of SRTM (1201 x 1201 or 3601 x 3601 posts, named after its corner, such as N60E024.hgt), or a "
@@ -41,15 +41,15 @@ ElevationPath = str | os.PathLike[str]
 
 
 class Elevation:
-    """The heights in a .hgt file, or in those of a folder; each is read when a place in it is asked for.
+    """The heights in a .hgt file, or in the files of a folder, each of which is read when it is needed.
 
     Args:
-        path: of the file or folder; the name of a file says which degree it covers, such as N60E024.hgt.
+        path: the file or folder; the name of a file tells which degree it covers, such as N60E024.hgt.
 
     Raises:
-        FileNotFoundError: there is no such file or folder.
-        BadFile: the file is no .hgt file.
-        BadType: it is no path.
+        FileNotFoundError: the file or folder does not exist.
+        BadFile: the file is not a .hgt file.
+        BadType: the value is not a path.
     """
 
     def __init__(self, path: ElevationPath) -> None:
@@ -59,16 +59,16 @@ class Elevation:
         self._corner = None if self._path.is_dir() else _corner_of(self._path)
 
     def heights(self, lonlat: FloatArray) -> FloatArray:
-        """Return metres above sea level of places (places, 2) in degrees, between the posts bilinearly.
+        """Return meters above sea level at points (points, 2) in degrees, interpolated bilinearly between posts.
 
-        Where no height is known it is that of the other posts around, or of the nearest one within 16 posts.
+        Unknown posts are left out; if all around a point are unknown, the nearest one within 16 posts counts.
 
         Raises:
             BadFile: a file is damaged.
-            BadValue: a place is in none, or in the middle of a void.
+            BadValue: a point is in no file, or in the middle of a void.
         """
         south_west = np.floor(lonlat).astype(np.int64)
-        for row, axis in np.argwhere(lonlat == south_west).tolist():  # in the last column or row of another file, too
+        for row, axis in np.argwhere(lonlat == south_west).tolist():  # also in the last column or row of another file
             if self._find(*south_west[row].tolist()) is None:
                 south_west[row, axis] -= 1
         heights = np.empty(len(lonlat))
@@ -85,7 +85,7 @@ class Elevation:
         return heights
 
     def _find(self, west: int, south: int) -> Path | None:
-        """Return the file with this south-western corner; None if there is none."""
+        """Return the file with this south-western corner, or None."""
         if self._corner is not None:
             return self._path if self._corner.tolist() == [west, south] else None
         files = (self._path / (_name_of(west, south) + ending) for ending in _ENDINGS)
@@ -97,12 +97,12 @@ def _name_of(west: int, south: int) -> str:
 
 
 def as_elevation(value: object) -> Elevation | None:
-    """Return heights, given as such or as a path; None for None."""
+    """Return the elevation for a value or a path; None for None."""
     return value if value is None or isinstance(value, Elevation) else Elevation(value)  # type: ignore[arg-type] # checked
 
 
 def _corner_of(file: Path) -> IntArray:
-    """Return (west, south), by the name of a file."""
+    """Return (west, south) from the name of a file."""
     match = _NAME.fullmatch(file.name)
     if match is None:
         raise BadFile(f"{str(file)!r} is not named as a file of heights. {_WAY_OUT}")
@@ -119,7 +119,7 @@ def _read(file: Path) -> "np.ndarray[Any, np.dtype[np.int16]]":
 
 
 def _interpolated(posts: "np.ndarray[Any, np.dtype[np.int16]]", share: FloatArray, file: Path) -> FloatArray:
-    """Return heights at places (places, 2), as shares of the width and the height of a file."""
+    """Return heights at points (points, 2), given as shares of the width and the height of a file."""
     at = share * (len(posts) - 1)
     low = np.minimum(at.astype(np.int64), len(posts) - 2)
     east, north = (at - low).T
@@ -152,7 +152,7 @@ def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray,
 
 
 def on_ground(network: RoadNetwork, elevation: Elevation, *, is_walked: bool) -> RoadNetwork:
-    """Return a network whose nodes have heights; `is_walked` says whether slopes count in its travel times.
+    """Return a network whose nodes have heights; `is_walked` tells whether slopes affect its travel times.
 
     Raises: as `Elevation.heights`.
     """
@@ -163,19 +163,19 @@ def on_ground(network: RoadNetwork, elevation: Elevation, *, is_walked: bool) ->
 
 
 def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation") -> None:
-    """Give the nodes of a networkx graph their height `z`, in metres above sea level, and its edges their `grade`.
+    """Set the height `z` of nodes of a networkx graph, in meters above sea level, and the `grade` of its edges.
 
-    The grade of an edge is its rise divided by its length. Travel times stay as they are: the loaders' option
-    `elevation` counts slopes in them.
+    The grade of an edge is its rise divided by its length. Travel times stay unchanged; the loaders' option `elevation`
+    includes slopes in them.
 
     Args:
-        graph: nodes have `x` and `y` in the CRS `graph.graph["crs"]`, edges a `length` in metres.
+        graph: nodes have `x` and `y` in the CRS `graph.graph["crs"]`, edges a `length` in meters.
         elevation: a .hgt file, or a folder of them.
 
     Raises:
-        FileNotFoundError, BadFile: there are no such heights.
-        BadValue: the graph has no CRS, or a place has no height.
-        BadType: an argument is of the wrong type.
+        FileNotFoundError, BadFile: the heights do not exist or are not valid.
+        BadValue: the graph has no CRS, or a point has no height.
+        BadType: an argument has a wrong type.
     """
     if not hasattr(graph, "is_directed"):
         raise BadType(f"graph must be a networkx graph, not {shown(graph)}. For a context: ctx.graph.to_networkx().")
@@ -199,7 +199,7 @@ def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation"
 
 
 def _is_structure(tags: Mapping[str, Any]) -> bool:
-    """Return whether a road runs above or below the ground, on a bridge or in a tunnel."""
+    """Return whether a road is on a bridge or in a tunnel."""
     return any(str(tags.get(key, "no")) not in _AT_GROUND for key in ("bridge", "tunnel"))
 
 
@@ -210,17 +210,17 @@ def _ground(xy: FloatArray, crs: str | None, elevation: Elevation) -> FloatArray
 
 
 def _spanned(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: BoolArray) -> FloatArray:
-    """Return the heights of nodes, to the millimetre; on bridges and in tunnels they rise evenly from end to end.
+    """Return the heights of nodes, to the millimeter; bridges and tunnels rise evenly from end to end.
 
-    There the ground is elsewhere. The heights of nodes without another road are those for which the grades balance at
-    each (the solution of Laplace's equation), found by conjugate gradients.
+    The ground there is above or below the road. The heights of nodes without another road are those for which the
+    grades balance at each (the solution of Laplace's equation), found by conjugate gradients.
     """
     met, rows = np.unique(ends[raised], return_inverse=True)
     a, b = rows.reshape(-1, 2).T
     count = len(met)
     inner = np.bincount(ends[~raised].ravel(), minlength=len(z))[met] == 0
     label = components(a, b, count)
-    inner &= np.isin(label, label[~inner])  # what leads nowhere has no other height
+    inner &= np.isin(label, label[~inner])  # parts that lead nowhere have no other height
     pull = 1.0 / np.maximum(lengths[raised], 1e-3)
 
     def balance(height: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The fidelity report: how far a graph is from the map that it was made of, and whether it keeps its promises."""
+"""The fidelity report: how a graph differs from its source map, and whether it keeps its promises."""
 
 import json
 import os
@@ -27,7 +27,7 @@ from gamms.osm.comparison import (
     wrong_joints,
 )
 from gamms.osm.geojson import is_geojson
-from gamms.osm.load import Clip, Selection, network_in_metres, part_of, read_network, recipe_of, selection_of
+from gamms.osm.load import Clip, RoadSelection, network_in_metres, part_of, read_network, recipe_of, selection_of
 from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes, tolerance_of
 from gamms.osm.network import (
     OSMType,
@@ -54,61 +54,61 @@ Cut = Union["nx.Graph[Any]", IGraphEngine, GraphColumns]
 Source = Union[str, os.PathLike[str], "nx.Graph[Any]", GraphColumns, RoadNetwork]
 
 _ROUNDING_M = 0.001
-_WIDEST_DEFAULT = 10.0  # metres: the tolerance that is assumed of a graph that does not name its own
+_WIDEST_DEFAULT = 10.0  # meters: the assumed tolerance of a graph that does not state its own
 _SLACK = 1e-9
 _JUDGED_TAGS = ("oneway",)
-_FILTER = "filter"  # why a way is left out that is open; the others have a "="
+_FILTER = "filter"  # why an open way is left out; other reasons contain "="
 _MOST_NAMED = 4  # tags that close ways, in the text of a report
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
-LEAST_PIECE, MOST_PIECE = 0.75, 1.25  # of the resolution
+LEAST_PIECE, MOST_PIECE = 0.75, 1.25  # in resolutions
 
 
 class Report(NamedTuple):
-    """What `report` found. Lengths are metres; a two-way road counts once."""
+    """The result of `report`. Lengths are meters; a two-way road counts once."""
 
     source: str
     crs: str | None
     resolution: float
     nodes: int
     edges: int
-    source_length: float | None  # of all ways of a file with a `highway` tag, open or not; None of other sources
-    length_before: float  # of the open roads in the parts of the source that are compared
+    source_length: float | None  # of all ways of a file with a `highway` tag, open or not; None for other sources
+    length_before: float  # of the open roads in the compared parts of the source
     length_after: float  # of the graph
-    other_parts: float  # of open roads that the graph lacks: they are not joined to the part that is kept
-    no_way_back: float  # … or joined to it, but one-way streets do not lead there and back
-    across: float  # of the lines across squares, which are on no map; in all parts
-    conditional_ignored: int  # ways with rules for some times only, such as access:conditional
+    other_parts: float  # of open roads missing in the graph because they are not connected with the kept part
+    no_way_back: float  # … or are connected, but one-way streets do not lead there and back
+    across: float  # of the added lines across squares, in all parts
+    conditional_ignored: int  # ways with rules for certain times only, such as access:conditional
     turn_restrictions_ignored: int
-    barriers: int  # at which agents cannot go on, such as bollards on streets for cars
-    filtered: float  # of open ways that the filter of the caller refuses
-    clipped: float  # of all ways, as far as they are outside of the area of the caller
-    closed: dict[str, float]  # of the ways of a file that are no roads for the mode of travel, by what closes them
-    against_traffic: float  # of edges that lead against the directions of the source
+    barriers: int  # where agents cannot pass, such as bollards on streets for cars
+    filtered: float  # of open ways that the caller's filter refuses
+    clipped: float  # of all ways outside of the caller's area
+    closed: dict[str, float]  # of ways that are closed to the mode of travel, by the tag that closes them
+    against_traffic: float  # of edges against the directions of the source
     one_direction: float  # of edges that are the only direction of a two-way road
-    wrong_joints: int  # places where other roads meet than in the source, and no junction was merged
-    length_merged: float  # by how much merging the junctions of the source makes its roads shorter; negative for longer
+    wrong_joints: int  # places where other numbers of roads meet than in the source, without a merged junction
+    length_merged: float  # by which merging junctions shortens the roads of the source; negative if it lengthens them
     deviation_max: float  # of a vertex of the source from the nearest road of the graph
     deviation_mean: float  # over all vertices of the source
-    surplus_max: float  # deviation of a place on the graph from the nearest road of the source
+    surplus_max: float  # deviation of a point of the graph from the nearest road of the source
     nodes_merged: int
     dead_ends: int
     components: int
     parallel_roads: int  # beyond the first between the same two junctions
-    one_way_share: float  # of the length, as the streets are tagged
+    one_way_share: float  # of the length, by the tags of streets
     roads_uncut: int  # edges that are whole roads, shorter than 1.5 times the resolution
-    roads_uncut_untrue: int  # of them, those with another length than in the source
+    roads_uncut_untrue: int  # uncut roads whose length differs from the source
     pieces: int  # edges that are pieces of longer roads
-    pieces_parted: int  # of them, those of short roads that were cut only so that none is lost
-    piece_min: float  # of the others, and NaN where there are none
+    pieces_parted: int  # pieces of short roads that were cut only so that no road is lost
+    piece_min: float  # of the other pieces; NaN without any
     piece_max: float
-    spacing: dict[str, int]  # how many edges have which share of the resolution
+    spacing: dict[str, int]  # the number of edges for each range of shares of the resolution
     length_kept: bool  # before = after, less what merging junctions moved
     spacing_kept: bool  # pieces have 0.75 to 1.25 times the resolution, uncut roads less than 1.5 times
     uncut_kept: bool  # uncut roads have their true length
-    directions_kept: bool  # edges lead where traffic goes, and both ways where it does
+    directions_kept: bool  # edges follow the traffic, in both directions where it is two-way
     joints_kept: bool  # roads meet where they meet in the source
-    on_map_kept: bool  # no place is off the map, or at most 3 tolerances where junctions were merged
-    source_kept: bool  # what is open and what is left out are together the source
+    on_map_kept: bool  # every point is on the map, or within 3 tolerances if junctions were merged
+    source_kept: bool  # open and left-out ways add up to the source
 
     @property
     def is_faithful(self) -> bool:
@@ -122,13 +122,13 @@ class Report(NamedTuple):
         return missing / self.length_before if self.length_before else 0.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it, as JSON takes it; what is not finite becomes None."""
+        """Return all values for JSON; numbers that are not finite become None."""
         fields = {**self._asdict(), "length_error": self.length_error, "is_faithful": self.is_faithful}
         strange = {name for name, value in fields.items() if isinstance(value, float) and not np.isfinite(value)}
         return {name: None if name in strange else value for name, value in fields.items()}
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return what it says, as pairs of a title and a text."""
+        """Return the report as pairs of a title and a text."""
         merged = self.length_merged / self.length_before if self.length_before else 0.0
         missing = abs(self.length_before - self.length_after - self.length_merged)
         grown = f"{0.0 - round(self.length_merged, 1):+,.1f} m ({0.0 - round(merged, 5):+.3%})"  # never "-0.0"
@@ -175,7 +175,7 @@ class Report(NamedTuple):
         ]
 
     def _closed_in_words(self, key: str) -> str:
-        """Return what closes ways: `highway`, `area`, or for an empty key other tags."""
+        """Return which ways are closed by `highway`, by `area`, or for an empty key by other tags."""
         of_key = {why: metres for why, metres in self.closed.items() if _group(why) == key}
         parts = [f"{why} {metres:,.1f} m" for why, metres in of_key.items()]
         more = f", {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
@@ -199,22 +199,22 @@ def report(
     filter: WayFilter | None = None,
     clip: "Clip | None" = None,
 ) -> Report:
-    """Compare a graph with the map that it was made of.
+    """Compare a graph with the map that it was made from.
 
     Args:
-        graph: a graph that `gamms.osm` made, or a context's graph that it was attached to.
+        graph: a graph made by `gamms.osm`, or a context's graph to which it was attached.
         source: the map file, or the uncut network: any graph that `process_osm_graph` takes, or columns.
-        resolution: as it was asked for; needed where the graph does not say so itself.
-        tolerance: of junctions that became one, as it was asked for; by default as the graph says. If neither does, the
-            graph may have merged none, or with the default of any mode of travel.
-        retain_all: whether all parts of a file are compared, or the largest one; by default as the graph says.
-        osm_type: for which mode of travel roads of a file are compared; by default as the graph says.
-        filter: which of them, as for `graph_from_file`; by default as the graph says, unless that was a function.
-        clip: in which area, likewise.
+        resolution: the requested resolution; needed if the graph does not state it.
+        tolerance: the requested tolerance for merging junctions; default: as stated by the graph. If neither is given,
+            the graph may have merged none, or with the default of any mode of travel.
+        retain_all: compare all parts of a file, or only the largest; default: as stated by the graph.
+        osm_type: the mode of travel whose roads in a file are compared; default: as stated by the graph.
+        filter: the filter of ways, as for `graph_from_file`; default: as stated by the graph, unless it was a function.
+        clip: the area; default: as stated by the graph.
 
     Raises:
-        BadValue: the resolution is not known, or the two have different CRS.
-        BadType: one of the two is something else.
+        BadValue: the resolution is unknown, or the CRS differ.
+        BadType: graph or source has a wrong type.
         FileNotFoundError, BadFile, MissingExtra: as for `graph_from_file`.
     """
     edges, about = _edges_of(graph)
@@ -319,8 +319,10 @@ def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
     return replace(network_of_graph(graph, _JUDGED_TAGS), crs=graph.graph.get("crs")), dict(graph.graph)
 
 
-def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str | ModeFunction | None") -> Selection:
-    """Return which roads of a file are compared with a graph that was made as `about` says."""
+def _selection(
+    about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str | ModeFunction | None"
+) -> RoadSelection:
+    """Return the selection of roads that are compared with a graph; `about` is the graph's description."""
     name, classic = about.get("mode", ""), about.get("osm_type", "")
     strong = bool(about.get("strong", osm_type is not None)) and not retain_all
     recipe = recipe_of(1.0, 0.0, None, retain_all)._replace(
@@ -338,10 +340,10 @@ def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str
     kind, every_way = OSMType[classic] if classic else None, bool(about.get("every_way", False))
     closed = None if every_way else classic_closed_rule(kind)
     rule = classic_rule(kind, every_way=every_way)
-    return Selection(rule, "", retain_all, strong, closed, around_buildings=recipe.around_buildings)
+    return RoadSelection(rule, "", retain_all, strong, closed, around_buildings=recipe.around_buildings)
 
 
-def _source_network(source: Source, selection: Selection) -> RoadNetwork:
+def _source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
     if isinstance(source, RoadNetwork):
         return source
     if isinstance(source, GraphColumns):
@@ -352,13 +354,13 @@ def _source_network(source: Source, selection: Selection) -> RoadNetwork:
         return read_network(as_file(source), show, selection)
 
 
-def _own_count(source: Source, selection: Selection) -> dict[str, Any]:
-    """Count the ways of a file that have a `highway`, open or not, and what is said of them that a graph ignores.
+def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
+    """Count all ways of a file with a `highway` tag, open or not, and features of theirs that a graph ignores.
 
-    Each way counts once. One that is closed, or is the rim of a closed area, and the rim of an open area is open.
+    Each way counts once. A closed way, or the rim of a closed area, counts as open if it is the rim of an open area.
 
     Returns:
-        source_length, clipped, filtered, closed (tag that closes ways -> metres, the most first), conditional,
+        source_length, clipped, filtered, closed (closing tag -> meters, largest first), conditional,
         turn_restrictions.
     """
     if not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
@@ -399,7 +401,7 @@ def _own_count(source: Source, selection: Selection) -> dict[str, Any]:
 
 
 def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:
-    """Return whether what is open and what was left out are together the source, by its own count."""
+    """Return whether open and left-out ways add up to the counted length of the source."""
     total, left_out = about.get("source_length"), source.left_out
     if total is None:
         return True
@@ -409,12 +411,12 @@ def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:
 
 
 def _are_equal(length: float, other: float) -> bool:
-    """Return whether two lengths differ by no more than rounding."""
+    """Return whether two lengths are equal up to rounding."""
     return bool(abs(length - other) <= _ROUNDING_M + _SLACK * other)
 
 
 def _merged(source: RoadNetwork, about: Mapping[str, Any]) -> list[RoadNetwork]:
-    """Return the source with junctions merged: with the tolerance of a graph, or those that it may have by default."""
+    """Return the source with merged junctions, for the graph's tolerance or each possible default."""
     if not len(source.sources):
         return [source]
     roads = simplify(source) if about.get("simplify", True) else source
@@ -426,14 +428,14 @@ def _merged(source: RoadNetwork, about: Mapping[str, Any]) -> list[RoadNetwork]:
 def _directions(
     edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork, about: Mapping[str, Any]
 ) -> tuple[float, float]:
-    """Return what `wrong_directions` does, for a graph that may let agents go against the traffic or does not say."""
+    """Return the result of `wrong_directions` for a graph that may allow or forbid going against the traffic."""
     may = [about["bidirectional"]] if "bidirectional" in about else [True, False]
     networks = [[both_ways(one) if both else one for one in (source, merged)] for both in may]
     return min((wrong_directions(edges, *some) for some in networks), key=sum)
 
 
 def _group(why: str) -> str:
-    """Return which kind of tag closes a way: `highway`, `area`, or for others an empty text."""
+    """Return the group of a closing tag: `highway`, `area`, or "" for others."""
     key = why.partition("=")[0]
     return key if key in ("highway", "area") else ""
 

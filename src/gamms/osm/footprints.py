@@ -1,4 +1,4 @@
-"""Footprints: which tagged things are walls and how high, and their outlines as shapely polygons, in bulk."""
+"""Footprints: which tagged objects are walls, their heights, and their outlines as shapely polygons, in bulk."""
 
 import math
 import re
@@ -29,9 +29,9 @@ ANY = "*"
 PART = "building:part"
 BARRIER_TYPE = 37  # the types of gamms 1.0.0 end at 36
 _LEVEL_M, _FOOT_M, _INCH_M = 3.0, 0.3048, 0.0254
-_TALLEST_M = 1000.0  # what is taller is a slip of the pen
-_LONGEST = 255  # letters of a value, as OpenStreetMap has it
-_UNITS = {  # letters after a number -> metres
+_TALLEST_M = 1000.0  # greater heights are typing errors
+_LONGEST = 255  # letters of a value, the limit of OpenStreetMap
+_UNITS = {  # letters after a number -> meters
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
     **dict.fromkeys(("'", "ft", "feet", "foot"), _FOOT_M),
     **dict.fromkeys(("level", "levels", "floor", "floors", "storey", "storeys", "stories"), _LEVEL_M),
@@ -47,27 +47,27 @@ _ON_ROOFS = ("roof", "rooftop")
 _WHOLE = re.compile(r"-?[0-9]{1,3}")
 
 
-class Wall(NamedTuple):
-    """What the walls around one footprint have in common."""
+class WallProfile(NamedTuple):
+    """The heights and the type of the walls around one footprint."""
 
-    base: float  # metres above the ground
-    top: float  # metres above the ground
+    base: float  # meters above the ground
+    top: float  # meters above the ground
     type: int
     key: str = "building"  # the tag that makes it a wall
-    is_measured: bool = True  # whether tags say how high it is
+    is_measured: bool = True  # whether tags give its height
 
 
 class WallRules:
-    """Which tagged things are walls, and how high: the tables of a caller, checked.
+    """Checked tables that decide which tagged objects are walls, and how high.
 
     Args:
-        tags: only things with one of these tags; None: all.
+        tags: select only objects with one of these tags; None: all.
         estimates: (key, value) -> (height, type); `"*"` as the value stands for every other one. An exact row beats
-            a `"*"`, and of several rows the later one counts.
-        barriers: value of `barrier` -> height: which lines are walls, too.
+            a `"*"`, and the last of several rows counts.
+        barriers: value of `barrier` -> height, for lines that are walls.
 
     Raises:
-        BadType, BadValue: a table is not of this form.
+        BadType, BadValue: a table has another form.
     """
 
     def __init__(
@@ -80,8 +80,8 @@ class WallRules:
         self.keys = sorted({key for key, _ in self._estimates})
         self.has_barriers = bool(self._barriers)
 
-    def wall_of(self, tags: Mapping[str, str]) -> Wall | None:
-        """Return the walls around an area with these tags; None if it has none."""
+    def wall_of(self, tags: Mapping[str, str]) -> WallProfile | None:
+        """Return the walls around an area with these tags, or None."""
         if _is_off_the_ground(tags) or not (self._tags is None or is_asked_for(tags, self._tags)):
             return None
         row = self._row_of(tags)
@@ -90,8 +90,8 @@ class WallRules:
         estimate, type = self._estimates[row]
         return _wall(tags, estimate, type, row[0])
 
-    def barrier_of(self, tags: Mapping[str, str]) -> Wall | None:
-        """Return the wall along a line with these tags; None if it is none."""
+    def barrier_of(self, tags: Mapping[str, str]) -> WallProfile | None:
+        """Return the wall along a line with these tags, or None."""
         estimate = self._barriers.get(tags.get("barrier", ""))
         if estimate is None or _is_off_the_ground(tags):
             return None
@@ -105,32 +105,32 @@ class WallRules:
 
 
 def _is_off_the_ground(tags: Mapping[str, str]) -> bool:
-    """Return whether a thing lies under the ground, or on a roof, where solar panels do."""
+    """Return whether an object lies under the ground, or on a roof, such as solar panels."""
     location = tags.get("location")
     return location in _BURIED or location in _ON_ROOFS or layer_of(tags) < 0
 
 
 def is_in_the_way(tags: Mapping[str, str]) -> bool:
-    """Return whether no way on the ground leads through an area with these tags: it is a building without a base."""
+    """Return whether an area with these tags blocks ways: it is a building that stands on the ground."""
     is_building = tags.get("building", "no") not in _NO_WALLS and not _is_off_the_ground(tags)
     return is_building and not (metres_of(tags.get("min_height")) or _levels(tags.get("building:min_level")))
 
 
 def layer_of(tags: Mapping[str, str]) -> int:
-    """Return the layer that tags say: negative for what lies under others; 0 where they say none."""
+    """Return the layer in the tags: negative below other objects; 0 by default."""
     text = tags.get("layer", "")
     return int(text) if _WHOLE.fullmatch(text) else 0
 
 
-def _wall(tags: Mapping[str, str], estimate: float, type: int, key: str) -> Wall:
+def _wall(tags: Mapping[str, str], estimate: float, type: int, key: str) -> WallProfile:
     said = metres_of(tags.get("height")) or metres_of(tags.get("est_height")) or _storeys(tags)
     top = said or estimate
     base = metres_of(tags.get("min_height")) or _levels(tags.get("building:min_level")) or 0.0
-    return Wall(base if base < top else 0.0, top, type, key, said is not None)
+    return WallProfile(base if base < top else 0.0, top, type, key, said is not None)
 
 
 def _storeys(tags: Mapping[str, str]) -> float | None:
-    """Return the height of the storeys that tags count, with that of the roof."""
+    """Return the height of the tagged stories, with the roof."""
     body = _levels(tags.get("building:levels"))
     if body is None:
         return None
@@ -143,12 +143,12 @@ def _levels(text: str | None) -> float | None:
 
 
 def metres_of(text: str | None, units: Mapping[str, float] = _UNITS) -> float | None:
-    """Return a height as mappers write it, such as "12", "12.5 m", "12 ft 6 in" or "4 storeys", in metres.
+    """Return a height as mappers write it, such as "12", "12.5 m", "12 ft 6 in" or "4 storeys", in meters.
 
-    Of a range such as "10-12" it is the lower end: so much stands there in any case. None where the text is no
-    height, not positive, or above 1000 m.
+    A range such as "10-12" gives its lower end, which is certain. None if the text is not a height, is not positive, or
+    is above 1000 m.
     """
-    # Runs of spaces would take time that grows with their number cubed.
+    # Without this limit, runs of spaces would take cubic time.
     words = " ".join(text.lower().split()) if text is not None and len(text) <= _LONGEST else ""
     found = _HEIGHT.fullmatch(words)
     if found is None:
@@ -170,10 +170,10 @@ def _metres(number: str, unit: str | None, inches: str | None, units: Mapping[st
 
 
 def checked_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
-    """Return a caller's filter of tags: key -> the values, or None for any.
+    """Return a checked filter of tags: key -> the values, or None for any.
 
     Raises:
-        BadType: it is not of this form.
+        BadType: the filter has another form.
     """
     if not isinstance(tags, Mapping):
         raise BadType(f"tags must be a dict such as {{'building': True}}, not {shown(tags)} ({type(tags).__name__}).")
@@ -190,7 +190,7 @@ def checked_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
 
 
 def is_asked_for(tags: Mapping[str, str], wanted: Mapping[str, Collection[str] | None]) -> bool:
-    """Return whether a thing has one of the wanted tags, given as `checked_filter` returns them."""
+    """Return whether an object has one of the wanted tags; `wanted` comes from `checked_filter`."""
     return any(values is None or tags[key] in values for key, values in wanted.items() if key in tags)
 
 
@@ -213,9 +213,9 @@ def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, 
     return checked
 
 
-_ENTERS = "T********"  # of lines and areas, in the model of DE-9IM: their insides have a point in common
-_ROUNDING = 1e-8  # degrees, a millimetre: by which a way along a wall may be off
-RING_ROLES = ("outer", "inner", "")  # of the ways in a multipolygon that enclose it
+_ENTERS = "T********"  # DE-9IM pattern for lines and areas: their interiors intersect
+_ROUNDING = 1e-8  # degrees, a millimeter: tolerance for a way along a wall
+RING_ROLES = ("outer", "inner", "")  # roles of the ways that enclose a multipolygon
 _BYTES_PER_CELL = 1 << 20  # of the map in a cell
 
 Shapes = np.ndarray[Any, np.dtype[np.object_]]
@@ -223,7 +223,7 @@ Shapes = np.ndarray[Any, np.dtype[np.object_]]
 
 @dataclass(slots=True, frozen=True, eq=False)
 class Outlines:
-    """Lines that enclose footprints: line `i` visits the positions `offsets[i]:offsets[i + 1]`, two at least."""
+    """Lines around footprints: line `i` visits the positions `offsets[i]:offsets[i + 1]`, at least two."""
 
     offsets: IntArray  # (lines + 1,)
     lonlat: FloatArray  # (positions, 2)  degrees
@@ -234,7 +234,7 @@ class Outlines:
 def outlines_of_ways(
     offsets: IntArray, lonlat: FloatArray, row_of: Mapping[int, int], ways_of: Sequence[list[int]], about: Sequence[Any]
 ) -> Outlines:
-    """Return the lines of each footprint; one that leads through a place that the map lacks is left out.
+    """Return the lines around each footprint, without lines through places that the map lacks.
 
     Args:
         offsets: (ways + 1,) of the vertices of each way.
@@ -253,12 +253,12 @@ def outlines_of_ways(
 
 
 def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> Outlines:
-    """Return the pieces of lines between the places that the map lacks.
+    """Return the pieces of lines between places that the map lacks.
 
     Args:
         offsets: (lines + 1,) of the vertices of each line.
         lonlat: (vertices, 2) degrees, NaN where the map lacks the node.
-        about: (lines,) what each is.
+        about: (lines,) the description of each line.
     """
     known, line = np.flatnonzero(np.isfinite(lonlat[:, 0])), np.repeat(np.arange(len(about)), np.diff(offsets))
     begins = np.append(True, (np.diff(known) > 1) | (np.diff(line[known]) > 0))[: len(known)]
@@ -270,10 +270,10 @@ def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> 
 
 
 def footprints_of(outlines: Outlines) -> Shapes:
-    """Return one polygonal shape per footprint, in degrees; empty where its lines enclose nothing.
+    """Return one polygonal shape per footprint, in degrees; empty if its lines enclose nothing.
 
-    What lies inside another ring is a courtyard, and what lies in a courtyard is built upon, whatever the order and
-    the direction of the lines. A line that crosses itself encloses what is left and right of the crossing.
+    A ring inside another ring is a courtyard, and a ring in a courtyard is built upon, whatever the order and the
+    direction of the lines. A line that crosses itself encloses the areas on both sides of the crossing.
     """
     import shapely
 
@@ -281,7 +281,7 @@ def footprints_of(outlines: Outlines) -> Shapes:
     is_alone = np.bincount(outlines.owners, minlength=len(shapes))[outlines.owners] == 1
     first, last = outlines.lonlat[outlines.offsets[:-1]], outlines.lonlat[outlines.offsets[1:] - 1]
     is_ring = is_alone & (first == last).all(axis=1) & (np.diff(outlines.offsets) > 3)
-    # A closed way keeps its points and their order; everything else is assembled.
+    # A closed way keeps its points and their order; other footprints are assembled from lines.
     points, row = _chosen(outlines, is_ring)
     shapes[outlines.owners[is_ring]] = polygons_of(points, row)
     points, row = _chosen(outlines, ~is_ring)
@@ -292,7 +292,7 @@ def footprints_of(outlines: Outlines) -> Shapes:
 
 
 def polygons_of(points: FloatArray, row: IntArray) -> Shapes:
-    """Return polygons of closed lines through points (points, 2), each of which belongs to the line of its row."""
+    """Return polygons from closed lines through points (points, 2); `row` is the line of each point."""
     import shapely
 
     polygons: Shapes = shapely.polygons(shapely.linearrings(points, indices=row))
@@ -300,14 +300,14 @@ def polygons_of(points: FloatArray, row: IntArray) -> Shapes:
 
 
 def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
-    """Return the points (points, 2) of some lines, and to which of them each belongs."""
+    """Return the points (points, 2) of the chosen lines, and the line of each point."""
     sizes = np.diff(outlines.offsets)
     points = outlines.lonlat[np.repeat(is_chosen, sizes)]
     return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
 
 
 def shapes_of(given: "Sequence[BaseGeometry]") -> Shapes:
-    """Return shapes of a caller; those that are neither a line nor an area become empty."""
+    """Return a caller's shapes as an array; shapes that are neither lines nor areas become empty."""
     import shapely
 
     kinds = (shapely.Polygon, shapely.MultiPolygon, shapely.LineString)
@@ -334,7 +334,7 @@ def lines_of(outlines: Outlines) -> Shapes:
 
 
 def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
-    """Return which points (points, 2) lie in an area or on its outline."""
+    """Return a mask of the points (points, 2) in an area or on its outline."""
     import shapely
 
     shapely.prepare(area)
@@ -343,7 +343,7 @@ def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
 
 
 def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
-    """Return which shapes have a point in common with an area."""
+    """Return a mask of the shapes that intersect an area."""
     import shapely
 
     shapely.prepare(area)
@@ -352,7 +352,7 @@ def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
 
 
 def leads_across(area: "BaseGeometry", start: FloatArray, end: FloatArray) -> BoolArray:
-    """Return which straight lines between these places (lines, 2) run inside an area, and not along its outline."""
+    """Return a mask of the straight lines (lines, 2) that run inside an area, and not along its outline."""
     import shapely
 
     lines = shapely.linestrings(np.stack((start, end), axis=1))
@@ -362,11 +362,11 @@ def leads_across(area: "BaseGeometry", start: FloatArray, end: FloatArray) -> Bo
     return across
 
 
-class Buildings:
-    """The buildings of a map that no way leads through.
+class BuildingIndex:
+    """The buildings of a map that block ways.
 
     Args:
-        read: returns their outlines, polygons in degrees; it is called when a line is first asked about.
+        read: returns their outlines, polygons in degrees; called on first use.
     """
 
     def __init__(self, read: "Callable[[], Shapes]") -> None:
@@ -379,9 +379,9 @@ class Buildings:
         return shapely.STRtree(repaired(self._read()))
 
     def lie_between(self, start: FloatArray, end: FloatArray, around: "BaseGeometry") -> BoolArray:
-        """Return which straight lines between places (lines, 2) in an area, in degrees, lead through a building.
+        """Return a mask of the straight lines (lines, 2) in an area, in degrees, that lead through a building.
 
-        A building that covers half of the area is not in the way: that is a hall, and the lines run in it.
+        A building that covers half of the area does not block lines: it is a hall in which they run.
         """
         import shapely
 
@@ -390,10 +390,10 @@ class Buildings:
         return np.isin(np.arange(len(start)), line[covered < around.area / 2.0])
 
     def crossings(self, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the rows of straight lines between places (lines, 2) and of buildings they lead through, and how far.
+        """Return crossings of straight lines (lines, 2) with buildings: rows of lines, of buildings, lengths inside.
 
-        Places and lengths are in degrees. A building inside which a line begins and ends without leaving it is not in
-        its way.
+        Points and lengths are in degrees. A building does not block a line that begins and ends inside it without
+        leaving it.
         """
         import shapely
 
@@ -408,20 +408,20 @@ class Buildings:
 
 
 def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":
-    """Return the union of some outlines in GeoJSON, as a shapely shape."""
+    """Return the union of GeoJSON outlines, as a shapely shape."""
     import shapely
 
     return shapely.union_all([shapely.geometry.shape(one) for one in geojson])
 
 
 def widened(area: "BaseGeometry", metres: float) -> "BaseGeometry":
-    """Return an area of degrees with a margin, as a shapely shape in degrees."""
+    """Return an area of degrees with a margin in meters, as a shapely shape in degrees."""
     crs, in_metres = _in_metres(area)
     return _in_degrees(in_metres.buffer(metres), crs)
 
 
 def outlines_of(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
-    """Simple outlines in degrees that together cover an area of degrees, none larger than `most_m2`."""
+    """Return simple outlines in degrees that together cover an area of degrees, none larger than `most_m2`."""
     import shapely
 
     crs, in_metres = _in_metres(area)
@@ -434,7 +434,7 @@ def outlines_of(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
 
 
 def _cells(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
-    """Return a convex area, cut into squares where it is too large."""
+    """Return a convex area, cut into squares if it is too large."""
     import shapely
 
     if area.area <= most_m2:
@@ -464,7 +464,7 @@ def _in_degrees(area: "BaseGeometry", crs: str) -> "BaseGeometry":
 
 
 def repaired(shapes: Shapes) -> Shapes:
-    """Return the shapes; polygons that cross themselves are assembled again from their lines."""
+    """Return the shapes with self-crossing polygons assembled again from their lines."""
     import shapely
 
     broken = ~shapely.is_valid(shapes) & (shapely.get_dimensions(shapes) == 2)
@@ -475,9 +475,9 @@ def repaired(shapes: Shapes) -> Shapes:
 
 
 def _enclosed(lines: Shapes) -> Shapes:
-    """Return what bundles of lines enclose."""
+    """Return the areas that bundles of lines enclose."""
     import shapely
 
-    # A union cuts lines where they meet, as `shapely.node` does, but gets to the end with any lines.
+    # A union cuts lines where they meet, like `shapely.node`, but succeeds for all lines.
     enclosed: Shapes = shapely.build_area(shapely.union_all(lines.reshape(-1, 1), axis=1))
     return enclosed

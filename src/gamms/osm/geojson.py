@@ -1,4 +1,4 @@
-"""Read the lines of a GeoJSON file (RFC 7946) as roads that join where they have equal coordinates."""
+"""Read the lines of a GeoJSON file (RFC 7946) as roads that join at equal coordinates."""
 
 import os
 import re
@@ -17,28 +17,28 @@ from gamms.ir.geometry import NearLines, nearest_on
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
-from gamms.osm.network import Rule, Ways, components, is_against, is_one_way, offsets_of
+from gamms.osm.network import OsmRoads, Rule, components, is_against, is_one_way, offsets_of
 from gamms.osm.osmium_reader import as_file
 from gamms.plain import why_not_plain
 from gamms.progress import Show
 from gamms.text import shown
 
-_MEMORY_PER_BYTE = 10  # that Python needs for what it reads
-_MOST_LEVELS = 32  # of geometry collections inside geometry collections
-_NO_TAGS = frozenset(("id", "osmid", "linestring", "geometry", "length", "reversed"))  # names of our own
-_WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")  # how files from before RFC 7946 name the only CRS there is now
+_MEMORY_PER_BYTE = 10  # memory of Python for each byte that it reads
+_MOST_LEVELS = 32  # of nested geometry collections
+_NO_TAGS = frozenset(("id", "osmid", "linestring", "geometry", "length", "reversed"))  # our own names
+_WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")  # names of WGS 84 in files older than RFC 7946
 _WAY_OUT = "Give a GeoJSON file with LineString or MultiLineString geometries in longitude and latitude."
 _ID = re.compile(r"(?:way/)?(-?\d{1,18})", re.ASCII)
 _Line = list[Annotated[list[float], Meta(min_length=2)]]
 
 
-class _Object(msgspec.Struct):
-    """A document, a feature or a geometry of any kind; coordinates are looked at where they are those of lines."""
+class _GeoJsonObject(msgspec.Struct):
+    """A document, a feature or a geometry of any kind; only the coordinates of lines are checked."""
 
     type: str = ""
-    features: "list[_Object]" = []
-    geometry: "_Object | None" = None
-    geometries: "list[_Object] | None" = None
+    features: "list[_GeoJsonObject]" = []
+    geometry: "_GeoJsonObject | None" = None
+    geometries: "list[_GeoJsonObject] | None" = None
     coordinates: Any = None
     properties: dict[str, Any] | None = None
     id: Any = None
@@ -49,13 +49,13 @@ class _Object(msgspec.Struct):
 
 def read_lines(
     file: Path, show: Show, _rule: Rule | None = None, _tags: Sequence[str] = (), *, snap: float = 0.0
-) -> Ways:
-    """Return the lines of a GeoJSON file, in its order; points and polygons are passed over.
+) -> OsmRoads:
+    """Return the lines of a GeoJSON file, in its order; ignore points and polygons.
 
-    Ends of lines join other lines that are at most `snap` metres away.
+    Ends of lines join other lines that are at most `snap` meters away.
 
     Raises:
-        BadFile: it is no GeoJSON, damaged, too large, without lines, or not in degrees.
+        BadFile: the file is not GeoJSON, is damaged, too large, without lines, or not in degrees.
     """
     show(f"Reading {file.name}")
     refuse_above(_MEMORY_PER_BYTE * file.stat().st_size, f"reading {str(file)!r}")
@@ -67,20 +67,20 @@ def read_lines(
 
 
 def is_geojson(filepath: str | os.PathLike[str]) -> bool:
-    """Return whether a file begins as a JSON object does, so that `graph_from_geojson` may read it.
+    """Return whether a file begins like a JSON object, so that `graph_from_geojson` may read it.
 
     Raises:
-        FileNotFoundError, IsADirectoryError: there is no such file.
+        FileNotFoundError, IsADirectoryError: the file does not exist.
     """
     with as_file(filepath).open("rb") as stream:
         return stream.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"{")
 
 
-def _ways(text: bytes) -> Ways:
-    document = msgspec.json.decode(text, type=_Object)
+def _ways(text: bytes) -> OsmRoads:
+    document = msgspec.json.decode(text, type=_GeoJsonObject)
     if document.crs and not msgspec.json.encode(document.crs).decode().rstrip('"} ').endswith(_WGS84):
         raise ValueError(f"its crs is {str(document.crs)[:80]}, and GeoJSON is in WGS 84. Convert it first")
-    features = [document if document.type == "Feature" else _Object(geometry=document)]
+    features = [document if document.type == "Feature" else _GeoJsonObject(geometry=document)]
     if document.type == "FeatureCollection":
         features = document.features
     lines, tags, against = [], [], []
@@ -99,12 +99,12 @@ def _ways(text: bytes) -> Ways:
     offsets = offsets_of(np.array([len(line) for line in lines], np.int64))
     credit = next((text for text in (document.attribution, document.copyright) if isinstance(text, str)), None)
     lonlat = np.column_stack((places.real, places.imag))[refs]
-    return Ways(offsets, refs.astype(np.int64), lonlat, np.array(against, np.bool_), tags, credit, nodes=None)
+    return OsmRoads(offsets, refs.astype(np.int64), lonlat, np.array(against, np.bool_), tags, credit, nodes=None)
 
 
-def _lines_of(geometry: _Object | None, level: int = 0) -> Iterator[Any]:
+def _lines_of(geometry: _GeoJsonObject | None, level: int = 0) -> Iterator[Any]:
     """Yield the coordinates of the lines in a geometry."""
-    if geometry is None:  # a feature without a place
+    if geometry is None:  # a feature without a geometry
         return
     if level > _MOST_LEVELS or not geometry.type:
         raise ValueError("a geometry has no type, or is nested too deep")
@@ -113,7 +113,7 @@ def _lines_of(geometry: _Object | None, level: int = 0) -> Iterator[Any]:
     elif geometry.type == "MultiLineString":
         yield from msgspec.convert(geometry.coordinates, list[Any])
     elif geometry.type == "GeometryCollection":
-        for part in msgspec.convert(geometry.geometries, list[_Object]):
+        for part in msgspec.convert(geometry.geometries, list[_GeoJsonObject]):
             yield from _lines_of(part, level + 1)
 
 
@@ -125,8 +125,8 @@ def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     return lonlat
 
 
-def _tags(feature: _Object, number: int) -> dict[str, Any]:
-    """Return the properties of a feature, and as `osmid` the first of its ids with a number in it, such as way/123."""
+def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
+    """Return the properties of a feature; `osmid` is the first id with a number in it, such as way/123."""
     given = feature.properties or {}
     kept = {name: value for name, value in given.items() if name not in _NO_TAGS and value is not None}
     for name, value in kept.items():
@@ -141,18 +141,18 @@ def _tags(feature: _Object, number: int) -> dict[str, Any]:
 # -- lines that nearly meet ---------------------------------------------------------------------------------------
 
 _AT_ONCE = 64  # ends of lines
-_MOST_NEAR = 1_000  # lines around an end, in the mean
+_MOST_NEAR = 1_000  # lines around an end, on average
 _FEW_NEAR = 1_000_000
 
 
-def snapped(ways: Ways, metres: float) -> Ways:
-    """Return lines whose ends are joined to the nearest other line, where that is at most `metres` away.
+def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
+    """Return lines whose ends are joined to the nearest other line, if it is at most `metres` away.
 
-    An end joins a vertex of that line if one is near enough, and otherwise becomes one. Lines that cross stay apart:
-    one may be a bridge.
+    An end joins a near vertex of that line, or else becomes a new vertex of it. Crossing lines stay apart, because one
+    may be a bridge.
 
     Raises:
-        ValueError: so many lines lie so near to each other that it would take hours.
+        ValueError: so many lines are so near to each other that joining would take hours.
     """
     xy = project(ways.lonlat, WGS84, utm_crs(ways.lonlat))
     lines = [slice(a, b) for a, b in pairwise(ways.offsets.tolist())]
@@ -161,7 +161,7 @@ def snapped(ways: Ways, metres: float) -> Ways:
     ends = [(line, at) for line in whole for at in (lines[line].start, lines[line].stop - 1)]
     open_ends = [(line, at) for line, at in ends if counts[ways.refs[at]] == 1]
     found = _nearest_lines({line: xy[lines[line]] for line in whole}, open_ends, xy, metres) if whole else {}
-    joined, inserted = [], dict[int, list[tuple[float, int]]]()  # places; line -> how far along it -> place
+    joined, inserted = [], dict[int, list[tuple[float, int]]]()  # places; line -> [(distance along it, place)]
     for (_, at), line in found.items():
         points = xy[lines[line]]
         off = np.hypot(*(points - xy[at]).T)
@@ -182,7 +182,7 @@ def snapped(ways: Ways, metres: float) -> Ways:
 def _nearest_lines(
     lines: dict[int, FloatArray], ends: list[tuple[int, int]], xy: FloatArray, metres: float
 ) -> dict[tuple[int, int], int]:
-    """Return for ends, each a line and a position, the nearest other line within `metres`."""
+    """Return (line, position) of an end -> the nearest other line within `metres`."""
     tree, numbers = NearLines([*lines.values()]), np.array([*lines], np.int64)
     found: dict[tuple[int, int], int] = {}
     total = 0
@@ -200,7 +200,7 @@ def _nearest_lines(
 
 
 def _with_places(xy: FloatArray, lines: list[slice], inserted: dict[int, list[tuple[float, int]]]) -> IntArray:
-    """Return the positions of all lines in their order, with places between them that are so far along."""
+    """Return the positions of all lines in order, with inserted places at their distances along the lines."""
     order: list[int] = []
     for line, rows in enumerate(lines):
         own = list(range(rows.start, rows.stop))

@@ -1,4 +1,4 @@
-"""Maps in, graphs out: what `gamms.osm` offers, step by step from the file to the networkx graph."""
+"""The functions of `gamms.osm` that make graphs of maps, step by step from the file to the networkx graph."""
 
 import json
 import logging
@@ -36,11 +36,11 @@ from gamms.osm.modes import (
     tolerance_of,
 )
 from gamms.osm.network import (
+    OsmRoads,
     OSMType,
     RoadNetwork,
     Rule,
     Stops,
-    Ways,
     both_ways,
     classic_closed_rule,
     classic_rule,
@@ -67,14 +67,14 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 FilePath = str | os.PathLike[str]
-_Reader = Callable[[Path, Show, Rule | None, Sequence[str]], Ways]
+_Reader = Callable[[Path, Show, Rule | None, Sequence[str]], OsmRoads]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
 
 
-class Recipe(NamedTuple):
-    """How a graph was made of a map; `G.graph` carries it, so that a report can be made of it."""
+class GraphRecipe(NamedTuple):
+    """The options by which a graph was made of a map; stored in `G.graph`, for reports."""
 
     resolution: float
     tolerance: float
@@ -82,28 +82,28 @@ class Recipe(NamedTuple):
     retain_all: bool
     simplify: bool
     osm_type: str = ""  # "WALK", "BIKE", "DRIVE" or the name of another mode
-    mode: str = ""  # the mode whose rules chose the roads; empty for those of 1.0.0
+    mode: str = ""  # the mode whose rules chose the roads; empty for the rules of 1.0.0
     strong: bool = False
-    around_buildings: bool = False  # whether merged junctions and ways across squares keep clear of buildings
+    around_buildings: bool = False  # whether merged junctions and lines across squares avoid buildings
     clip: str = ""  # the area in degrees, as GeoJSON
     filter: str = ""  # as JSON, or the name of a function
-    every_way: bool = False  # also what is planned, being built or gone, as gamms 1.0.0 takes it from files
+    every_way: bool = False  # also planned, unfinished and removed roads, as gamms 1.0.0 takes them from files
 
 
-class Selection(NamedTuple):
-    """Which roads of a map are wanted."""
+class RoadSelection(NamedTuple):
+    """The roads of a map to read."""
 
     rule: Rule | None = None  # which ways are open, and in which direction; None: all roads
     mode: str = ""  # its name, for errors
     retain_all: bool = False
     strong: bool = False
     closed: Rule | None = None  # which ways are left out
-    areas: bool = False  # lead ways across the open areas
-    tags: tuple[str, ...] = ()  # which are kept, too
+    areas: bool = False  # add lines across open areas
+    tags: tuple[str, ...] = ()  # further tags to keep
     stops: Stops | None = None  # which barriers end a road
-    is_classic: bool = False  # nodes have no more than gamms 1.0.0 gives them
-    clip: "Polygon | None" = None  # the area in degrees that is taken
-    snap: float = 0.0  # metres, of GeoJSON
+    is_classic: bool = False  # nodes have only the attributes of gamms 1.0.0
+    clip: "Polygon | None" = None  # the area in degrees to read
+    snap: float = 0.0  # meters, for GeoJSON
     around_buildings: bool = False
 
 
@@ -112,35 +112,40 @@ Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, An
 
 
 class MapOptions(TypedDict, total=False):
-    """More options of functions that make graphs of maps."""
+    """Further options of functions that make graphs of maps."""
 
     tags: Sequence[str]
-    """Tags that edges keep besides the usual ones, and nodes where they have them: a node of the map with one of them
-    is a node of the graph; ()."""
+    """Tags that edges keep besides the usual ones, and nodes, too: a node of the map with one of these tags is a
+    node of the graph; ().
+    """
     elevation: "ElevationPath | Elevation | None"
-    """A .hgt file of SRTM, or a folder of them: nodes get their height as `z`, metres, and edges their `grade`, and
-    walkers take longer uphill; None."""
+    """A .hgt file of SRTM, or a folder of them: nodes get their height `z` in meters, edges their `grade`, and walking
+    uphill takes longer; None.
+    """
     around_buildings: bool
-    """Whether merged junctions and lines across squares keep clear of buildings: True for files, False for areas, whose
-    buildings have to be downloaded too."""
+    """Whether merged junctions and lines across squares avoid buildings: True for files; False for areas, whose
+    buildings would have to be downloaded.
+    """
 
 
 class FileOptions(MapOptions, total=False):
-    """More options of `graph_from_file`."""
+    """Further options of `graph_from_file`."""
 
     filter: "WayFilter | None"
-    """Which ways are taken of those that are open: a function from the tags of a way to a bool, or a dict from tags to
-    the value that a way has to have, a list of such values, or True for any value; None: all."""
+    """A filter of the open ways: a function from the tags of a way to a bool; or a dict from tags to the required
+    value, a list of such values, or True for any value; None: all.
+    """
     clip: "Clip | None"
-    """The area that is taken: (west, south, east, north) in degrees, or a polygon in degrees, as (longitude, latitude)
-    pairs, of shapely or of GeoJSON; None: all. Roads end at their last node in it. Memory is taken for it only."""
+    """The area to read: (west, south, east, north) in degrees, or a polygon in degrees, as (longitude, latitude)
+    pairs, of shapely or of GeoJSON; None: all. Roads end at their last node in it. Only the area takes memory.
+    """
 
 
 def refuse_unknown(given: Mapping[str, Any], options: type, of: str) -> None:
-    """Refuse options that a function does not have; `of` names it.
+    """Refuse unknown options; `of` names the function.
 
     Raises:
-        BadType: there is one.
+        BadType: an option is unknown.
     """
     for option in given:
         if option not in options.__annotations__:
@@ -156,25 +161,25 @@ def graph_from_xml(
 ) -> "nx.DiGraph[int]":
     """Make a graph of all ways with a `highway` tag in an OpenStreetMap file, with a node at every vertex of the file.
 
-    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, leaves out roads that are planned,
-    being built or gone, and knows modes of travel.
+    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, leaves out planned, unfinished and
+    removed roads, and supports modes of travel.
 
     Args:
         filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
-        resolution: metres between nodes; a road of length L becomes round(L / resolution) equal pieces,
+        resolution: meters between nodes; a road of length L becomes round(L / resolution) equal pieces,
             and a road shorter than 1.5 times the resolution stays whole.
-        bidirectional: let agents go against one-way streets; False honours the directions.
+        bidirectional: let agents go against one-way streets; False keeps the directions.
         retain_all: keep every part of the map, not only the largest connected one.
-        tolerance: metres; junctions that a road of at most twice this length joins become one node.
+        tolerance: meters; junctions joined by a road of at most twice this length become one node.
 
     Returns:
-        A directed graph in UTM metres, its CRS in `G.graph["crs"]`. Nodes are 0, 1, … with `x` and `y`;
-        edges have `id`, `linestring`, `length` (true metres, on the ellipsoid), `speed_kph`, `travel_time` and
+        A directed graph in UTM meters, its CRS in `G.graph["crs"]`. Nodes are 0, 1, … with `x` and `y`;
+        edges have `id`, `linestring`, `length` (true meters, on the ellipsoid), `speed_kph`, `travel_time` and
         the tags of their street.
 
     Raises:
-        FileNotFoundError, IsADirectoryError: there is no such file.
-        BadFile: it is damaged, not OpenStreetMap data, or has no roads.
+        FileNotFoundError, IsADirectoryError: the file does not exist.
+        BadFile: the file is damaged, not OpenStreetMap data, or has no roads.
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium is not installed.
     """
@@ -194,26 +199,26 @@ def graph_from_file(
     strong: bool | None = None,
     **more: Unpack[FileOptions],
 ) -> "nx.DiGraph[int]":
-    """Make a graph of the roads in an OpenStreetMap file for one mode of travel, or of all.
+    """Make a graph of the roads in an OpenStreetMap file for one mode of travel, or for all.
 
     Args:
         filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
-        resolution: metres between nodes, as for `graph_from_xml`; roads are cut from junction to junction.
+        resolution: meters between nodes, as for `graph_from_xml`; roads are cut from junction to junction.
         bidirectional: True: agents may go against one-way streets; False: they may not; None: as the mode says, and
             without a mode they may.
         retain_all: keep every part of the map, not only the largest connected one.
-        tolerance: metres; junctions that a road of at most twice this length joins become one node.
-            0 merges nothing but vertices at one place; None: as the mode says, and 0.5 without one.
+        tolerance: meters; junctions joined by a road of at most twice this length become one node.
+            0 merges only vertices at equal positions; None: as the mode says, and 0.5 without one.
         osm_type: a mode of travel: an `OSMType`, one of the names in `gamms.osm.modes()`, a `Mode`, or a function from
-            the tags of a way to its `Access`. It says which roads are open, their directions and the travel times.
-            None takes all roads, with the speed of cars.
+            the tags of a way to its `Access`. It decides the open roads, their directions and the travel times. None
+            takes all roads, with the speed of cars.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
-        strong: keep the largest part in which every node can be reached from every other; by default with a mode.
+        strong: keep the largest part in which every node can be reached from every other; default: only with a mode.
         more: see `FileOptions`.
 
     Returns:
-        A graph as `graph_from_xml` makes it. Nodes that the map has, too, have its number of them as `osmid` and, at
-        crossings and traffic signals, `highway`.
+        A graph as from `graph_from_xml`. Nodes that exist on the map also have their id as `osmid` and, at crossings
+        and traffic signals, `highway`.
 
     Raises: as `graph_from_xml`.
     """
@@ -229,17 +234,17 @@ def graph_from_file(
     return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
 
 
-def part_of(selection: Selection, given: "WayFilter | None", clip: object) -> Selection:
-    """Return which of the roads are wanted by a filter and an area of the caller's.
+def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -> RoadSelection:
+    """Return the selection restricted by the caller's filter and area.
 
     Raises:
-        BadType, BadValue: one is impossible.
+        BadType, BadValue: the filter or the area is impossible.
     """
     return selection._replace(rule=filtered(selection.rule, given), clip=_area_of(clip))
 
 
 def _area_of(clip: object) -> "Polygon | None":
-    """Return an area of the caller's as a polygon in degrees."""
+    """Return the caller's area as a polygon in degrees."""
     if clip is None:
         return None
     if isinstance(clip, (list, tuple)) and len(clip) == 4 and all(isinstance(one, (int, float)) for one in clip):
@@ -251,8 +256,10 @@ def _area_of(clip: object) -> "Polygon | None":
     return region
 
 
-def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None) -> Recipe:
-    """Return the recipe for a mode of travel, which has directions of its own and keeps what is strongly connected."""
+def for_mode(
+    recipe: GraphRecipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None
+) -> GraphRecipe:
+    """Return the recipe for a mode of travel: its directions, and only strongly connected roads."""
     if mode is not None:
         both = None if bidirectional is None else recipe.bidirectional
         recipe = recipe._replace(bidirectional=both, osm_type=name_of(mode).upper(), mode=name_of(mode))
@@ -260,18 +267,18 @@ def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | No
     return recipe._replace(strong=strong and not recipe.retain_all)
 
 
-def selection_of(recipe: Recipe, mode: ModeFunction | None, tags: tuple[str, ...] = ()) -> Selection:
-    """Return which roads of a map a recipe is for, with some of their tags; `mode` may be None where it names none."""
+def selection_of(recipe: GraphRecipe, mode: ModeFunction | None, tags: tuple[str, ...] = ()) -> RoadSelection:
+    """Return the selection of roads for a recipe; `mode` may be None if the recipe names none."""
     if mode is not None and recipe.bidirectional is False:
         mode = honouring_traffic(mode)
     strong = recipe.strong and not recipe.bidirectional
     if mode is None:
         closed = None if recipe.every_way else classic_closed_rule(None)
         rule = classic_rule(None, every_way=recipe.every_way)
-        chosen = Selection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
+        chosen = RoadSelection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
     else:
         rule, stops = keeping(rule_of(mode), tags), stops_of(mode)
-        chosen = Selection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
+        chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
 
@@ -285,29 +292,28 @@ def graph_from_geojson(
     elevation: "ElevationPath | Elevation | None" = None,
     snap: float = 0.0,
 ) -> "nx.DiGraph[int]":
-    """Make a graph of the lines in a GeoJSON file; they join where they have equal coordinates.
+    """Make a graph of the lines in a GeoJSON file; they join at equal coordinates.
 
     LineString and MultiLineString are roads, whatever their properties, which become the tags of the edges;
-    `oneway`, `maxspeed` and `highway` mean what they do in OpenStreetMap. Other geometries are passed over.
-    It needs no optional library.
+    `oneway`, `maxspeed` and `highway` have their meanings of OpenStreetMap. Other geometries are ignored.
+    No optional library is needed.
 
     Args:
         filepath: the map file.
-        resolution: as for `graph_from_file`, and so are those that are not listed.
-        bidirectional: likewise.
-        retain_all: keep every part of the map; otherwise what is left out is logged, with its share of the length.
-        tolerance: likewise.
-        simplify: likewise.
+        resolution: as for `graph_from_file`.
+        bidirectional: as for `graph_from_file`.
+        retain_all: keep every part of the map; otherwise log the parts left out, with their share of the length.
+        tolerance: as for `graph_from_file`.
+        simplify: as for `graph_from_file`.
         elevation: as in `FileOptions`.
-        snap: metres; the end of a line joins the nearest other line if that is not farther away. Lines that cross stay
-            apart.
+        snap: meters; the end of a line joins the nearest other line within this distance. Crossing lines stay apart.
 
     Returns: as `graph_from_file`.
 
     Raises:
-        FileNotFoundError, IsADirectoryError: there is no such file.
-        BadFile: it is damaged, not GeoJSON, too large, not in degrees, or has no lines.
-        BadValue, BadType: an argument is impossible, or the lines lie too far apart or north for one projection.
+        FileNotFoundError, IsADirectoryError: the file does not exist.
+        BadFile: the file is damaged, not GeoJSON, too large, not in degrees, or has no lines.
+        BadValue, BadType: an argument is impossible, or the lines are too far apart or north for one projection.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     if (metres := as_range(snap, "snap")) > _WIDEST_JUNCTION_M:
@@ -320,22 +326,21 @@ def graph_from_geojson(
 def process_osm_graph(
     osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool | None = None
 ) -> "nx.DiGraph[int]":
-    """Cut the edges of a networkx graph, such as OSMnx makes, as `graph_from_xml` does.
+    """Cut the edges of a networkx graph, such as OSMnx makes, like `graph_from_xml`.
 
-    Nodes need `x` and `y`; edges may have a `geometry` and a `length` in metres. A graph whose `crs` counts
-    in degrees is projected to UTM; any other is taken as metres, just as it is. Both directions of a street
-    share their nodes.
+    Nodes need `x` and `y`; edges may have a `geometry` and a `length` in meters. A graph in degrees is projected to
+    UTM; any other is taken as meters, unchanged. Both directions of a street share their nodes.
 
     Args:
         osmg: the graph.
-        resolution: metres between nodes.
+        resolution: meters between nodes.
         bidirectional: True: agents may go against one-way streets; False: they may not; None: they may, as in gamms
-            1.0.0, and a warning says so if there are one-way streets, once in a process.
+            1.0.0, with a warning once per process if there are one-way streets.
 
     Raises:
-        BadType: it is no networkx graph.
+        BadType: it is not a networkx graph.
         BadValue: a node lacks a position, or the CRS, a length or the resolution is impossible.
-        MissingExtra: the graph has a CRS that is no UTM zone and pyproj is not installed.
+        MissingExtra: the graph has a CRS that is not a UTM zone and pyproj is not installed.
     """
     recipe = recipe_of(resolution, 0.0, bidirectional)
     with progress() as show:
@@ -346,7 +351,7 @@ def process_osm_graph(
         return cut(network, recipe, show)
 
 
-@cache  # once in a process
+@cache  # once per process
 def _warn_of_opened_streets() -> None:
     logging.getLogger("gamms").warning(
         "process_osm_graph lets agents go both ways on the one-way streets of this graph, which is its default. Give "
@@ -355,14 +360,14 @@ def _warn_of_opened_streets() -> None:
 
 
 def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int]":
-    """Merge the nodes of a networkx graph that make up one junction; the result can be cut by `process_osm_graph`.
+    """Merge the nodes of a networkx graph that form one junction; `process_osm_graph` can cut the result.
 
-    Junctions, where three roads or more end, that a road of at most twice the tolerance joins become one
-    node, unless it would be wider than three tolerances. What is near and not joined stays apart.
+    Junctions, where at least three roads end, become one node if a road of at most twice the tolerance joins them and
+    the node would not be wider than three tolerances. Near junctions without such a road stay apart.
 
     Args:
         osmg: as for `process_osm_graph`.
-        tolerance: metres.
+        tolerance: meters.
 
     Raises: as `process_osm_graph`.
     """
@@ -374,9 +379,9 @@ def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int
 
 
 def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
-    """Cut a map that was saved uncut, such as the shipped one, as `graph_from_xml` does.
+    """Cut a map that was saved uncut, such as the shipped one, like `graph_from_xml`.
 
-    It needs no optional library. Each edge is one road, one-way where its attribute `oneway` is true.
+    No optional library is needed. Each edge is one road, one-way if its attribute `oneway` is true.
 
     Raises:
         BadType, BadValue: the resolution is impossible.
@@ -386,29 +391,33 @@ def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectio
         return cut(network_of_columns(columns), recipe, show)
 
 
-class Ground(NamedTuple):
-    """Where roads get their heights from."""
+class ElevationSource(NamedTuple):
+    """The source of heights for roads."""
 
     elevation: Elevation
-    is_walked: bool  # whether slopes count in travel times
+    is_walked: bool  # whether slopes affect travel times
 
 
-def as_ground(elevation: "ElevationPath | Elevation | None", mode: ModeFunction | None) -> Ground | None:
-    """Return the ground for a mode of travel; None without heights.
+def as_ground(elevation: "ElevationPath | Elevation | None", mode: ModeFunction | None) -> ElevationSource | None:
+    """Return the source of heights for a mode of travel; None without heights.
 
     Raises:
-        FileNotFoundError, BadFile, BadType: there are no such heights.
+        FileNotFoundError, BadFile, BadType: the heights do not exist or are not valid.
     """
     heights = as_elevation(elevation)
     is_walked = isinstance(mode, Mode) and mode.slope == "walked"
-    return None if heights is None else Ground(heights, is_walked)
+    return None if heights is None else ElevationSource(heights, is_walked)
 
 
 def _graph(
-    filepath: FilePath, recipe: Recipe, read: _Reader, selection: Selection, ground: Ground | None = None
+    filepath: FilePath,
+    recipe: GraphRecipe,
+    read: _Reader,
+    selection: RoadSelection,
+    ground: ElevationSource | None = None,
 ) -> "nx.DiGraph[int]":
     file = as_file(filepath)
-    # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
+    # osmium reports nothing while it reads its first nodes; if that takes a second, show the progress before.
     with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
         network = read_network(file, show, selection, read)
         show(f"Joining {len(network.sources)} roads")
@@ -416,7 +425,9 @@ def _graph(
         return cut(topology.consolidate(network, recipe.tolerance), recipe, show, ground)
 
 
-def cut(network: RoadNetwork, recipe: Recipe, show: Show, ground: Ground | None = None) -> "nx.DiGraph[int]":
+def cut(
+    network: RoadNetwork, recipe: GraphRecipe, show: Show, ground: ElevationSource | None = None
+) -> "nx.DiGraph[int]":
     """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
@@ -429,14 +440,14 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show, ground: Ground | None 
     return to_digraph(pieces, _about(recipe, network))
 
 
-def _about(recipe: Recipe, network: RoadNetwork) -> dict[str, Any]:
-    """Return what `G.graph` says of how a graph was made of a network."""
+def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
+    """Return the entries of `G.graph`: the recipe, and what was merged and left out."""
     merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
     return {**recipe._asdict(), **merged, **network.left_out._asdict()}
 
 
 def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
-    """Return the roads of a networkx graph, projected if it counts in degrees; a street there and back is one road."""
+    """Return the roads of a networkx graph, projected from degrees if necessary; both directions become one road."""
     network = network_of_graph(osmg)
     crs = osmg.graph.get("crs")
     name, in_degrees = (None, False) if crs is None else crs_of(crs)
@@ -455,8 +466,8 @@ def recipe_of(
     retain_all: bool = True,
     simplify: bool = False,
     osm_type: OSMType | None = None,
-) -> Recipe:
-    """Check how a graph is to be made; vehicles honour one-way streets by default.
+) -> GraphRecipe:
+    """Check the options for making a graph; vehicles obey one-way streets by default.
 
     Raises:
         BadType, BadValue: a resolution or tolerance is impossible.
@@ -465,7 +476,7 @@ def recipe_of(
     both = osm_type in (None, OSMType.WALK) if bidirectional is None else as_bool(bidirectional, "bidirectional")
     retain_all, simplify = as_bool(retain_all, "retain_all"), as_bool(simplify, "simplify")
     name = "" if osm_type is None else osm_type.name
-    return Recipe(metres, _tolerance(tolerance), both, retain_all, simplify, name)
+    return GraphRecipe(metres, _tolerance(tolerance), both, retain_all, simplify, name)
 
 
 def _tolerance(tolerance: float) -> float:
@@ -478,13 +489,13 @@ def _tolerance(tolerance: float) -> float:
     return number
 
 
-def read_network(file: Path, show: Show, selection: Selection, read: _Reader | None = None) -> RoadNetwork:
-    """Read the roads of a file, one per pair of consecutive vertices, in UTM metres.
+def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader | None = None) -> RoadNetwork:
+    """Read the roads of a file, one per pair of consecutive vertices, in UTM meters.
 
-    `read` is for files of one kind; by default the first byte tells whether it is OpenStreetMap or GeoJSON.
+    `read` reads files of one kind; by default the first byte tells whether it is OpenStreetMap or GeoJSON.
 
     Raises:
-        BadFile: the file is of no use, or has no such roads.
+        BadFile: the file is not usable, or has no such roads.
         MissingExtra: osmium is not installed.
     """
     if read is read_lines or (read is None and is_geojson(file)):
@@ -539,17 +550,17 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
 def helsinki(
     ctx: IContext, resolution: float = 10.0, bidirectional: bool = True, buildings: bool | None = None
 ) -> "nx.DiGraph[int]":
-    """Put the streets of central Helsinki into the empty graph of a context; returns them as a networkx graph, too.
+    """Put the streets of central Helsinki into the empty graph of a context, and return them as a networkx graph.
 
     Args:
         ctx: the context.
-        resolution: metres between nodes.
+        resolution: meters between nodes.
         bidirectional: let agents go against one-way streets.
-        buildings: put the walls of the buildings among the obstacles; None: draw them only, so that they block no sight
-            line; False: leave them out, and parks, water and rails too, which are drawn otherwise.
+        buildings: add the walls of buildings to the obstacles; None: only draw them, so that they block no sight line;
+            False: leave them out, as well as parks, water and rails, which are drawn otherwise.
 
     Raises:
-        BadType: `ctx` is no context.
+        BadType: `ctx` is not a context.
         BadValue: the context has a graph or obstacles already, or the resolution is impossible.
     """
     graph = as_context(ctx, "helsinki").graph.graph
@@ -574,7 +585,7 @@ def _helsinki() -> IPackedGraph:
 
 @lru_cache(maxsize=4)
 def _pieces_of_helsinki(resolution: float, *, bidirectional: bool) -> tuple[RoadNetwork, GraphColumns]:
-    """Return the shipped streets, cut; contexts copy them, so they are cut once in a process."""
+    """Return the shipped streets, cut; cached, because contexts copy them."""
     network = network_of_columns(_helsinki().columns())
     pieces = resample(both_ways(network) if bidirectional else network, resolution)
     return pieces, to_columns(pieces)

@@ -1,7 +1,7 @@
-"""Modes of travel: which ways are open to walkers, bicycles, cars and robots, how fast, and in which direction.
+"""Modes of travel: which ways are open to walkers, bicycles, cars and robots, their speeds and directions.
 
-The rules are data, `gamms/data/modes.toml`, with their sources. A mode is a function from the tags of a way to its
-`Access`; any such function may take its place.
+The rules are data with their sources, in `gamms/data/modes.toml`. A mode is a function from the tags of a way to its
+`Access`; any such function can replace it.
 """
 
 import json
@@ -23,23 +23,23 @@ from gamms.osm.networkx_bridge import is_number, signed_kph, speed_kph
 from gamms.text import shown
 
 _FILE = Path(__file__).parent.parent / "data" / "modes.toml"
-_GENERAL = ("vehicle", "access")  # keys that close ways, and open none to a mode that its class is closed to
+_GENERAL = ("vehicle", "access")  # keys that may close ways, but open none to a mode that is excluded from their class
 _OPENING = ("yes", "designated", "permissive", "official")
 _AGAINST = ("-1", "reverse", "backward")
 _FASTEST_KPH = 300.0
-_TOLERANCE_M = 0.5  # where no mode says how wide its junctions are
+_TOLERANCE_M = 0.5  # if the mode does not state the width of its junctions
 
 
 class Access(NamedTuple):
-    """How a mode may use a way that is open to it."""
+    """How a mode may use an open way."""
 
     speed_kph: float
-    forward: bool = True  # along the order of its vertices
+    forward: bool = True  # in the order of its vertices
     backward: bool = True
 
 
 ModeFunction = Callable[[Mapping[str, str]], Access | None]
-"""From the tags of a way to how it may be used; None: it is closed."""
+"""A function from the tags of a way to its `Access`; None: the way is closed."""
 
 _Speeds = Mapping[str, Annotated[float, Meta(gt=0.0, le=_FASTEST_KPH)]]
 _Values = Mapping[str, tuple[str, ...]]
@@ -47,22 +47,22 @@ _Values = Mapping[str, tuple[str, ...]]
 
 @dataclass(slots=True, frozen=True, kw_only=True)
 class Mode:
-    """The rules of one mode of travel; calling it with the tags of a way says how the way may be used."""
+    """The rules of one mode of travel; calling it with the tags of a way returns its `Access`, or None."""
 
     name: str
     highways: _Speeds  # classes of ways that are open unless a tag closes them, with their usual km/h
-    by_permission: _Speeds  # classes that are open only where the mode's own key says so
+    by_permission: _Speeds  # classes that are open only if the mode's own key says so
     access: tuple[str, ...]  # keys that open and close ways; the first one that a way has decides
-    refused: tuple[str, ...]  # their values that close a way
+    refused: tuple[str, ...]  # values of these keys that close a way
     closed: _Values  # tag -> values that close a way unless the mode's own key opens it
     never: _Values  # tag -> values that close a way in any case
     oneway: _Values  # key -> values for one-way traffic along the vertices; the first key that a way has decides
-    implied_oneway: _Values  # tag -> values that mean one-way where no key says anything
-    contraflow: _Values  # tag -> values that allow the other direction where the general `oneway` closes it
-    maxspeed: Literal["ignored", "limit", "speed"]  # what a sign is: nothing, an upper bound, or the speed itself
-    tolerance: Annotated[float, Meta(ge=0.0)]  # metres: the default of loaders for merging junctions
+    implied_oneway: _Values  # tag -> values that imply one-way traffic if no key decides
+    contraflow: _Values  # tag -> values that allow the other direction if the general `oneway` closes it
+    maxspeed: Literal["ignored", "limit", "speed"]  # meaning of a sign: none, an upper bound, or the speed itself
+    tolerance: Annotated[float, Meta(ge=0.0)]  # meters: the default of loaders for merging junctions
     barriers: tuple[str, ...] = ()  # values of `barrier` of nodes that stop agents unless the mode's own key opens them
-    slope: Literal["ignored", "walked"] = "ignored"  # whether the times on slopes are those of walkers
+    slope: Literal["ignored", "walked"] = "ignored"  # whether slopes change travel times as for walkers
 
     def __call__(self, tags: Mapping[str, str]) -> Access | None:
         """Return how a way with these tags may be used; None: it is closed."""
@@ -71,7 +71,7 @@ class Mode:
         return Access(self.speed_kph(tags), *self._directions(tags))
 
     def why_closed(self, tags: Mapping[str, str]) -> str:
-        """Return the tag that closes a way to this mode, such as "access=private"; empty where it is open."""
+        """Return the tag that closes a way to this mode, such as "access=private"; empty if it is open."""
         highway, never = tags.get("highway", "no"), _match(self.never, tags)
         if never or (highway not in self.highways and highway not in self.by_permission):
             return never or f"highway={highway}"
@@ -86,14 +86,14 @@ class Mode:
         return tags.get("barrier") in self.barriers if is_open is None else "barrier" in tags and not is_open
 
     def _signed(self, tags: Mapping[str, str]) -> tuple[bool | None, str]:
-        """Return whether the access keys open or close something, None where they say nothing; and what closes it."""
+        """Return whether access keys open or close an object, None if neither; and the tag that closes it."""
         key = next((key for key in self.access if tags.get(key, "unknown") != "unknown"), None)
         if key is not None and tags[key] in self.refused:
             return False, f"{key}={tags[key]}"
         return (True if key is not None and key not in _GENERAL and tags[key] in _OPENING else None), ""
 
     def speed_kph(self, tags: Mapping[str, str]) -> float:
-        """Return the speed on a way, whether it is open or not; on a class that is not listed that of cars at most."""
+        """Return the speed on a way, open or not; for unlisted classes at most that of cars."""
         highway = tags.get("highway", "no")
         listed = self.highways.get(highway, self.by_permission.get(highway))
         return self._speed(min(speed_kph(tags), max(self.highways.values())) if listed is None else listed, tags)
@@ -116,19 +116,19 @@ class Mode:
 
 
 def _match(rules: _Values, tags: Mapping[str, str]) -> str:
-    """Return the first tag of a way that is among the rules, as "key=value"; empty if none is."""
+    """Return the first tag of a way that matches the rules, as "key=value", or ""."""
     return next((f"{key}={tags[key]}" for key, values in rules.items() if tags.get(key) in values), "")
 
 
 def modes(filepath: object = None) -> dict[str, Mode]:
-    """Return the modes of travel of a TOML file by name; by default those that come with GAMMS.
+    """Return the modes of travel of a TOML file by name; by default those of GAMMS.
 
-    A table of the file is a mode; `extends = "drive"` takes what it does not say from that mode, of the file or of
-    GAMMS. docs/maps.md explains the fields.
+    Each table of the file is a mode; `extends = "drive"` takes missing fields from that mode, of the file or of GAMMS.
+    docs/maps.md explains the fields.
 
     Raises:
-        FileNotFoundError: there is no such file.
-        BadFile: it is no TOML, or a field is missing, unknown or impossible.
+        FileNotFoundError: the file does not exist.
+        BadFile: the file is not TOML, or a field is missing, unknown or impossible.
     """
     if filepath is None:
         return dict(_shipped())
@@ -162,7 +162,7 @@ def _read(file: Path, known: Mapping[str, dict[str, Any]]) -> dict[str, Mode]:
 
 
 def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) -> dict[str, Any]:
-    """Return the fields of a table of the file, with those of the mode that it extends."""
+    """Return the fields of a table of the file, completed from the mode that it extends."""
     if not isinstance(table, dict):
         raise BadFile(f"{where} must be a table of fields, not {shown(table)}.")
     given, names = dict(table), [field.name for field in fields(Mode) if field.name != "name"]
@@ -176,10 +176,10 @@ def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) ->
 
 
 def as_mode(value: object) -> ModeFunction:
-    """Return a mode of travel, given as an `OSMType`, by its name, as a `Mode` or as a function.
+    """Return a mode of travel from an `OSMType`, a name, a `Mode` or a function.
 
     Raises:
-        BadType: it is none.
+        BadType: the value is none of these.
     """
     if callable(value) and not isinstance(value, type):
         return value
@@ -194,7 +194,7 @@ def as_mode(value: object) -> ModeFunction:
 
 
 def name_of(mode: ModeFunction) -> str:
-    """Return the name of a mode in a graph: "drive", or that of the function."""
+    """Return the name of a mode for a graph, such as "drive", or that of the function."""
     return mode.name if isinstance(mode, Mode) else str(getattr(mode, "__name__", type(mode).__name__))
 
 
@@ -204,12 +204,12 @@ def tolerance_of(mode: ModeFunction | None) -> float:
 
 
 def stops_of(mode: ModeFunction | None) -> Stops | None:
-    """Return which nodes agents of a mode cannot pass; None: they pass all."""
+    """Return the test for nodes that agents of a mode cannot pass; None: they pass all."""
     return mode.is_stopped_by if isinstance(mode, Mode) else None
 
 
 def honouring_traffic(mode: ModeFunction) -> ModeFunction:
-    """Return the mode for agents that keep to the one-way streets of cars; a function is returned as it is."""
+    """Return the mode for agents that obey the one-way streets of cars; a function is returned unchanged."""
     if not isinstance(mode, Mode) or "oneway" in mode.oneway:
         return mode
     cars = _shipped()["drive"]
@@ -218,7 +218,7 @@ def honouring_traffic(mode: ModeFunction) -> ModeFunction:
 
 
 def closed_rule(mode: ModeFunction) -> Rule:
-    """Return the rule by which the ways are read that are closed to a mode, with what closes them as `why`."""
+    """Return the rule for reading the ways that are closed to a mode, with the closing tag as `why`."""
     rule = rule_of(mode)
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
@@ -231,7 +231,7 @@ def closed_rule(mode: ModeFunction) -> Rule:
 
 
 def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
-    """Return the rule by which the ways of a map are read for a mode of travel; of their tags these are kept."""
+    """Return the rule for reading the ways of a mode of travel; `names` are the tags to keep."""
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         try:
@@ -254,7 +254,7 @@ def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
 
 
 def keeping(rule: Rule, names: Sequence[str]) -> Rule:
-    """Return a rule by which ways keep these tags, too."""
+    """Return a rule by which ways keep further tags."""
 
     def with_tags(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         found = rule(osmid, tags)
@@ -267,15 +267,14 @@ WayFilter = Callable[[Mapping[str, str]], object] | Mapping[str, str | bool | Se
 
 
 def filtered(rule: Rule | None, given: WayFilter | None) -> Rule | None:
-    """Return a rule that takes no way that a filter of the caller's refuses.
+    """Return a rule that also applies the caller's filter.
 
     Args:
-        rule: which ways are taken otherwise.
-        given: a function from tags to whether a way is taken; or tag -> the value that it has to have, a list of such
-            values, or True for any.
+        rule: the rule without the filter.
+        given: a function from tags to a bool; or tag -> the required value, a list of such values, or True for any.
 
     Raises:
-        BadType: the filter is none.
+        BadType: the filter is neither.
     """
     if rule is None or given is None:
         return rule
@@ -286,7 +285,7 @@ def filtered(rule: Rule | None, given: WayFilter | None) -> Rule | None:
 
 
 def filter_in_words(given: WayFilter | None) -> str:
-    """Return a filter as a text: JSON of a dict, or the name of a function; empty for None."""
+    """Return a filter as a text: the JSON of a dict, or the name of a function; "" for None."""
     if isinstance(given, Mapping):
         return json.dumps({tag: sorted(one) if isinstance(one, set) else one for tag, one in given.items()})
     return "" if given is None else str(getattr(given, "__name__", type(given).__name__))
@@ -296,7 +295,7 @@ def filter_of_words(text: str) -> WayFilter | None:
     """Return the filter that `filter_in_words` wrote.
 
     Raises:
-        BadValue: it is a function, of which only the name is known.
+        BadValue: it was a function, of which only the name is known.
     """
     if text and not text.startswith("{"):
         raise BadValue(

@@ -1,4 +1,4 @@
-"""Road networks as columns: the ways of a map, which of them are roads for whom, and roads with a polyline."""
+"""Road networks as columns: the ways of a map, the rules that select roads from them, and roads with polylines."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
-from gamms.osm.footprints import Buildings
+from gamms.osm.footprints import BuildingIndex
 from gamms.osm.tags import NodeTags
 from gamms.text import shown
 
@@ -37,12 +37,12 @@ KEPT_TAGS = (
 )
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 _ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
-UPRIGHT = ("steps", "escalator", "elevator")  # whose speed takes the climb into account
+UPRIGHT = ("steps", "escalator", "elevator")  # their speed already includes the climb
 _AGAINST = ("-1", "reverse", "T")
 
 
 class OSMType(Enum):
-    """Which ways of moving a network is for."""
+    """The modes of travel of gamms 1.0.0."""
 
     WALK = 0
     BIKE = 1
@@ -50,10 +50,10 @@ class OSMType(Enum):
 
 
 def as_osm_type(value: object) -> OSMType:
-    """Return a way of moving, given as such or by its name.
+    """Return a mode of travel of 1.0.0, given as such or by its name.
 
     Raises:
-        BadType: it is none.
+        BadType: the value is neither.
     """
     kind = as_member(OSMType, value)
     if kind is None:
@@ -61,8 +61,8 @@ def as_osm_type(value: object) -> OSMType:
     return kind
 
 
-# What a way must not be, per way of moving: tag -> values. These are the rules of OSMnx's network types, with the
-# values written out; None stands for any way of moving, to which only what is no road is closed.
+# Tags that close a way, per mode: tag -> values. These are the rules of OSMnx's network types, with the
+# values written out; None stands for any mode, to which only ways that are not roads are closed.
 _NO_WAYS = {"abandoned", "construction", "no", "planned", "proposed", "raceway", "razed", "rest_area", "services"}
 _NO_ROADS = _NO_WAYS | {"platform"}
 _NOT_ON_FOOT = _NO_ROADS | {"bus_guideway", "cycleway", "motorway", "motorway_link"}
@@ -71,7 +71,7 @@ _NO_STREETS = {"bridleway", "bus_guideway", "cycleway", "path", "pedestrian", "s
 _DRIVEWAYS = {"alley", "driveway", "emergency_access", "parking", "parking_aisle", "private"}
 _PRIVATE = {"access": {"private"}, "service": {"private"}}
 _NO_AREA = {"area": {"yes"}}
-_SEPARATE = {  # there is another way to walk
+_SEPARATE = {  # a separate way for walking exists
     name: {"separate"} for name in ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")
 }
 CLOSED_TO: dict[OSMType | None, dict[str, set[str]]] = {
@@ -93,8 +93,8 @@ _NO_NODE_TAGS = NodeTags()
 
 
 @dataclass(slots=True, frozen=True, eq=False)
-class Ways:
-    """Roads as they are in the file: way `i` visits the positions `offsets[i]:offsets[i + 1]`."""
+class OsmRoads:
+    """Roads as in the file: way `i` visits the positions `offsets[i]:offsets[i + 1]`."""
 
     offsets: IntArray  # (ways + 1,)
     refs: IntArray  # (positions,)  OpenStreetMap node ids
@@ -102,15 +102,15 @@ class Ways:
     against: BoolArray  # (ways,)  one-way against the order of the positions
     tags: Sequence[Mapping[str, Any]]  # (ways,)  osmid, oneway as a bool, and the kept tags as text
     attribution: str | None = ATTRIBUTION
-    areas: Sequence[Sequence[int]] = ()  # (areas,)  rows of the ways around each area that is open, in any order
-    nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are no numbers of OpenStreetMap
-    barriers: Collection[int] = ()  # ids of nodes that no agent passes
-    buildings: Buildings | None = None  # of the map; None: not known
-    ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, as far as they are known
+    areas: Sequence[Sequence[int]] = ()  # (areas,)  rows of the ways around each open area, in any order
+    nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are not ids of OpenStreetMap
+    barriers: Collection[int] = ()  # ids of nodes that no agent can pass
+    buildings: BuildingIndex | None = None  # of the map; None: unknown
+    ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, if known
 
 
 @dataclass(slots=True, frozen=True, eq=False)
-class Segments:
+class RoadSegments:
     """Straight pieces of road between consecutive vertices, in the order of the file."""
 
     lonlat: FloatArray  # (nodes, 2)  degrees, in first-seen order
@@ -126,12 +126,12 @@ def is_against(oneway: object) -> bool:
 
 
 def is_one_way(oneway: object, junction: object) -> bool:
-    """Return whether traffic runs one way: where nothing is said it does so in a roundabout only."""
+    """Return whether traffic is one-way; without a tag, only in roundabouts."""
     return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
 
 
 Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]
-"""From the number and tags of a way to its attributes and whether traffic runs against its vertices; None: closed."""
+"""From the id and tags of a way to its attributes and whether traffic runs against its vertices; None: closed."""
 
 
 Stops = Callable[[Mapping[str, str]], bool]
@@ -142,15 +142,15 @@ def classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
     """Return the rule of OSMnx's network type, with the directions of traffic.
 
     Args:
-        osm_type: the network type; None for that of all roads.
-        every_way: take all ways with a `highway` tag, as gamms 1.0.0 does of files: planned roads, too.
+        osm_type: the network type; None: all roads.
+        every_way: take all ways with a `highway` tag, as gamms 1.0.0 does for files, including planned roads.
     """
     closed = classic_closed_rule(osm_type)
     return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if every_way or not closed(osmid, tags) else None
 
 
 def classic_closed_rule(osm_type: OSMType | None) -> Rule:
-    """Return the rule of the ways that `classic_rule` leaves out, with the tag that closes them as `why`."""
+    """Return the rule for the ways that `classic_rule` leaves out, with the closing tag as `why`."""
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         rules = CLOSED_TO[osm_type].items()
@@ -161,7 +161,7 @@ def classic_closed_rule(osm_type: OSMType | None) -> Rule:
 
 
 def attributes_of(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
-    """Return the number of a way and its kept tags."""
+    """Return the id of a way and its kept tags."""
     return {"osmid": osmid, **{name: tags[name] for name in names if name in tags}}
 
 
@@ -170,7 +170,7 @@ def kept_tags(
 ) -> tuple[dict[str, Any], bool]:
     """Return the attributes of a way, and whether its traffic runs against the order of its vertices.
 
-    These are its tags under their own names, and `oneway` as a bool. Bicycles may have a rule of their own for that.
+    The attributes are its tags under their own names, and `oneway` as a bool. Bicycles may have their own tag for it.
     """
     rule = tags.get("oneway")
     if osm_type is OSMType.BIKE:
@@ -179,7 +179,7 @@ def kept_tags(
     return {**attributes_of(osmid, tags, names), "oneway": one_way}, is_against(rule)
 
 
-def segments_of(ways: Ways) -> Segments:
+def segments_of(ways: OsmRoads) -> RoadSegments:
     """Cut the ways at every vertex; a vertex that the file lacks leaves a gap, never a line across it.
 
     At a barrier each piece of road ends at a node of its own.
@@ -200,21 +200,21 @@ def segments_of(ways: Ways) -> Segments:
     sources, targets = rows[0::2], rows[1::2]
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
-    return Segments(ways.lonlat[firsts], sources, targets, way, refs)
+    return RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
 
 
-def largest_part(segments: Segments, one_way: BoolArray | None = None) -> Segments:
-    """Return the connected part with the most nodes; of equals the one that the file names first.
+def largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> RoadSegments:
+    """Return the connected part with the most nodes; ties go to the part that comes first in the file.
 
     Args:
         segments: pieces of road.
-        one_way: (segments,) which of them lead from source to target only; then the part with the most nodes in which
+        one_way: (segments,) whether they lead from source to target only; if given, return the largest part in which
             every node can be reached from every other.
     """
     return _within(segments, _in_largest(segments, one_way))
 
 
-def _in_largest(segments: Segments, one_way: BoolArray | None) -> BoolArray:
+def _in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
     count, sources, targets = len(segments.lonlat), segments.sources, segments.targets
     if one_way is None:
         label = components(sources, targets, count)
@@ -225,10 +225,10 @@ def _in_largest(segments: Segments, one_way: BoolArray | None) -> BoolArray:
     return np.asarray(label == np.bincount(label).argmax())
 
 
-def _within(segments: Segments, inside: BoolArray) -> Segments:
+def _within(segments: RoadSegments, inside: BoolArray) -> RoadSegments:
     kept = inside[segments.sources] & inside[segments.targets]
     row = np.cumsum(inside) - 1
-    return Segments(
+    return RoadSegments(
         segments.lonlat[inside],
         row[segments.sources[kept]],
         row[segments.targets[kept]],
@@ -238,7 +238,7 @@ def _within(segments: Segments, inside: BoolArray) -> Segments:
 
 
 def components(a: IntArray, b: IntArray, count: int) -> IntArray:
-    """Return the smallest row that each of `count` rows is connected to by the pairs `(a[i], b[i])`.
+    """Return the smallest row connected with each of `count` rows by the pairs `(a[i], b[i])`.
 
     Union by minimum with pointer jumping: the number of rounds grows with the logarithm of the longest chain.
     """
@@ -256,9 +256,9 @@ def components(a: IntArray, b: IntArray, count: int) -> IntArray:
 
 
 def strong_components(sources: IntArray, targets: IntArray, count: int) -> IntArray:
-    """Return the smallest of the rows that each of `count` rows can reach, and be reached from, by the given steps.
+    """Return for each of `count` rows the smallest row in its strongly connected component.
 
-    The algorithm of Kosaraju: in the reverse order in which a depth-first search leaves them, rows collect those that
+    Kosaraju's algorithm: in the reverse order in which a depth-first search leaves them, rows collect the rows that
     lead to them.
     """
     begins, back = _neighbours(targets, sources, count)
@@ -275,7 +275,7 @@ def strong_components(sources: IntArray, targets: IntArray, count: int) -> IntAr
 
 
 def _neighbours(sources: IntArray, targets: IntArray, count: int) -> tuple[list[int], list[int]]:
-    """Return where the targets of each row begin in a list, and that list."""
+    """Return the offsets of the rows' targets in a list, and that list."""
     offsets, steps = kernels.group_rows(sources, count)
     return offsets.tolist(), targets[steps].tolist()
 
@@ -298,22 +298,22 @@ def _left_in_order(begins: list[int], onward: list[int]) -> list[int]:
     return order
 
 
-_SAME = 1e-6  # metres between vertices, and the relative difference of lengths
+_SAME = 1e-6  # meters between vertices, and the relative difference of lengths
 
 
 def reversed_points(offsets: IntArray) -> IntArray:
-    """Return the rows of the points such that every line runs backwards."""
+    """Return the rows of the points with every line reversed."""
     mirror = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
     return mirror - np.arange(offsets[-1])
 
 
 def segment_starts(offsets: IntArray) -> IntArray:
-    """Return the rows of the points at which a straight piece of a line begins; it ends at the next one."""
+    """Return the rows of the points at which straight pieces of lines begin; each ends at the next point."""
     return np.delete(np.arange(offsets[-1]), offsets[1:] - 1)
 
 
 def along(offsets: IntArray, points: FloatArray) -> FloatArray:
-    """Return how far along its own line each point is."""
+    """Return the distance of each point along its line."""
     if not len(points):
         return np.zeros(0)
     step = np.zeros(len(points))
@@ -326,10 +326,10 @@ def along(offsets: IntArray, points: FloatArray) -> FloatArray:
 def with_ends(
     offsets: IntArray, points: FloatArray, start: FloatArray, end: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Lead every line from `start` to `end`: a point is added where the line does not begin or end there.
+    """Extend every line to begin at `start` and end at `end`, with added points where needed.
 
     Returns:
-        the new offsets, the new points, and by how much each line has grown.
+        The new offsets, the new points, and the growth of each line.
     """
     head, tail = points[offsets[:-1]], points[offsets[1:] - 1]
     before, after = (head != start).any(axis=1), (tail != end).any(axis=1)
@@ -348,7 +348,7 @@ def moved_ends(
     """Move the first point of every line to `start` and its last to `end`.
 
     Returns:
-        the new points, and how many times longer each line is drawn than before.
+        The new points, and the factor by which the drawn length of each line changes.
     """
     moved = points.copy()
     moved[offsets[:-1]], moved[offsets[1:] - 1] = start, end
@@ -357,70 +357,70 @@ def moved_ends(
 
 
 def lengths_of(offsets: IntArray, points: FloatArray) -> FloatArray:
-    """Return how long each line is drawn."""
+    """Return the drawn length of each line."""
     steps = np.hypot(*np.diff(points, axis=0, append=points[-1:]).T)
-    steps[offsets[1:] - 1] = 0.0  # from the end of a line to the begin of the next
+    steps[offsets[1:] - 1] = 0.0  # from the end of a line to the beginning of the next
     return np.add.reduceat(steps, offsets[:-1]) if len(offsets) > 1 else np.zeros(0)
 
 
 def offsets_of(counts: IntArray) -> IntArray:
-    """Return where groups of these sizes begin and end when they follow each other."""
+    """Return the offsets of consecutive groups of these sizes."""
     offsets = np.zeros(len(counts) + 1, np.int64)
     np.cumsum(counts, out=offsets[1:])
     return offsets
 
 
-class Merged(NamedTuple):
-    """What merging junctions has taken away so far."""
+class MergedJunctions(NamedTuple):
+    """What merging junctions has removed so far."""
 
     nodes: int = 0
     length_m: float = 0.0  # of the roads inside junctions
 
 
-class LeftOut(NamedTuple):
-    """What a graph lacks of the open roads of a map, in metres, and what it has beyond them."""
+class CoverageGaps(NamedTuple):
+    """The open roads of a map that a graph lacks, in meters, and the lines that it adds."""
 
-    other_parts_m: float = 0.0  # not joined to the part that is kept
-    no_way_back_m: float = 0.0  # joined to it, but one-way streets do not lead there and back
-    barriers: int = 0  # places at which agents of the mode cannot go on
-    across_m: float = 0.0  # of lines across squares, of all that the map has
+    other_parts_m: float = 0.0  # not connected with the kept part
+    no_way_back_m: float = 0.0  # connected with it, but one-way streets do not lead there and back
+    barriers: int = 0  # places where agents of the mode cannot pass
+    across_m: float = 0.0  # of added lines across squares, on the whole map
 
 
-_NOTHING, _ALL_IN = Merged(), LeftOut()
+_NOTHING, _ALL_IN = MergedJunctions(), CoverageGaps()
 
 
 @dataclass(slots=True, frozen=True, eq=False)
 class RoadNetwork:
-    """Every road leads from its source to its target; traffic runs that way, or both ways if `two_way`."""
+    """Roads from source to target nodes; traffic runs that way, or both ways if `two_way`."""
 
-    xy: FloatArray  # (nodes, 2)  metres
+    xy: FloatArray  # (nodes, 2)  meters
     sources: IntArray  # (roads,)  node rows
     targets: IntArray  # (roads,)  node rows
     offsets: IntArray  # (roads + 1,)  polylines: road i has the points offsets[i]:offsets[i + 1]
     points: FloatArray  # (points, 2)  the first and last of a road are its nodes
-    lengths: FloatArray  # (roads,)  true metres
+    lengths: FloatArray  # (roads,)  true meters
     two_way: BoolArray  # (roads,)
     ways: IntArray  # (roads,)  rows of `tags`
     tags: Sequence[Mapping[str, Any]]  # (ways,)  attributes that the roads of a way share
     crs: str | None
-    merged: Merged = _NOTHING
-    left_out: LeftOut = _ALL_IN
+    merged: MergedJunctions = _NOTHING
+    left_out: CoverageGaps = _ALL_IN
     attribution: str | None = ATTRIBUTION
-    refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids; 0 for a node that it does not have
+    refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids; 0 for a node without one
     nodes: NodeTags = _NO_NODE_TAGS
-    z: FloatArray | None = None  # (nodes,)  metres above sea level
-    is_walked: bool = False  # whether slopes count in travel times
-    buildings: Buildings | None = None  # of the map; None: not known
-    tunnels: IntArray | None = None  # (nodes,)  number of the tunnel that a node lies in; 0: on the surface
+    z: FloatArray | None = None  # (nodes,)  meters above sea level
+    is_walked: bool = False  # whether slopes affect travel times
+    buildings: BuildingIndex | None = None  # of the map; None: unknown
+    tunnels: IntArray | None = None  # (nodes,)  number of the tunnel in which a node lies; 0: on the surface
 
 
-def network_of_part(segments: Segments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
-    """Project the largest part of a map to metres; `left_out` of the result says what else there was.
+def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
+    """Project the largest part of a map to meters; `left_out` of the result counts the rest.
 
     Args:
         segments: pieces of road; at least one.
         tags: (ways,) of the map.
-        strong: every node of the part is to be reached from every other, with the directions of the roads.
+        strong: whether every node of the part has to be reachable from every other, in the directions of the roads.
     """
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))[segments.ways]
     inside = _in_largest(segments, one_way if strong else None)
@@ -429,12 +429,12 @@ def network_of_part(segments: Segments, tags: Sequence[Mapping[str, Any]], *, st
     metres = ellipsoid_lengths(segments.lonlat[sources], segments.lonlat[targets])
     joined = components(segments.sources, segments.targets, len(segments.lonlat))
     near = joined[sources] == joined[inside.argmax()]
-    left_out = LeftOut(float(metres[~near].sum()), float(metres[near].sum()))
+    left_out = CoverageGaps(float(metres[~near].sum()), float(metres[near].sum()))
     return replace(network_of_segments(_within(segments, inside), tags), left_out=left_out)
 
 
-def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
-    """Project the pieces of road to metres; lengths are measured on the ellipsoid, not on the map."""
+def network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
+    """Project pieces of road to meters; lengths are measured on the ellipsoid, not on the map."""
     start, end = segments.lonlat[segments.sources], segments.lonlat[segments.targets]
     crs = utm_crs(segments.lonlat)
     lengths, ends = ellipsoid_lengths(start, end), (segments.sources, segments.targets)
@@ -468,7 +468,7 @@ def network_of_lines(
 
 
 def projected(network: RoadNetwork, source: str) -> RoadNetwork:
-    """Project a network in degrees to UTM; unknown lengths are measured on the ellipsoid."""
+    """Project a network in degrees to UTM; measure unknown lengths on the ellipsoid."""
     crs, start = utm_crs(network.xy), segment_starts(network.offsets)
     steps = ellipsoid_lengths(network.points[start], network.points[start + 1])
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
@@ -483,7 +483,7 @@ def projected(network: RoadNetwork, source: str) -> RoadNetwork:
 
 
 def connected(network: RoadNetwork) -> RoadNetwork:
-    """Lead every polyline from node to node, and give roads without a length that of their polyline."""
+    """Extend every polyline to its nodes, and set unknown lengths to those of the polylines."""
     start, end = network.xy[network.sources], network.xy[network.targets]
     offsets, points, _ = with_ends(network.offsets, network.points, start, end)
     on_map = along(offsets, points)[offsets[1:] - 1]
@@ -492,7 +492,7 @@ def connected(network: RoadNetwork) -> RoadNetwork:
 
 
 def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
-    """Return the same nodes with some of the roads, in the order of `roads`."""
+    """Return the network with only these roads, in the order of `roads`, and all nodes."""
     taken, offsets = kernels.chosen_runs(network.offsets, roads)
     return replace(
         network,
@@ -507,12 +507,12 @@ def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
 
 
 def both_ways(network: RoadNetwork) -> RoadNetwork:
-    """Return the same network for agents that may go against the traffic."""
+    """Return the network with all roads two-way, for agents that may go against the traffic."""
     return replace(network, two_way=np.ones(len(network.sources), np.bool_))
 
 
 def network_of_columns(columns: GraphColumns) -> RoadNetwork:
-    """Return one road per edge: one-way where its attribute `oneway` is true, two-way otherwise."""
+    """Return one road per edge: one-way if its attribute `oneway` is true, two-way otherwise."""
     tags: list[dict[str, Any]] = [{} for _ in range(len(columns.edge_ids))]
     for name, values in columns.edge_attributes.items():
         for row, value in values.items():
@@ -524,9 +524,9 @@ def network_of_columns(columns: GraphColumns) -> RoadNetwork:
 
 
 def joined_directions(network: RoadNetwork) -> RoadNetwork:
-    """Make one two-way road of every one-way road and its exact reverse.
+    """Merge each one-way road with its exact reverse into a two-way road.
 
-    Cutting both apart would leave two rows of nearly equal nodes along every street.
+    Cutting both separately would leave two rows of nearly equal nodes along every street.
     """
     waiting: dict[tuple[int, int], list[int]] = {}
     two_way = network.two_way.copy()

@@ -1,7 +1,7 @@
-"""Road networks from networkx graphs and into them, with the speed on each road.
+"""Convert road networks from and to networkx graphs, with the speed on each road.
 
-The rules of a country are not known here. Words such as `FI:urban` stand for the same speed everywhere, and a
-road without a sign gets a speed that depends on its class only: not on what else is on the map, as OSMnx has it.
+The rules of countries are not known here. Words such as `FI:urban` stand for the same speed everywhere, and the speed
+of a road without a sign depends only on its class, not on other roads of the map as in OSMnx.
 """
 
 import math
@@ -26,8 +26,8 @@ from gamms.typing.map_storage import IGraphSource, IPackedGraph
 if TYPE_CHECKING:
     import networkx as nx
 
-# Kilometres per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
-# Europe and what the shape of such roads allows; ways for walkers have the pace of a walker.
+# Kilometers per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
+# Europe and the speed that the shape of such roads allows; ways for walkers have the pace of a walker.
 _HIGHWAYS_OF_SPEED = {
     110.0: ("motorway",),
     90.0: ("trunk",),
@@ -46,7 +46,7 @@ _HIGHWAYS_OF_SPEED = {
 SPEED_OF_HIGHWAY_KPH = {highway: kph for kph, highways in _HIGHWAYS_OF_SPEED.items() for highway in highways}
 UNKNOWN_SPEED_KPH = 30.0
 
-SPEED_OF_WORD_KPH: dict[str, float] = {  # what follows the country in values such as FI:urban
+SPEED_OF_WORD_KPH: dict[str, float] = {  # the word after the country in values such as FI:urban
     "motorway": 120.0,
     "none": 130.0,
     "trunk": 90.0,
@@ -59,7 +59,7 @@ SPEED_OF_WORD_KPH: dict[str, float] = {  # what follows the country in values su
     "walk": 5.0,
 }
 
-_FASTEST_KPH = 300.0  # beyond is a slip of the pen
+_FASTEST_KPH = 300.0  # greater speeds are typing errors
 _UNITS = {"": 1.0, "km/h": 1.0, "kmh": 1.0, "kph": 1.0, "mph": 1.609344, "knots": 1.852}
 _SIGN = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)\s*([a-z/]*)", re.ASCII)
 
@@ -67,7 +67,7 @@ _SIGN = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)\s*([a-z/]*)", re.ASCII)
 def speed_kph(tags: Mapping[str, Any]) -> float:
     """Return the speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
 
-    Several signs (a list, or text with semicolons) give their mean; what is no speed is passed over.
+    Several signs (a list, or text with semicolons) give their mean; texts that are not speeds are ignored.
     """
     given = tags.get("speed_kph")
     if is_number(given) and 0.0 < given < math.inf:
@@ -80,20 +80,20 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
 
 
 def signed_kph(tags: Mapping[str, Any]) -> float | None:
-    """Return the mean of the speeds on the signs of a road in km/h; None if it has none."""
+    """Return the mean of the speeds on the signs of a road in km/h; None without signs."""
     signs = [speed for text in _texts(tags.get("maxspeed")) if (speed := _of_sign(text)) is not None]
     return sum(signs) / len(signs) if signs else None
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Return whether it is a real number; a bool is none."""
+    """Return whether a value is a real number other than a bool."""
     return isinstance(value, (int, float, np.integer)) and not isinstance(value, bool) and not math.isnan(value)
 
 
 def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
-    """Seconds along each road at the speed (ways,) of its way.
+    """Return seconds (roads,) along each road at the speed (ways,) of its way.
 
-    A way that came with a `travel_time` of its own keeps it; its pieces share it by their lengths.
+    A way with a `travel_time` of its own keeps it; its pieces share it in proportion to their lengths.
     """
     needed = network.lengths / (speeds[network.ways] / 3.6)
     times = [of_way.get("travel_time") for of_way in network.tags] or [None]
@@ -110,7 +110,7 @@ def grades(z: FloatArray, ends: IntArray, lengths: FloatArray) -> FloatArray:
 
 
 def walking_factor(grade: FloatArray) -> FloatArray:
-    """Return how many times longer walking takes on a slope than on level ground.
+    """Return the factor by which walking takes longer on a slope than on level ground.
 
     By the hiking function of Tobler ("Three presentations on geographical analysis and modeling", 1993): the speed is
     proportional to exp(-3.5 |grade + 0.05|), the greatest on a gentle way down.
@@ -120,9 +120,9 @@ def walking_factor(grade: FloatArray) -> FloatArray:
 
 
 def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the grade of each of some roads, walked there or back, and what it does to the travel time.
+    """Return the grade of each of these roads, forward or back, and its factor for the travel time.
 
-    None where the nodes have no heights.
+    None if the nodes have no heights.
     """
     if network.z is None:
         return None
@@ -152,11 +152,11 @@ def _of_sign(text: str) -> float | None:
 
 
 G = TypeVar("G", bound="nx.DiGraph[int]")
-_SIMPLE = frozenset((str, int, float, bool, type(None)))  # kinds of values that need no copy
+_SIMPLE = frozenset((str, int, float, bool, type(None)))  # types of values that need no copy
 _TEXTS = frozenset((str, type(None)))
 _NO_VALUES = CodedValues(np.zeros(0, np.int64), np.zeros(0, np.int64), ())
-_STEEPEST = 1.0  # steeper is a fault of the data
-_RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names that a graph gives to what is no tag
+_STEEPEST = 1.0  # steeper grades are errors of the data
+_RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names of attributes that are not tags
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
 
 
@@ -165,17 +165,17 @@ def to_digraph(
 ) -> "nx.DiGraph[int]":
     """Return one node per node and one edge per direction of each road, numbered in first-seen order.
 
-    Nodes have `x` and `y`, and what `network.nodes` says of them; edges have `id`, `linestring`, `length`, their tags,
-    `speed_kph` and `travel_time`.
-    The way back has the next id. Of roads from one node to another the last is kept.
+    Nodes have `x` and `y`, and the tags in `network.nodes`; edges have `id`, `linestring`, `length`, their tags,
+    `speed_kph` and `travel_time`. The edge in the other direction has the next id. Of several roads from one node to
+    another the last is kept.
 
-    The graph is filled when something in it is first looked at: most are only attached to a context, which takes the
-    columns and is ten times as fast.
+    The graph is filled on first access: most graphs are only attached to a context, which takes the columns and is ten
+    times as fast.
 
     Args:
         network: the roads.
-        about: more for `G.graph`.
-        columns: what `to_columns` made of the network, if it is known.
+        about: further entries for `G.graph`.
+        columns: the result of `to_columns` for the network, if known.
     """
     import networkx as nx
 
@@ -187,16 +187,16 @@ def to_digraph(
 
 @cache
 def _deferred_class() -> Any:
-    """Return the class of graphs that are filled when they are first looked at; networkx is slow to load."""
+    """Return the class of graphs that are filled on first access; networkx is slow to load."""
     import networkx as nx
 
     class Deferred(nx.DiGraph):  # type: ignore[type-arg] # it cannot be subscripted when it runs
-        """A graph of roads, which becomes an ordinary DiGraph at the first look."""
+        """A graph of roads that becomes an ordinary DiGraph on first access."""
 
         def __init__(self, network: Any = None, about: Any = None, columns: Any = None, **others: Any) -> None:
             if isinstance(network, RoadNetwork):
                 object.__getattribute__(self, "__dict__")["pending"] = network, about, columns
-            else:  # as networkx makes an empty graph of the class of another
+            else:  # networkx makes an empty graph of another graph's class
                 object.__setattr__(self, "__class__", nx.DiGraph)
                 nx.DiGraph.__init__(self, network, **others)
 
@@ -210,11 +210,11 @@ def _deferred_class() -> Any:
             return getattr(self, name)
 
         def __setattr__(self, name: str, value: Any) -> None:
-            _ = self.graph  # which fills it
+            _ = self.graph  # fills the graph
             setattr(self, name, value)
 
         def as_columns(self) -> tuple[GraphColumns, str | None]:
-            """Return what `attach_networkx_graph` makes of the filled graph."""
+            """Return the columns that `attach_networkx_graph` would make of the filled graph."""
             network, _, columns = object.__getattribute__(self, "__dict__")["pending"]
             return to_columns(network) if columns is None else columns, network.attribution
 
@@ -224,9 +224,9 @@ def _deferred_class() -> Any:
 
 
 def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColumns, Mapping[str, Any]] | None:
-    """Return the columns of a graph that nothing has looked at yet, with these attributes, and what it says of itself.
+    """Return the columns of a graph that is not filled yet, with these attributes, and its entries of `G.graph`.
 
-    None for other graphs. It stays unfilled.
+    None for other graphs. The graph stays unfilled.
     """
     if not isinstance(graph, IGraphSource) or isinstance(graph, IPackedGraph):
         return None
@@ -241,7 +241,7 @@ def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColu
 def to_columns(network: RoadNetwork) -> GraphColumns:
     """Return the graph that `to_digraph` makes, as columns.
 
-    Requires: lengths are finite, and no tag has a name of the format.
+    Requires: lengths are finite, and no tag has a name reserved by the format.
     """
     firsts, numbers = _numbered(network)
     roads = np.repeat(np.arange(len(network.sources)), 1 + network.two_way)
@@ -249,7 +249,7 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
     is_back[1:] = roads[1:] == roads[:-1]
     ends = numbers[np.stack((network.sources, network.targets))[:, roads]]
     ends[:, is_back] = ends[::-1, is_back]
-    # As in networkx: by source, then by when the pair of nodes was first joined; what joined them last counts.
+    # As in networkx: sorted by source, then by when the pair of nodes was first joined; the last road of a pair counts.
     keys = ends[0] * len(firsts) + ends[1]
     pairs, first, group = np.unique(keys, return_index=True, return_inverse=True)
     last = np.zeros(len(pairs), np.int64)
@@ -280,7 +280,7 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
 
 
 def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, Mapping[int, Any]]:
-    """Return name -> position -> value of what the map says of the nodes in these rows: its number, and its tags."""
+    """Return name -> position -> value for the nodes in these rows: their ids, and their tags."""
     refs = np.zeros(0, np.int64) if network.refs is None else network.refs[rows]
     numbered = np.flatnonzero(refs)
     columns: dict[str, Mapping[int, Any]] = {"osmid": _one_each(numbered, refs[numbered])} if len(numbered) else {}
@@ -295,12 +295,12 @@ def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, Mapping[int
 
 
 def _one_each(rows: IntArray, values: "np.ndarray[Any, Any]") -> CodedValues:
-    """Return an attribute of which each row has a number of its own."""
+    """Return an attribute with a separate value for each row."""
     return CodedValues(rows, np.arange(len(rows)), values.tolist())
 
 
 def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> dict[str, CodedValues]:
-    """Return name -> row -> value of the edges of some roads, there or back."""
+    """Return name -> row -> value for the edges of these roads, forward or back."""
     speeds = _speeds(network)
     given: dict[str, dict[int, Any]] = {}
     for way, of_way in enumerate(network.tags):
@@ -330,7 +330,7 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
 
 
 def _speeds(network: RoadNetwork) -> list[float]:
-    """Return the speed (ways,) on each way; of the thousands of a map most are tagged alike."""
+    """Return the speed (ways,) on each way; most of the thousands of ways on a map have equal tags."""
     known: dict[tuple[Any, ...], float] = {}
     speeds: list[float] = []
     for of_way in network.tags:
@@ -345,7 +345,7 @@ def _speeds(network: RoadNetwork) -> list[float]:
 
 
 def _keep_older_tags(network: RoadNetwork, columns: dict[str, CodedValues], roads: IntArray, rows: IntArray) -> None:
-    """Add the tags of roads that another one replaced, unless it has them; edge `i` of `roads` became `rows[i]`."""
+    """Add missing tags from roads that another one replaced; edge `i` of `roads` became `rows[i]`."""
     offsets, edges = kernels.group_rows(rows, int(rows.max()) + 1)
     more: dict[str, dict[int, Any]] = {}
     for row in np.flatnonzero(np.diff(offsets) > 1).tolist():
@@ -364,7 +364,7 @@ def _keep_older_tags(network: RoadNetwork, columns: dict[str, CodedValues], road
 
 
 def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> Polylines:
-    """Return the shapes of the edges that are more than the straight line between their nodes."""
+    """Return the shapes of edges that are not straight lines between their nodes."""
     first, last = network.offsets[:-1], network.offsets[1:] - 1
     is_straight = (last - first == 1) & np.all(
         (network.points[first] == network.xy[network.sources]) & (network.points[last] == network.xy[network.targets]),
@@ -379,14 +379,14 @@ def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> Polyline
 
 
 def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
-    """Return the same with every road, also between the same two nodes."""
+    """Return a graph that keeps all parallel roads between two nodes."""
     import networkx as nx
 
     return _filled(nx.MultiDiGraph(), network, {})
 
 
 def _numbered(network: RoadNetwork) -> tuple[IntArray, IntArray]:
-    """Return the rows of the nodes in first-seen order, and the number of each row; nodes without a road come last."""
+    """Return the rows of nodes in first-seen order, and the number of each row; nodes without roads come last."""
     ends = np.column_stack((network.sources, network.targets)).ravel()
     rows = np.concatenate((ends, np.arange(len(network.xy))))
     firsts = rows[kernels.first_seen(rows)[1]]
@@ -409,7 +409,7 @@ def _filled(graph: G, network: RoadNetwork, more: Mapping[str, Any]) -> G:
 
 
 def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, dict[str, Any]]]:
-    """Every road there and, where traffic runs both ways, back: as networkx takes them."""
+    """Yield every road forward and, where traffic is two-way, back, in networkx's form."""
     ids = (np.cumsum(1 + network.two_way) - (1 + network.two_way)).tolist()
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets))
     there = line_strings(network.points, line)
@@ -427,7 +427,7 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
 
 
 def _climbs(network: RoadNetwork, times: FloatArray, *, is_back: bool) -> list[dict[str, float]]:
-    """Return the travel time of each road, and its grade where that is known."""
+    """Return the travel time of each road, and its grade if known."""
     roads = np.arange(len(times))
     slopes = _slopes(network, roads, np.full(len(times), is_back))
     if slopes is None:
@@ -442,7 +442,7 @@ def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = Non
     `crs` stays None; an edge without a length has NaN. `names` are the attributes that become tags, by default all.
 
     Raises:
-        BadType: it is no networkx graph.
+        BadType: it is not a networkx graph.
         BadValue: a node has no position, or an edge an impossible length.
     """
     import networkx as nx
@@ -486,7 +486,7 @@ def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
 
 
 def _number(value: Any) -> float:
-    """Return a value as a number; NaN if it is none."""
+    """Return a value as a number; NaN if it is not one."""
     try:
         return float(value)
     except (TypeError, ValueError):
@@ -496,7 +496,7 @@ def _number(value: Any) -> float:
 def _oriented(
     polylines: dict[int, FloatArray], xy: FloatArray, sources: IntArray, targets: IntArray
 ) -> dict[int, FloatArray]:
-    """Let every polyline begin at its source: an undirected graph may store the geometry of (u, v) from v to u."""
+    """Reverse polylines that do not begin at their source: undirected graphs may store those of (u, v) from v to u."""
     if not polylines:
         return polylines
     roads = np.fromiter(polylines, np.int64, len(polylines))

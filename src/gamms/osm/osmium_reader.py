@@ -1,4 +1,4 @@
-"""Read OpenStreetMap files with osmium, whatever the format and the order of the parts, unless they are bombs."""
+"""Read OpenStreetMap files with osmium, in any format and order of their parts; refuse decompression bombs."""
 
 import bz2
 import gzip
@@ -20,7 +20,7 @@ from gamms.limits import Allowance, refuse_above
 from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import (
     RING_ROLES,
-    Buildings,
+    BuildingIndex,
     Outlines,
     Shapes,
     WallRules,
@@ -30,7 +30,7 @@ from gamms.osm.footprints import (
     outlines_of_ways,
     polygons_of,
 )
-from gamms.osm.network import Rule, Stops, Ways, classic_rule
+from gamms.osm.network import OsmRoads, Rule, Stops, classic_rule
 from gamms.osm.tags import node_keys, node_tags
 from gamms.progress import Show
 from gamms.text import shown
@@ -46,17 +46,17 @@ WAY_OUT = (
     "Give an .osm, .xml, .osm.gz, .osm.bz2 or .osm.pbf file, "
     "such as an export from openstreetmap.org, the Overpass API or Geofabrik."
 )
-_MOST_HEADER = 64 << 10  # bytes, as the format says
+_MOST_HEADER = 64 << 10  # bytes, by the format
 _MOST_BLOB = 32 << 20
-_DATA_SIZE, _RAW_SIZE = 3, 2  # numbers of fields in BlobHeader and in Blob
+_DATA_SIZE, _RAW_SIZE = 3, 2  # field numbers in BlobHeader and in Blob
 
 
 def as_file(path: object) -> Path:
-    """Return `path` as the path of a file that is there.
+    """Return `path` as the path of an existing file.
 
     Raises:
         BadType: it is not a path.
-        FileNotFoundError: there is nothing.
+        FileNotFoundError: the file does not exist.
         IsADirectoryError: it is a folder.
         BadFile: it is a pipe or a device.
     """
@@ -71,10 +71,10 @@ def as_file(path: object) -> Path:
 
 
 def file_format(file: Path) -> str:
-    """Return the format of a map file in osmium's words, judged by its first bytes.
+    """Return the format of a map file by osmium's name, judged by its first bytes.
 
     Raises:
-        BadFile: it is empty, of another kind, damaged, or expands absurdly.
+        BadFile: the file is empty, of another kind, damaged, or expands absurdly.
     """
     with file.open("rb") as stream:
         head = stream.read(64)
@@ -87,7 +87,7 @@ def file_format(file: Path) -> str:
         _refuse_bomb(file, bz2.BZ2File)
         return "osm.bz2"
     if b"OSMHeader" in head[:32]:
-        # osmium unpacks a block to no more than it says it has, and none to more than 32 MiB: their sum is a bound.
+        # osmium unpacks a block to at most its stated size, and refuses more than 32 MiB: the sum of sizes is a bound.
         allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size(file))
         return "pbf"
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
@@ -96,7 +96,7 @@ def file_format(file: Path) -> str:
 
 
 def allowance_of(file: Path) -> Allowance:
-    """Return the memory that what is read of a map file may take; it is let go before the next part is made of it."""
+    """Return the memory allowance for reading a map file; it is released before the next processing step."""
     return Allowance(file.stat().st_size, repr(str(file)), is_streamed=True)
 
 
@@ -113,7 +113,7 @@ def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) ->
 
 
 def unpacked_size(file: Path) -> int:
-    """Return the bytes of all blocks together. A damaged frame ends the count: its reader will say so."""
+    """Return the unpacked bytes of all blocks. A damaged frame ends the count; its reader reports it."""
     total = 0
     with file.open("rb") as stream:
         while len(start := stream.read(4)) == 4:
@@ -126,7 +126,7 @@ def unpacked_size(file: Path) -> int:
 
 
 def _fields(message: bytes) -> dict[int, int]:
-    """Return the whole numbers of a protobuf message, by field."""
+    """Return the integers in a protobuf message, by field."""
     found: dict[int, int] = {}
     at = 0
     while at < len(message):
@@ -156,7 +156,7 @@ _BYTES_PER_POINT = 1_000  # of memory, from the file to the graph
 _SHOW_EVERY = 4096  # ways
 
 
-class _Lines:
+class _WayVertices:
     """The vertices of ways while they are being read, each way once."""
 
     def __init__(self, allowance: Allowance) -> None:
@@ -165,7 +165,7 @@ class _Lines:
         self.x, self.y = array("q"), array("q")
         self.row_of: dict[int, int] = {}  # way id -> row
 
-    def add(self, way: "osm.Way", clip: "_Clip | None" = None) -> None:
+    def add(self, way: "osm.Way", clip: "_ClippedNodes | None" = None) -> None:
         nodes = list(way.nodes)
         self.allowance.charge(_BYTES_PER_POINT * len(nodes))
         refs = [node.ref for node in nodes]
@@ -182,7 +182,7 @@ class _Lines:
         self.offsets.append(len(self.refs))
 
     def complete(self, source: "io.File", report: Callable[[int], None]) -> None:
-        """Look for the nodes that osmium itself does not find: those after their way, and those with negative ids."""
+        """Find the nodes that osmium itself does not find: nodes after their way, and nodes with negative ids."""
         from osmium import FileProcessor, osm
 
         missing = {ref for ref, x in zip(self.refs, self.x, strict=True) if x == _NOWHERE}
@@ -207,8 +207,8 @@ _OUTSIDE = (_NOWHERE, _NOWHERE)
 _BYTES_PER_NODE = 250  # of memory, of a node in an area
 
 
-class _Clip:
-    """The nodes of a map file that lie in an area; memory is taken for these only, however large the file is.
+class _ClippedNodes:
+    """The nodes of a map file in an area; only these take memory, however large the file is.
 
     Args:
         source: the file.
@@ -236,7 +236,7 @@ class _Clip:
         self.place_of = {ids[row]: (x[row], y[row]) for row in rows}
 
     def has_part_of(self, one: "osm.Node | osm.Way | osm.Relation") -> bool:
-        """Return whether a node lies in the area, or a node of a way; relations might."""
+        """Return whether a node, or a node of a way, lies in the area; True for relations."""
         if not one.is_way():
             return one.is_relation() or one.id in self.place_of
         return any(node.ref in self.place_of for node in cast("osm.Way", one).nodes)
@@ -252,30 +252,30 @@ def read_ways(
     stops: Stops | None = None,
     clip: "Polygon | None" = None,
     around_buildings: bool = False,
-) -> Ways:
-    """Return the ways of a map file that a rule takes, by default all roads, in its order; there may be none.
+) -> OsmRoads:
+    """Return the ways of a map file that a rule accepts, by default all roads, in file order; possibly none.
 
     Args:
         file: the map file.
-        show: where to say what is being done.
-        rule: which ways are taken.
-        tags: of nodes, kept besides their `highway`, such as "crossing"; a node with one of them stays a node.
-        areas: say which ways are areas, and take those around multipolygons that the rule takes, too.
+        show: shows the progress.
+        rule: the rule for ways.
+        tags: tags of nodes to keep besides their `highway`, such as "crossing"; a node with one of them stays a node.
+        areas: mark ways that are areas, and include the ways around multipolygons that the rule accepts.
         stops: whether a node with these tags is a barrier.
-        clip: an area in degrees; nodes outside of it are taken as if the file lacked them.
-        around_buildings: tell of the buildings of the file, which are read when they are needed.
+        clip: an area in degrees; nodes outside of it count as missing.
+        around_buildings: attach the buildings of the file, which are read when they are needed.
 
     Raises:
-        BadFile: it is not OpenStreetMap data, damaged, or too large.
+        BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source, lines, rule = _source_of(file), _Lines(allowance_of(file)), rule or classic_rule(None)
+    source, lines, rule = _source_of(file), _WayVertices(allowance_of(file)), rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
     marked, texts, barriers = dict[int, dict[str, str]](), dict[str, str](), set[int]()
     relations: list[tuple[int, dict[str, str], list[int]]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
-        part = None if clip is None else _Clip(source, clip)
+        part = None if clip is None else _ClippedNodes(source, clip)
         roads = _roads(source, tags if stops is None else [*tags, "barrier"], has_places=part is None)
         for count, one in enumerate(roads, 1):
             if part is not None and not part.has_part_of(one):
@@ -307,7 +307,7 @@ def read_ways(
             lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
     refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
     against = np.array([is_against for _, is_against in kept], np.bool_)
-    ways = Ways(
+    ways = OsmRoads(
         offsets,
         refs,
         lines.lonlat(),
@@ -315,17 +315,17 @@ def read_ways(
         [of_way for of_way, _ in kept],
         nodes=node_tags(marked, set(lines.refs), tags),
         barriers=barriers & set(lines.refs),
-        buildings=Buildings(lambda: _read_buildings(file, source, part)) if around_buildings else None,
+        buildings=BuildingIndex(lambda: _read_buildings(file, source, part)) if around_buildings else None,
         ids=[*lines.row_of],
     )
     return with_areas(ways, lines.row_of, squares) if areas else ways
 
 
 def count_turn_restrictions(file: Path) -> int:
-    """Return how many relations of a map file restrict turns.
+    """Return the number of turn restrictions in a map file.
 
     Raises:
-        BadFile: it is not OpenStreetMap data, damaged, or too large.
+        BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
     source = _source_of(file)
@@ -343,14 +343,14 @@ def _rings(relation: "osm.Relation") -> list[int]:
 
 
 def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
-    """Return the tags with one object for equal texts: a file may have one long text for all."""
+    """Return the tags with equal texts shared: a file may repeat one long text."""
     return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
 
 
 def _roads(
     source: "io.File", tags: Sequence[str], *, has_places: bool
 ) -> "Iterator[osm.Node | osm.Way | osm.Relation]":
-    """Read the ways and relations with a `highway`, and the nodes with that or one of these tags."""
+    """Read the ways and relations with a `highway`, and the nodes with a `highway` or one of these tags."""
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
 
@@ -358,7 +358,7 @@ def _roads(
     ways.enable_for(osm.WAY | osm.RELATION)
     nodes.enable_for(osm.NODE)
     objects = FileProcessor(source, osm.NODE | osm.WAY | osm.RELATION)
-    objects = objects.with_locations() if has_places else objects  # which takes memory for all nodes of the file
+    objects = objects.with_locations() if has_places else objects  # takes memory for all nodes of the file
     return cast("Iterator[osm.Node | osm.Way | osm.Relation]", iter(objects.with_filter(ways).with_filter(nodes)))
 
 
@@ -366,7 +366,7 @@ def _source_of(file: Path) -> "io.File":
     """Return a map file for osmium to open.
 
     Raises:
-        BadFile: it is empty, of another kind, damaged, or expands absurdly.
+        BadFile: the file is empty, of another kind, damaged, or expands absurdly.
         MissingExtra: osmium is not installed.
     """
     with needing("Reading OpenStreetMap files", "osm"):
@@ -376,7 +376,7 @@ def _source_of(file: Path) -> "io.File":
 
 @contextmanager
 def _errors_of(file: Path) -> Iterator[None]:
-    """Whatever osmium says about a file, say it with the name of the file and the way out."""
+    """Turn osmium's errors into a `BadFile` with the name of the file and advice."""
     from osmium import InvalidLocationError
 
     try:
@@ -387,30 +387,30 @@ def _errors_of(file: Path) -> Iterator[None]:
         raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
 
 
-_AboutOf = Callable[[Mapping[str, str]], object | None]  # from tags to what they stand for
+_AboutOf = Callable[[Mapping[str, str]], object | None]  # from tags to the object that they describe, or None
 
 
 class AreaRules(Protocol):
-    """What is made of the areas of a map file.
+    """Rules that turn areas of a map file into objects, such as walls.
 
     Attributes:
-        keys: of the tags that an area needs one of.
+        keys: an area needs a tag with one of these keys.
     """
 
     keys: list[str]
 
     def wall_of(self, tags: Mapping[str, str]) -> object | None:
-        """Return what an area with these tags is; None if it is passed over."""
+        """Return the object for an area with these tags; None: ignore the area."""
 
 
 def read_footprints(file: Path, rules: AreaRules) -> Outlines:
-    """Read the areas of a map file that `rules` make something of: relations in its order, then ways in its order.
+    """Read the areas of a map file that `rules` accept: relations in file order, then ways in file order.
 
     Raises:
-        BadFile: it is not OpenStreetMap data, damaged, or too large.
+        BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source, found = _source_of(file), _Footprints(rules, allowance_of(file))
+    source, found = _source_of(file), _FootprintReader(rules, allowance_of(file))
     with _errors_of(file):
         if rules.keys:
             found.read(source)
@@ -418,19 +418,19 @@ def read_footprints(file: Path, rules: AreaRules) -> Outlines:
 
 
 def read_barriers(file: Path, rules: WallRules) -> Outlines:
-    """Read the lines of a map file that `rules` make walls of, in its order; raises as `read_footprints` does."""
+    """Read the lines of a map file that `rules` turn into walls, in file order; raises like `read_footprints`."""
     lines, walls = _read_lines(file, ("barrier",) if rules.has_barriers else (), rules.barrier_of, but=rules)
     ways = [[id] for id in lines.row_of]
     return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), lines.row_of, ways, walls)
 
 
 def read_lines(file: Path, keys: Sequence[str], about_of: _AboutOf) -> Outlines:
-    """Read the lines of a map file that a function makes something of, as far as the file knows where they are.
+    """Read the lines of a map file that a function accepts, without parts whose nodes the file lacks.
 
     Args:
         file: the map file.
-        keys: of the tags that a line needs one of.
-        about_of: what a line with these tags is; None if it is passed over.
+        keys: a line needs a tag with one of these keys.
+        about_of: returns the object for a line with these tags; None: ignore the line.
 
     Raises:
         BadFile, MissingExtra: as for `read_footprints`.
@@ -441,9 +441,9 @@ def read_lines(file: Path, keys: Sequence[str], about_of: _AboutOf) -> Outlines:
 
 def _read_lines(
     file: Path, keys: Sequence[str], about_of: _AboutOf, but: AreaRules | None = None
-) -> tuple["_Lines", list[object]]:
-    """Read the ways that a function makes something of, but no areas that these rules make something of."""
-    source, lines = _source_of(file), _Lines(allowance_of(file))
+) -> tuple["_WayVertices", list[object]]:
+    """Read the ways that a function accepts, without areas that the rules `but` accept."""
+    source, lines = _source_of(file), _WayVertices(allowance_of(file))
     about: list[object] = []
     with _errors_of(file):
         for way in _ways(source, *keys) if keys else ():
@@ -461,12 +461,12 @@ def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
     return len(way.nodes) >= 4 and way.ends_have_same_id() and tags.get("area") != "no"
 
 
-class _Footprints:
-    """Which lines enclose what, while a file is being read."""
+class _FootprintReader:
+    """Reads footprints: collects the lines around them while a file is being read."""
 
-    def __init__(self, rules: AreaRules, allowance: Allowance, part: _Clip | None = None) -> None:
+    def __init__(self, rules: AreaRules, allowance: Allowance, part: _ClippedNodes | None = None) -> None:
         self.rules, self.part = rules, part
-        self.lines = _Lines(allowance)
+        self.lines = _WayVertices(allowance)
         self.walls: list[object] = []
         self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
         self.relations: set[int] = set()
@@ -516,45 +516,47 @@ class _Footprints:
         return outlines_of_ways(offsets, self.lines.lonlat(), row_of, self.ways_of, self.walls)
 
 
-def _ways(source: "io.File", *keys: str, ids: Collection[int] = (), part: _Clip | None = None) -> "Iterator[osm.Way]":
-    """Read the ways that have one of these tags, or numbers, and lie in an area."""
+def _ways(
+    source: "io.File", *keys: str, ids: Collection[int] = (), part: _ClippedNodes | None = None
+) -> "Iterator[osm.Way]":
+    """Read the ways with one of these tags, or these ids, in an area."""
     from osmium import FileProcessor, osm
     from osmium.filter import EntityFilter, IdFilter, KeyFilter
 
     objects = FileProcessor(source, osm.WAY if part is not None else osm.NODE | osm.WAY)
-    objects = objects.with_locations() if part is None else objects  # which takes memory for all nodes of the file
+    objects = objects.with_locations() if part is None else objects  # takes memory for all nodes of the file
     objects = objects.with_filter(EntityFilter(osm.WAY)).with_filter(KeyFilter(*keys) if keys else IdFilter(ids))
     return (way for way in cast("Iterable[osm.Way]", objects) if part is None or part.has_part_of(way))
 
 
-def _read_buildings(file: Path, source: "io.File", part: _Clip | None) -> Shapes:
-    """Read the buildings of a map file that are in the way of roads, in degrees and in any order."""
-    found = _Buildings(_InTheWay(), allowance_of(file), part)
+def _read_buildings(file: Path, source: "io.File", part: _ClippedNodes | None) -> Shapes:
+    """Read the buildings of a map file that block roads, in degrees and in any order."""
+    found = _BuildingReader(_BuildingRules(), allowance_of(file), part)
     with _errors_of(file):
         found.read(source)
     return np.concatenate((found.shapes(), footprints_of(found.outlines())))
 
 
-class _InTheWay:
-    """The rules of areas that no way leads through."""
+class _BuildingRules:
+    """The rules for areas that block ways."""
 
     def __init__(self) -> None:
         self.keys = ["building"]
 
     def wall_of(self, tags: Mapping[str, str]) -> object | None:
-        """Return True for what is in the way."""
+        """Return True for an area that blocks ways, else None."""
         return is_in_the_way(tags) or None
 
 
 _WKB_HEADER = 9  # bytes
-_MOST_NODES = 2000  # of a way, as OpenStreetMap has it; outlines of far more take minutes to repair
+_MOST_NODES = 2000  # of a way, the limit of OpenStreetMap; far longer outlines take minutes to repair
 _BYTES_PER_CORNER = 100  # of memory, of a building of which only the outline is kept
 
 
-class _Buildings(_Footprints):
-    """Buildings of which only the outlines are wanted: osmium itself makes most of them, six times as fast."""
+class _BuildingReader(_FootprintReader):
+    """Reads only the outlines of buildings: osmium itself makes most of them, six times as fast."""
 
-    def __init__(self, rules: AreaRules, allowance: Allowance, part: _Clip | None) -> None:
+    def __init__(self, rules: AreaRules, allowance: Allowance, part: _ClippedNodes | None) -> None:
         from osmium.geom import WKBFactory
 
         super().__init__(rules, allowance, part)
@@ -575,7 +577,7 @@ class _Buildings(_Footprints):
                 super()._add_way(way)
 
     def shapes(self) -> Shapes:
-        """Return the buildings that osmium has made."""
+        """Return the buildings made by osmium."""
         # NOTE: shapely reads them ten times as slowly. Each line is a header, and two numbers of 8 bytes per vertex.
         sizes = np.array([len(line) // 2 for line in self._made], np.int64)
         headers = (np.cumsum(sizes) - sizes)[:, None] + np.arange(_WKB_HEADER)

@@ -1,4 +1,4 @@
-"""Streets and areas of places, from the answers of Nominatim and Overpass, which are checked before they are used."""
+"""Streets and areas of places, from answers of Nominatim and Overpass, which are checked before use."""
 
 import json
 import math
@@ -22,11 +22,11 @@ from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of, stops_o
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
-    LeftOut,
+    CoverageGaps,
+    OsmRoads,
     OSMType,
     RoadNetwork,
-    Segments,
-    Ways,
+    RoadSegments,
     chosen_roads,
     kept_tags,
     largest_part,
@@ -50,11 +50,11 @@ _KM_PER_DEGREE = 111.32
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
 _MOST_CUT = 1 / 3  # share of areas that may lack nodes: where a map was cut, some do; where it is damaged, most do
 Location = str | dict[str, str] | Sequence[str | dict[str, str]]
-_Query = tuple[list[str], str]  # the kinds of elements with their filters, and what to output of those found
+_Query = tuple[list[str], str]  # the kinds of elements with their filters, and the output statement
 
 
 class StreetOptions(NamedTuple):
-    """Which streets of an area are wanted, and what is made of them; `create_osm_graph` says what each means."""
+    """Options for the streets of an area; `create_osm_graph` explains each."""
 
     osm_type: OSMType = OSMType.WALK
     resolution: float = 10.0
@@ -65,18 +65,18 @@ class StreetOptions(NamedTuple):
     tolerance: float = 10.0
     bidirectional: bool | None = None
     offline: bool = False
-    mode: ModeFunction | None = None  # whose ways and directions are taken, not those of OSMnx's network type
+    mode: ModeFunction | None = None  # takes its ways and directions, instead of those of OSMnx's network type
     strong: bool = False
-    tags: Sequence[str] = ()  # which are kept, too
+    tags: Sequence[str] = ()  # further tags to keep
     around_buildings: bool = False
 
 
 def streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
-    """Download the streets inside the boundary of a place, in UTM metres.
+    """Download the streets inside the boundary of a place, in UTM meters.
 
     Raises:
         BadType, BadValue: the location is impossible.
-        PlaceError, NetworkError: there is no such map, or no answer.
+        PlaceError, NetworkError: the map does not exist, or there is no answer.
         MissingExtra: requests is not installed.
     """
     _check_location(location)
@@ -85,7 +85,7 @@ def streets_of_place(location: Location, name: str, options: StreetOptions, show
 
 
 def streets_of_polygon(polygon: "BaseGeometry", name: str, options: StreetOptions, show: Show) -> RoadNetwork:
-    """Download the streets inside a shapely Polygon or MultiPolygon in degrees; raises as `streets_of_place` does."""
+    """Download the streets inside a shapely Polygon or MultiPolygon in degrees; raises like `streets_of_place`."""
     if getattr(polygon, "geom_type", None) not in _RINGS:
         raise BadType(
             f"polygon must be a shapely Polygon or MultiPolygon of (longitude, latitude), not {shown(polygon)}."
@@ -101,11 +101,11 @@ def features_of_place(
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Download the areas with some of these tags in a place: shapely polygons in degrees, each with all of its tags.
 
-    Ways with one of the keys `lines` are LineStrings after them, unless they are such an area.
+    Ways with one of the keys `lines` follow as LineStrings, unless they are such an area.
 
     Raises:
         BadType, BadValue: the location or the tags are impossible.
-        PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
+        PlaceError, NetworkError: the place is unknown or empty, or there is no answer.
         MissingExtra: requests is not installed.
     """
     _check_location(location)
@@ -176,13 +176,13 @@ def _streets(
         network = network if options.mode else replace(network, refs=None)
         network = simplify(network) if options.simplify else network
         lonlat = project(network.xy, str(network.crs), WGS84)
-        roads = Segments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
+        roads = RoadSegments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
         inside = _part(roads, polygon, options)
         there = largest_part(inside, ~network.two_way[inside.ways]) if options.strong and len(inside.ways) else inside
         if len(there.ways):
             servers.save_rest()
             lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
-            left_out = LeftOut(no_way_back_m=lost, barriers=len(ways.barriers), across_m=length_across(ways))
+            left_out = CoverageGaps(no_way_back_m=lost, barriers=len(ways.barriers), across_m=length_across(ways))
             network = replace(network, left_out=left_out)
             return without_unused_nodes(chosen_roads(network, there.ways))
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
@@ -192,15 +192,15 @@ def _streets(
     )
 
 
-def _buildings(servers: MapServers, area: "BaseGeometry") -> footprints.Buildings:
+def _buildings(servers: MapServers, area: "BaseGeometry") -> footprints.BuildingIndex:
     kinds = ['way["building"]', 'relation["building"]["type"="multipolygon"]']
     found = _download(servers, area, [(kinds, "(._;>;);out;")], read_areas)
     shapes = [shape for shape, tags in _areas(found, {"building": None}, area) if footprints.is_in_the_way(tags)]
-    return footprints.Buildings(lambda: footprints.shapes_of(shapes))
+    return footprints.BuildingIndex(lambda: footprints.shapes_of(shapes))
 
 
-def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> Segments:
-    """Return the segments in an area and, unless all are wanted, connected with each other."""
+def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) -> RoadSegments:
+    """Return the segments in an area and, unless all are wanted, only their largest connected part."""
     if not len(segments.sources):
         return segments
     kept = footprints.is_inside(area, segments.lonlat)
@@ -209,11 +209,11 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
         kept[segments.sources[crossing]] = kept[segments.targets[crossing]] = True
     inside = kept[segments.sources] & kept[segments.targets]
     ends = segments.sources[inside], segments.targets[inside]
-    part = Segments(segments.lonlat, *ends, segments.ways[inside], segments.refs)
+    part = RoadSegments(segments.lonlat, *ends, segments.ways[inside], segments.refs)
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
-def _ways(found: "_Elements", options: StreetOptions) -> Ways:
+def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     """Return the ways as columns, with the speeds of the mode; without a rule, walkers have no one-way streets."""
     useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
@@ -244,11 +244,11 @@ def _ways(found: "_Elements", options: StreetOptions) -> Ways:
         [] if stops is None else [ref for ref in {*ids.tolist()} & found.nodes.keys() if stops(found.nodes[ref].tags)]
     )
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
-    ways = Ways(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
+    ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
     return ways if rule is None else with_areas(ways, row_of, squares)
 
 
-def _rings(found: "_Elements") -> Iterator[tuple[int, dict[str, str], list[int]]]:
+def _rings(found: "_OverpassElements") -> Iterator[tuple[int, dict[str, str], list[int]]]:
     """Yield the ids and tags of relations, and the ids of the ways around them."""
     for one in found.relations.values():
         rings = [part.ref for part in one.members if part.type == "way" and part.role in footprints.RING_ROLES]
@@ -256,7 +256,7 @@ def _rings(found: "_Elements") -> Iterator[tuple[int, dict[str, str], list[int]]
 
 
 def _areas(
-    found: "_Elements", wanted: Mapping[str, Collection[str] | None], boundary: "BaseGeometry"
+    found: "_OverpassElements", wanted: Mapping[str, Collection[str] | None], boundary: "BaseGeometry"
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
     closed = (way for way in found.ways.values() if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1])
@@ -272,9 +272,9 @@ def _areas(
 
 
 def _lines(
-    found: "_Elements", keys: frozenset[str], wanted: Mapping[str, Collection[str] | None]
+    found: "_OverpassElements", keys: frozenset[str], wanted: Mapping[str, Collection[str] | None]
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
-    """Return the ways with one of these keys that `_areas` leaves as lines with all their tags."""
+    """Return the ways with one of these keys that are not in `_areas`, as lines with all their tags."""
     ways = [one for one in found.ways.values() if not keys.isdisjoint(one.tags) and not is_asked_for(one.tags, wanted)]
     offsets, lonlat, _ = _vertices(found, [way.nodes for way in ways])
     row_of, ids = {way.id: row for row, way in enumerate(ways)}, [[way.id] for way in ways]
@@ -283,7 +283,7 @@ def _lines(
     return [(shape, dict(outlines.about[row])) for shape, row in zip(shapes, outlines.owners.tolist(), strict=True)]
 
 
-def _vertices(found: "_Elements", lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
+def _vertices(found: "_OverpassElements", lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
     """Return the offsets of lines through these nodes, degrees (vertices, 2) or NaN, and the ids of the nodes."""
     refs = [ref for line in lines for ref in line]
     places = {id: (node.lon, node.lat) for id, node in found.nodes.items()}
@@ -296,8 +296,8 @@ def _vertices(found: "_Elements", lines: list[list[int]]) -> tuple[IntArray, Flo
 
 def _download(
     servers: MapServers, area: "BaseGeometry", queries: list[_Query], read: "Callable[[Json], list[_Element]]"
-) -> "_Elements":
-    """Ask each query for the whole area."""
+) -> "_OverpassElements":
+    """Run each query for the whole area."""
     of_kind: dict[type[_Element], dict[int, Any]] = {kind: {} for kind in _KINDS.values()}
     for outline in footprints.outlines_of(area, float(setting("max_query_area_size"))):
         corners = " ".join(f"{lat:.6f} {lon:.6f}" for lon, lat in outline.tolist())
@@ -305,11 +305,11 @@ def _download(
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)
             for element in servers.query(f"({union});{output}", read):
                 of_kind[type(element)][element.id] = element
-    return _Elements(*of_kind.values())
+    return _OverpassElements(*of_kind.values())
 
 
 def _filter_of(osm_type: OSMType) -> str:
-    """Return the ways that files would be read for, as a filter of Overpass."""
+    """Return the rule for reading files of this type, as an Overpass filter."""
     closed = CLOSED_TO[osm_type].items()
     return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(sorted(values))})$"]' for name, values in closed)
 
@@ -333,11 +333,13 @@ def _check_location(location: object) -> None:
 
 
 def _fault_of(polygon: "BaseGeometry") -> str:
-    """Return why no map can be made of the area inside a shapely shape, in words."""
+    """Return why a shapely shape cannot be the area of a map, or ""."""
     if polygon.geom_type not in _RINGS:
         return f"it is a {polygon.geom_type}, not an area"
     west, south, east, north = polygon.bounds
-    if max(-west, east) <= _FARTHEST[0] < east - west:  # of a circle around the meridian, the outline crosses itself
+    if (
+        max(-west, east) <= _FARTHEST[0] < east - west
+    ):  # a circle around the meridian has an outline that crosses itself
         return "it lies on both sides of the 180th meridian, where map servers end; take one side, or read a file"
     if polygon.is_empty or not polygon.is_valid:
         return "its outline is empty or crosses itself"
@@ -352,7 +354,7 @@ def _fault_of(polygon: "BaseGeometry") -> str:
 _Lon = Annotated[float, Meta(ge=-180.0, le=180.0)]
 _Lat = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Rings = Annotated[list[Annotated[list[tuple[_Lon, _Lat]], Meta(min_length=4)]], Meta(min_length=1)]
-_RINGS = {"Polygon": _Rings, "MultiPolygon": list[_Rings]}  # the outlines of areas, and their coordinates
+_RINGS = {"Polygon": _Rings, "MultiPolygon": list[_Rings]}  # geometry types of areas, and their coordinates
 
 
 class _Typed(msgspec.Struct):
@@ -389,8 +391,8 @@ class _Relation(_Element, kw_only=True):
     members: list[_Member]
 
 
-class _Elements(NamedTuple):
-    """What Overpass answered, each element once, by its id."""
+class _OverpassElements(NamedTuple):
+    """The elements in Overpass's answers, each once, by id."""
 
     nodes: dict[int, _Node]
     ways: dict[int, _Way]
@@ -401,7 +403,7 @@ _KINDS: dict[str, type[_Element]] = {"node": _Node, "way": _Way, "relation": _Re
 
 
 def _read_places(answer: Json) -> list[_Place]:
-    """Return what Nominatim answers to the question where a place is."""
+    """Return the places in Nominatim's answer to a search."""
     if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
         raise ValueError("it is no list of places")
     try:
@@ -415,14 +417,14 @@ def _read_places(answer: Json) -> list[_Place]:
 
 
 def read_elements(answer: Json, most_cut: float) -> list[_Element]:
-    """Return the nodes, ways and relations that Overpass answers.
+    """Return the nodes, ways and relations in an Overpass answer.
 
     Args:
         answer: plain values.
         most_cut: the greatest share of the ways that may lack nodes.
 
     Raises:
-        ValueError: it is of no use.
+        ValueError: the answer is not usable.
     """
     try:
         given = msgspec.convert(answer, dict[str, Any])
@@ -441,7 +443,7 @@ def read_elements(answer: Json, most_cut: float) -> list[_Element]:
 
 
 def _element(one: Json) -> _Element | None:
-    """Return a node, a way or a relation; None for what else Overpass may count."""
+    """Return a node, a way or a relation; None for other entries of an answer."""
     try:
         kind = _KINDS.get(msgspec.convert(one, _Typed).type)
         return None if kind is None else msgspec.convert(one, kind)

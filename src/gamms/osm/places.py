@@ -1,6 +1,6 @@
 """Road networks of places, by name or by area, from OpenStreetMap's servers or from their cached answers.
 
-`overpass.py` downloads the streets; the rest is done as for the streets of a file.
+`overpass.py` downloads the streets; the remaining steps are those for files.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import Ground, MapOptions, Recipe, as_ground, cut, for_mode, recipe_of, refuse_unknown
+from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_mode, recipe_of, refuse_unknown
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
@@ -35,7 +35,7 @@ _DEFAULTS = {
     "tolerance": None,
     "strong": None,
     "elevation": None,
-}  # of areas; None: as the mode says
+}  # for areas; None: as the mode says
 
 
 class PlaceOptions(MapOptions, total=False):
@@ -44,7 +44,7 @@ class PlaceOptions(MapOptions, total=False):
     osm_type: OSMType | str | ModeFunction
     """The mode of travel, as for `graph_from_file`: `OSMType.WALK`."""
     resolution: float
-    """Metres between nodes: 10.0."""
+    """Meters between nodes: 10.0."""
     simplify: bool
     """Cut streets from junction to junction: True; False makes a node at every vertex of the map."""
     retain_all: bool
@@ -52,13 +52,13 @@ class PlaceOptions(MapOptions, total=False):
     truncate_by_edge: bool
     """Keep streets whole that cross the boundary: True."""
     custom_filter: str | list[str] | None
-    """Filters of Overpass in place of the ways that are open to the mode, as for `create_osm_graph`: None."""
+    """Overpass filters that replace those of the mode, as for `create_osm_graph`: None."""
     tolerance: float | None
-    """Metres; junctions that a street of at most twice this length joins become one node: None, as the mode says."""
+    """Meters; junctions joined by a street of at most twice this length become one node: None, as the mode says."""
     bidirectional: bool | None
-    """Let agents go against one-way streets; False honours them: None, as the mode says."""
+    """Let agents go against one-way streets; False keeps the directions: None, as the mode says."""
     offline: bool
-    """Never touch the network, and use only what was downloaded before: False."""
+    """Never use the network, only earlier downloads: False."""
     strong: bool | None
     """Keep the largest part in which every node can be reached from every other: None, yes."""
 
@@ -77,27 +77,28 @@ def create_osm_graph(
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets of a place, with the ways and defaults of gamms 1.0.0 and the speeds of the mode.
 
-    `graph_from_place` goes by the modes of travel, as `graph_from_file` does.
+    `graph_from_place` uses the modes of travel, like `graph_from_file`.
 
     Args:
         location: a name such as "Kluuvi, Helsinki", a dict such as `{"city": "Turku"}`, or a list of these.
         osm_type: streets and paths for WALK, BIKE or DRIVE.
-        resolution: metres between nodes, as for `graph_from_xml`.
-        simplify: let nodes that merely continue a street become vertices of its polyline before it is cut.
+        resolution: meters between nodes, as for `graph_from_xml`.
+        simplify: turn nodes that merely continue a street into vertices of its polyline before it is cut.
         retain_all: keep every part of the map, not only the largest connected one.
         truncate_by_edge: keep streets whole that cross the boundary.
-        custom_filter: Overpass filters in place of those of `osm_type`, such as '["highway"~"primary|secondary"]';
+        custom_filter: Overpass filters that replace those of `osm_type`, such as '["highway"~"primary|secondary"]';
             a list is the union of its items.
-        tolerance: metres; junctions joined by streets and within twice this distance become one node.
-        bidirectional: let agents go against one-way streets; False honours them, None does so for BIKE and DRIVE.
-        offline: never touch the network: use only what was downloaded before.
+        tolerance: meters; junctions joined by streets and within twice this distance become one node.
+        bidirectional: let agents go against one-way streets; False keeps the directions, None does so for BIKE and
+            DRIVE.
+        offline: never use the network, only earlier downloads.
 
     Returns:
-        A directed graph as `graph_from_xml` makes it: UTM metres, its CRS in `G.graph["crs"]`.
+        A directed graph as from `graph_from_xml`: UTM meters, its CRS in `G.graph["crs"]`.
 
     Raises:
-        PlaceError: the place is unknown, has no streets of this type, or offline was never downloaded.
-        NetworkError: a server cannot be reached, is busy, or answers with nonsense.
+        PlaceError: the place is unknown, has no streets of this type, or with `offline` was never downloaded.
+        NetworkError: a server cannot be reached, is busy, or sends an invalid answer.
         BadValue, BadType: an argument is impossible.
         MissingExtra: requests is not installed.
     """
@@ -111,9 +112,9 @@ _with_place_options = with_options(**_DEFAULTS)
 
 @_with_place_options
 def graph_from_place(location: Location, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
-    """Make a graph of the streets of a place for a mode of travel, as `graph_from_file` does of those of a file.
+    """Make a graph of the streets of a place for a mode of travel, like `graph_from_file` for those of a file.
 
-    `location` is as for `create_osm_graph`, `PlaceOptions` says what the other arguments are; the result and the
+    `location` is as for `create_osm_graph`, and `PlaceOptions` explains the other arguments; the result and the
     errors are those of `create_osm_graph`.
     """
     return _graph_of_area(streets_of_place, location, shown(location), options)
@@ -125,7 +126,7 @@ def graph_from_bbox(
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets between two longitudes, `left` and `right`, and two latitudes, `bottom` and `top`.
 
-    `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
+    `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
     box, name = _box(left, bottom, right, top), f"the box {(left, bottom, right, top)}"
     return _graph_of_area(streets_of_polygon, polygon_of(box), name, options)
@@ -133,9 +134,9 @@ def graph_from_bbox(
 
 @_with_place_options
 def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
-    """Make a graph of the streets within `radius_m` metres of a position in degrees, as the crow flies.
+    """Make a graph of the streets within `radius_m` meters of a position in degrees, in a straight line.
 
-    `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
+    `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
     circle, name = _circle(lat, lon, radius_m), f"the circle of {radius_m} m around lat={lat}, lon={lon}"
     return _graph_of_area(streets_of_polygon, polygon_of(circle), name, options)
@@ -145,20 +146,20 @@ def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[
 def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).
 
-    `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
+    `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
     name = f"the polygon {str(polygon)[:60]}"
     return _graph_of_area(streets_of_polygon, polygon, name, options)
 
 
 def get_network_type(osm_type: OSMType | str) -> str:
-    """Return the network type of OSMnx for a way of moving: "walk", "bike" or "drive".
+    """Return the network type of OSMnx for a mode of travel: "walk", "bike" or "drive".
 
     Args:
         osm_type: a member of OSMType, or its name.
 
     Raises:
-        BadType: it is no OSMType.
+        BadType: the value is not an OSMType.
     """
     return as_osm_type(osm_type).name.lower()
 
@@ -181,7 +182,7 @@ def _graph_of_area(
     return _graph(streets_of, area, name, options, recipe, ground)
 
 
-def _recipe(options: StreetOptions) -> Recipe:
+def _recipe(options: StreetOptions) -> GraphRecipe:
     return recipe_of(
         *(options.resolution, options.tolerance, options.bidirectional),
         *(options.retain_all, options.simplify, options.osm_type),
@@ -193,11 +194,11 @@ def _graph(
     place: "Location | BaseGeometry",
     name: str,
     options: StreetOptions,
-    recipe: Recipe,
-    ground: Ground | None = None,
+    recipe: GraphRecipe,
+    ground: ElevationSource | None = None,
 ) -> "nx.DiGraph[int]":
     _check_filter(options.custom_filter)
-    # Servers take their time before they answer: show at once what is asked.
+    # Servers take their time before they answer: show the request at once.
     with progress(1.0 if options.offline else 0.0) as show:
         network = streets_of(place, name, options, show)
         show(f"Joining {len(network.sources)} streets")

@@ -1,4 +1,4 @@
-"""Scenery from the same maps as streets: buildings, parks, water and rails, which are drawn and block no sight."""
+"""Scenery from the maps of streets: buildings, parks, water and rails, which are drawn but block no sight."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,17 +17,17 @@ from gamms.ir.projection import WGS84, crs_of, project
 from gamms.ir.scenery import Scenery, SceneryKind, no_scenery
 from gamms.osm import footprints
 from gamms.osm.constants import wall_estimates
-from gamms.osm.footprints import Shapes, Wall, WallRules, layer_of
+from gamms.osm.footprints import Shapes, WallProfile, WallRules, layer_of
 from gamms.osm.osmium_reader import as_file, read_footprints, read_lines
 from gamms.osm.overpass import Location, features_of_place
-from gamms.osm.walls import Tolerance, faces_of
+from gamms.osm.walls import SimplifyTolerance, faces_of
 from gamms.typing import IContext
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 Tags = Mapping[str, str]
-_Feature = tuple[Any, Any]  # a shapely shape in degrees, and what it is: a Wall, a SceneryKind or _COAST
+_Feature = tuple[Any, Any]  # a shapely shape in degrees, and its kind: a WallProfile, a SceneryKind or _COAST
 
 _AREAS = {
     **dict.fromkeys(
@@ -47,38 +47,38 @@ _LINES = {
     **dict.fromkeys((("railway", one) for one in ("rail", "light_rail", "subway", "narrow_gauge")), SceneryKind.RAIL),
     ("railway", "tram"): SceneryKind.TRAM,
 }
-_COAST = "coastline"  # land at its left, the sea at its right
+_COAST = "coastline"  # land on its left, the sea on its right
 _LINE_KEYS = "railway", "waterway", "natural"
 _MARGIN_M = 20.0  # around the streets
-_LEAST_M2, _AREA_M, _LINE_M = 60.0, 1.0, 0.5  # smaller areas are left out; by how much outlines and lines may move
-_TOLERANCE = Tolerance(0.5, 0.01)  # of buildings
+_LEAST_M2, _AREA_M, _LINE_M = 60.0, 1.0, 0.5  # smaller areas are left out; tolerances of outlines and lines
+_TOLERANCE = SimplifyTolerance(0.5, 0.01)  # of buildings
 _MOST_WALLS = 200_000
-_GRID = 16.0  # places are rounded to 1 / 16 metre, so that files stay small
-_BESIDE_M, _SURE = 0.25, 0.9  # where it is asked what lies beside a coast, and how much of it has to agree
-_REACH_M = 100.0  # how far from the edge of the area a coast may end
-_POLYGON, _LINE = 3, 1  # shapely's numbers of types
+_GRID = 16.0  # coordinates are rounded to 1 / 16 meter, so that files stay small
+_BESIDE_M, _SURE = 0.25, 0.9  # distance from a coast of the tested points, and the share of them that has to agree
+_REACH_M = 100.0  # largest distance from the edge of the area at which a coast may end
+_POLYGON, _LINE = 3, 1  # shapely's type numbers
 
 
 def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildings: bool = True) -> Scenery:
-    """Return what an OpenStreetMap file has around the streets of a context, for `ctx.graph.graph.scenery`.
+    """Return the scenery in an OpenStreetMap file around the streets of a context, for `ctx.graph.graph.scenery`.
 
-    Buildings of more than 200,000 walls are left out, with a warning. Areas that the file holds in part are left out.
-    The sea is drawn where coastlines divide the area of the streets; one that ends up to 100 m from its edge is
-    continued to it.
+    More than 200,000 walls of buildings are left out, with a warning. Areas that are incomplete in the file are left
+    out. The sea is drawn where coastlines divide the area of the streets; a coastline that ends up to 100 m from its
+    edge is extended to it.
 
     Args:
-        filepath: the map file that the streets were read from.
+        filepath: the map file of the streets.
         ctx: the context with these streets.
-        buildings: whether buildings are drawn, too.
+        buildings: whether to draw buildings.
 
     Raises:
-        FileNotFoundError, IsADirectoryError: there is no such file.
-        BadFile: it is damaged or not OpenStreetMap data.
-        BadValue: the context has no streets with a CRS in metres, or there is too much around them.
+        FileNotFoundError, IsADirectoryError: the file does not exist.
+        BadFile: the file is damaged or not OpenStreetMap data.
+        BadValue: the context has no streets with a CRS in meters, or there is too much scenery around them.
         MissingExtra: osmium or pyproj is not installed.
     """
     crs, box = _place_of(ctx)
-    file, rules = as_file(filepath), _Rules(buildings=buildings)
+    file, rules = as_file(filepath), _SceneryRules(buildings=buildings)
     areas, lines = read_footprints(file, rules), read_lines(file, _LINE_KEYS, _line_of)
     shapes = chain(
         zip(footprints.footprints_of(areas), areas.about, strict=True),
@@ -88,17 +88,17 @@ def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildi
 
 
 def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = True, offline: bool = False) -> Scenery:
-    """Return what a place, such as `"Monaco"`, has around the streets of a context, from OpenStreetMap's servers.
+    """Return the scenery of a place, such as `"Monaco"`, around the streets of a context, from OpenStreetMap's servers.
 
-    Everything but `location` is as for `scenery_from_file`. `offline` takes what the servers answered before.
+    Other arguments are those of `scenery_from_file`. `offline` uses cached answers of the servers.
 
     Raises:
         BadType, BadValue: the location is impossible, or as for `scenery_from_file`.
-        PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
+        PlaceError, NetworkError: the place is unknown or empty, or there is no answer.
         MissingExtra: requests or pyproj is not installed.
     """
     crs, box = _place_of(ctx)
-    rules, wanted = _Rules(buildings=buildings), dict[str, bool | list[str]]()
+    rules, wanted = _SceneryRules(buildings=buildings), dict[str, bool | list[str]]()
     for key, value in _AREAS:
         wanted.setdefault(key, []).append(value)  # type: ignore[union-attr] # a list, as each of them is
     if buildings:
@@ -113,8 +113,8 @@ def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = Tru
     )
 
 
-class _Rules:
-    """What is made of an area: a building, an area of the base map, or nothing.
+class _SceneryRules:
+    """Rules that turn an area into a building, an area of the base map, or nothing.
 
     Args:
         buildings: whether buildings are wanted.
@@ -124,26 +124,26 @@ class _Rules:
         self._walls = WallRules({"building": True}, wall_estimates()) if buildings else None
         self.keys = sorted({key for key, _ in _AREAS} | ({"building"} if buildings else set()))
 
-    def wall_of(self, tags: Tags) -> "Wall | SceneryKind | None":
-        """Return the walls around an area with these tags, or the kind of an area that has none; None for others."""
+    def wall_of(self, tags: Tags) -> "WallProfile | SceneryKind | None":
+        """Return the walls around an area with these tags, or the kind of an area without walls, or None."""
         wall = None if self._walls is None else self._walls.wall_of(tags)
         return wall or _kind_of(tags, _AREAS)
 
 
 def _line_of(tags: Tags) -> SceneryKind | str | None:
-    """Return the kind of a line with these tags; `_COAST` for a coast, None for what is not drawn."""
+    """Return the kind of a line with these tags: `_COAST` for a coast, None if it is not drawn."""
     return _COAST if tags.get("natural") == _COAST else _kind_of(tags, _LINES)
 
 
 def _kind_of(tags: Tags, table: Mapping[tuple[str, str], SceneryKind]) -> SceneryKind | None:
-    """Return the kind of a thing that lies on the ground; None where it lies below, or is of no kind."""
+    """Return the kind of an object on the ground; None if it lies below, or is not drawn."""
     if layer_of(tags) < 0 or tags.get("tunnel", "no") != "no" or tags.get("location") in ("underground", "underwater"):
         return None
     return next((kind for (key, value), kind in table.items() if tags.get(key) == value), None)
 
 
 def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
-    """Return the CRS of the streets of a context, and the rectangle around them in its metres."""
+    """Return the CRS of the streets of a context, and the rectangle around them in meters."""
     import shapely
 
     columns = ctx.graph.columns()
@@ -157,7 +157,7 @@ def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
 
 
 def _without_crowds(ctx: IContext, scenery: Scenery) -> Scenery:
-    """Return a scenery without its buildings where these are too many to be drawn."""
+    """Return a scenery without its buildings if they are too many to be drawn."""
     walls = len(scenery.buildings.ids)
     if walls <= _MOST_WALLS:
         return scenery
@@ -166,7 +166,7 @@ def _without_crowds(ctx: IContext, scenery: Scenery) -> Scenery:
 
 
 def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery:
-    """Return what lies in a rectangle of shapes in degrees."""
+    """Return the scenery in a rectangle, from features in degrees."""
     import shapely
 
     to_metres = partial(project, source=WGS84, target=crs)
@@ -177,7 +177,7 @@ def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery
     is_near = np.isfinite(shapely.bounds(projected)).all(axis=1)
     is_near[is_near] = shapely.intersects(box, shapely.envelope(projected[is_near]))
     rows = np.flatnonzero(is_near).tolist()
-    walls = [row for row in rows if isinstance(features[row][1], Wall)]
+    walls = [row for row in rows if isinstance(features[row][1], WallProfile)]
     by_kind = {kind: projected[[row for row in rows if features[row][1] == kind]] for kind in (*SceneryKind, _COAST)}
     kinds, lines = list[int](), list[FloatArray]()
     for kind in SceneryKind:
@@ -195,9 +195,9 @@ def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery
 
 
 def _buildings(
-    shapes: Shapes, walls: Sequence[Wall], to_metres: Callable[[FloatArray], FloatArray], box: "BaseGeometry"
+    shapes: Shapes, walls: Sequence[WallProfile], to_metres: Callable[[FloatArray], FloatArray], box: "BaseGeometry"
 ) -> ObstacleColumns:
-    """Return the walls of the buildings whose middle lies in a rectangle."""
+    """Return the walls of the buildings whose center lies in a rectangle."""
     import shapely
 
     bounds = shapely.bounds(shapes).reshape(-1, 4)
@@ -212,7 +212,7 @@ def _buildings(
 
 
 def _outlines(shapes: Shapes, more: "list[BaseGeometry]", box: "BaseGeometry") -> Iterator[FloatArray]:
-    """Yield the polygons of the union of areas in a rectangle, holes joined by seams."""
+    """Yield the polygons of the union of areas in a rectangle, with holes joined by seams."""
     import shapely
 
     union = shapely.union_all([*shapely.intersection(footprints.repaired(shapes), box), *more])
@@ -234,7 +234,7 @@ def _drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:
 
 
 def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
-    """Return the parts of a rectangle that lie at the right of coastlines, and not at the left of any."""
+    """Return the parts of a rectangle that lie right of coastlines, and not left of any."""
     import shapely
 
     if not len(coasts):
@@ -262,7 +262,7 @@ def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
 
 
 def _ways_out(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
-    """Return lines from where coasts end near the edge of a rectangle to that edge."""
+    """Return lines from ends of coasts near the edge of a rectangle to that edge."""
     import shapely
 
     points, line = shapely.get_coordinates(coasts, return_index=True)

@@ -1,4 +1,4 @@
-"""Ask Nominatim and Overpass within bounds of time, size and patience, and keep their answers on disk.
+"""Query Nominatim and Overpass within bounds of time, size and retries, and cache their answers on disk.
 
 The only module that imports the HTTP library. An answer is checked before it is cached and when it is read again.
 """
@@ -29,30 +29,30 @@ from gamms.progress import Show
 from gamms.text import shown
 from gamms.workers import SIGNALS_S
 
-_CONNECT_S = 10.0  # a server that is there accepts a connection at once
+_CONNECT_S = 10.0  # a running server accepts a connection at once
 _SEARCH_S = 30.0  # Nominatim answers at once, unlike Overpass
-_ANSWER_FACTOR = 3.0  # a whole answer may take so many times the time in which it must begin
+_ANSWER_FACTOR = 3.0  # ratio of the time limits for a whole answer and for its beginning
 _BUSY = (HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE, HTTPStatus.GATEWAY_TIMEOUT)
-_PAUSES_S = (5.0, 30.0)  # before the second and the third try at a busy server
+_PAUSES_S = (5.0, 30.0)  # before the second and the third attempt at a busy server
 _SEARCH_PAUSE_S = 1.0  # Nominatim's rule: at most one question per second
 _STATUS_PAUSE_S = 5.0  # between two questions for a free slot
 _MOST_PAUSE_S = 300.0  # all pauses of one call together
 _MOST_PAUSES = 60
 _LOCAL_PAUSE_S = 0.1  # a server on this computer needs no politeness
-_MEMORY_PER_BYTE = 8  # that the values of an answer in JSON take
+_MEMORY_PER_BYTE = 8  # memory for the values of a JSON answer
 _CHUNK = 4096
 _LATER = "Try again later; what was downloaded before works with offline=True."
 _ONE_AT_A_TIME = RLock()  # threads take turns at the servers
 
 Json: TypeAlias = Any
-"""Data of an answer, which is checked before it is used."""
+"""Data of an answer, which is checked before use."""
 
 T = TypeVar("T")
-Read = Callable[[Json], T]  # what the data of an answer says; raises a ValueError if it is of no use
+Read = Callable[[Json], T]  # converts the data of an answer; raises a ValueError if it is not usable
 
 
-class _Answer(NamedTuple):
-    """An answer of a server, before anything is made of it."""
+class _HttpAnswer(NamedTuple):
+    """An HTTP answer, before it is interpreted."""
 
     status: int
     reason: str
@@ -61,16 +61,16 @@ class _Answer(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The begin of the content as text."""
+        """The beginning of the content as text."""
         return self.content[:4000].decode("utf-8", "replace")
 
 
 class MapServers:
-    """The two servers, as one call on the places named `name` uses them.
+    """The two servers, for one call about the places named `name`.
 
     Raises:
         BadValue, BadType: a setting is impossible.
-        MissingExtra: requests is not installed; offline it need not be.
+        MissingExtra: requests is not installed; offline it is not needed.
     """
 
     def __init__(self, name: str, show: Show, *, offline: bool) -> None:
@@ -88,9 +88,9 @@ class MapServers:
         """Ask Nominatim for places, with their outlines.
 
         Raises:
-            PlaceError: offline, this was never asked; or the server does not understand it.
-            NetworkError: there is no answer, or it is of no use.
-            TooLarge: the answer takes more memory than is allowed.
+            PlaceError: offline, the answer is not cached; or the server does not understand the query.
+            NetworkError: there is no answer, or it is not usable.
+            TooLarge: the answer takes more memory than allowed.
         """
         asked = {"format": "json", "polygon_geojson": "1", "dedupe": "0", "limit": "50"}
         asked |= {"q": query} if isinstance(query, str) else dict(sorted(query.items()))
@@ -100,19 +100,19 @@ class MapServers:
         return self._cached(f"{self._nominatim}/search", asked, read, self._search)
 
     def query(self, query: str, read: Read[T]) -> T:
-        """Ask Overpass a question in its own language, without its settings; raises what `search` raises."""
+        """Send Overpass a query in its own language, without its settings; raises like `search`."""
         memory = setting("overpass_memory")
         size = "" if memory is None else f"[maxsize:{memory}]"
         asked = {"data": f"[out:json][timeout:{math.ceil(self._timeout_s)}]{size};{query}"}
         return self._cached(f"{self._overpass}/interpreter", asked, read, self._interpret)
 
     def save_rest(self) -> None:
-        """Keep answers without a shape, too: the map is made, so they were no mistake."""
+        """Cache also answers without shapes: the map was made, so they were no mistake."""
         for path, content in self._unsaved:
             self._save(path, content)
 
     def _cached(
-        self, url: str, asked: dict[str, str], read: Read[T], ask: Callable[[str, dict[str, str]], _Answer]
+        self, url: str, asked: dict[str, str], read: Read[T], ask: Callable[[str, dict[str, str]], _HttpAnswer]
     ) -> T:
         """Return the answer from the disk, or else from the server."""
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
@@ -131,7 +131,7 @@ class MapServers:
         with _ONE_AT_A_TIME:
             answer = ask(url, asked)
         data, found = _checked(url, answer, read)
-        # Without a street or an area in it, the place may be a mistake: it is kept when the map is made.
+        # Without a street or an area, the place may be a mistake: such an answer is cached only when the map is made.
         if isinstance(data, dict) and any(element["type"] != "node" for element in data["elements"]):
             self._save(path, answer.content)
         else:
@@ -152,12 +152,12 @@ class MapServers:
                 stacklevel=2,
             )
 
-    def _search(self, url: str, asked: dict[str, str]) -> _Answer:
-        if not is_local(url):  # whose rules are one's own
+    def _search(self, url: str, asked: dict[str, str]) -> _HttpAnswer:
+        if not is_local(url):  # its rules are the user's own
             self._pause(url, _SEARCH_PAUSE_S)
         return self._request_with_retries("GET", url, min(self._timeout_s, _SEARCH_S), params=asked)
 
-    def _interpret(self, url: str, asked: dict[str, str]) -> _Answer:
+    def _interpret(self, url: str, asked: dict[str, str]) -> _HttpAnswer:
         while setting("overpass_rate_limit"):
             status = _request("GET", f"{self._overpass}/status", self._timeout_s, self._show).text
             pause_s = _seconds_to_slot(status)
@@ -166,7 +166,7 @@ class MapServers:
             self._pause(url, pause_s)
         return self._request_with_retries("POST", url, self._timeout_s, data=asked)
 
-    def _request_with_retries(self, method: str, url: str, patience_s: float, **options: dict[str, str]) -> _Answer:
+    def _request_with_retries(self, method: str, url: str, patience_s: float, **options: dict[str, str]) -> _HttpAnswer:
         for pause_s in _PAUSES_S:
             answer = _request(method, url, patience_s, self._show, **options)
             if answer.status not in _BUSY:
@@ -200,10 +200,10 @@ def is_local(url: str) -> bool:
 # -- one request ------------------------------------------------------------------------------------------------
 
 
-def _request(method: str, url: str, patience_s: float, show: Show, **options: dict[str, str]) -> _Answer:
-    """Ask in a thread of its own: reading from a server that sends one byte at a time cannot be interrupted."""
-    outcome: list[_Answer | Exception] = []
-    most_bytes = max_memory() // _MEMORY_PER_BYTE  # asked here: threads do not inherit it
+def _request(method: str, url: str, patience_s: float, show: Show, **options: dict[str, str]) -> _HttpAnswer:
+    """Send a request in a thread of its own: reading from a server that sends single bytes cannot be interrupted."""
+    outcome: list[_HttpAnswer | Exception] = []
+    most_bytes = max_memory() // _MEMORY_PER_BYTE  # read here: threads do not inherit it
 
     def ask() -> None:
         try:
@@ -223,7 +223,9 @@ def _request(method: str, url: str, patience_s: float, show: Show, **options: di
     return outcome[0]
 
 
-def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show, options: dict[str, Any]) -> _Answer:
+def _read(
+    method: str, url: str, patience_s: float, most_bytes: int, show: Show, options: dict[str, Any]
+) -> _HttpAnswer:
     import requests
 
     named = {"User-Agent": "http_user_agent", "Referer": "http_referer", "Accept-Language": "http_accept_language"}
@@ -246,7 +248,7 @@ def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show,
                 if time.monotonic() > deadline:
                     raise _timeout_error(url, patience_s)
             retry_after = response.headers.get("Retry-After", "")
-            return _Answer(response.status_code, str(response.reason), bytes(content), retry_after)
+            return _HttpAnswer(response.status_code, str(response.reason), bytes(content), retry_after)
     except requests.exceptions.RequestException as error:
         reason = _first_cause(error)
         if isinstance(reason, TimeoutError) or "timed out" in str(error):
@@ -257,8 +259,8 @@ def _read(method: str, url: str, patience_s: float, most_bytes: int, show: Show,
         ) from error
 
 
-def _checked(url: str, answer: _Answer, read: Read[T]) -> tuple[Json, T]:
-    """Return the data of an answer that is what was asked for, and what it says."""
+def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
+    """Return the checked data of an answer, and its converted content."""
     host, said = _host(url), " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
     if answer.status >= HTTPStatus.BAD_REQUEST:
         refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
@@ -289,7 +291,7 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def _seconds_to_slot(status: str) -> float:
-    """Return the seconds until Overpass has a free slot, by its own status page; 0 where that says nothing."""
+    """Return the seconds until Overpass has a free slot, by its own status page; 0 if unknown."""
     if "slots available now" in status or re.search(r"Rate limit: 0\b", status):
         return 0.0
     with suppress(ValueError):
@@ -307,7 +309,7 @@ def _timeout_error(url: str, patience_s: float) -> NetworkError:
 
 
 def _first_cause(error: BaseException) -> BaseException:
-    """Return the error that began it: requests wraps it several times."""
+    """Return the original error: requests wraps it several times."""
     inner = error.__cause__ or error.__context__
     return error if inner is None else _first_cause(inner)
 

@@ -1,6 +1,6 @@
-"""Settings of map servers, under the names that OSMnx gave them: `gamms.osm.settings.overpass_url = "http://…/api"`.
+"""Settings of map servers, with the names of OSMnx: `gamms.osm.settings.overpass_url = "http://…/api"`.
 
-A setting that is left at its default here follows `osmnx.settings`, if the program has imported OSMnx and changed it.
+A setting with its default value follows `osmnx.settings`, if the program has imported OSMnx and changed it.
 """
 
 import sys
@@ -13,10 +13,10 @@ nominatim_url: str = "https://nominatim.openstreetmap.org/"
 nominatim_key: str | None = None
 overpass_url: str = "https://overpass-api.de/api"
 overpass_rate_limit: bool = True  # ask for a free slot before each query
-overpass_memory: int | None = None  # bytes that a query may take on the server; None: as the server likes
-max_query_area_size: float = 2.5e9  # square metres; a larger area becomes several queries
+overpass_memory: int | None = None  # bytes that a query may take on the server; None: the server's default
+max_query_area_size: float = 2.5e9  # square meters; a larger area becomes several queries
 requests_timeout: float = 180.0  # seconds in which an answer must begin
-requests_kwargs: dict[str, Any] = {}  # more arguments for `requests.request`, such as proxies, auth or verify
+requests_kwargs: dict[str, Any] = {}  # further arguments for `requests.request`, such as proxies, auth or verify
 http_user_agent: str = "GAMMS 2 (Python package gamms)"
 http_referer: str = ""
 http_accept_language: str = "en"

@@ -1,4 +1,4 @@
-"""Which tags of a map are kept besides the usual ones, and what nodes say of themselves."""
+"""The tags of a map that are kept besides the usual ones, and the tags of nodes."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -8,25 +8,25 @@ from gamms.arguments import as_items
 from gamms.errors import BadType, BadValue
 from gamms.text import shown
 
-OWN_NAMES = frozenset(  # of attributes that are no tags
+OWN_NAMES = frozenset(  # attributes that are not tags
     ("id", "osmid", "x", "y", "z", "linestring", "geometry", "length", "grade", "speed_kph", "travel_time", "reversed")
 )
 _MOST_TAGS, _LONGEST_TAG = 256, 255
 
 
 class NodeTags(NamedTuple):
-    """What the nodes of a map say of themselves, by their numbers in OpenStreetMap."""
+    """The tags of a map's nodes, by their OpenStreetMap ids."""
 
     of: Mapping[int, Mapping[str, str]] = MappingProxyType({})
-    staying: frozenset[int] = frozenset()  # those that stay nodes where a road merely goes on
+    staying: frozenset[int] = frozenset()  # nodes that remain nodes even if they merely continue a road
 
 
 def as_tags(tags: object) -> tuple[str, ...]:
-    """Return the names of tags that a caller wants to have kept.
+    """Return the checked names of tags that a caller wants to keep.
 
     Raises:
-        BadType: they are no list of texts.
-        BadValue: they are too many, or one has the name of an attribute of ours.
+        BadType: they are not a list of texts.
+        BadValue: they are too many, or one has the name of an attribute of GAMMS.
     """
     names = tuple(as_items(tags, "tags", "names of tags"))
     for name in names:
@@ -40,17 +40,17 @@ def as_tags(tags: object) -> tuple[str, ...]:
 
 
 def node_keys(tags: Sequence[str]) -> tuple[str, ...]:
-    """Return which tags of nodes are kept if these tags are asked for."""
+    """Return the keys of node tags to keep if these tags are requested."""
     return ("highway", *(name for name in tags if name != "highway"))
 
 
 def node_tags(given: Mapping[int, Mapping[str, str]], refs: set[int], tags: Sequence[str]) -> NodeTags:
-    """Return what is kept of the tags of nodes, by their numbers, if these tags are asked for.
+    """Return the kept tags of nodes, by their ids, if these tags are requested.
 
     Args:
-        given: number -> all tags.
-        refs: the numbers of nodes that roads lead through.
-        tags: what is asked for.
+        given: id -> all tags.
+        refs: the ids of nodes on roads.
+        tags: the requested tags.
     """
     keys = node_keys(tags)
     of = {ref: {name: given[ref][name] for name in keys if name in given[ref]} for ref in given.keys() & refs}

@@ -1,4 +1,4 @@
-"""Join roads from junction to junction, merge the vertices of one junction, and cut roads into equal pieces."""
+"""Join roads from junction to junction, merge the nodes of a junction, and cut roads into equal pieces."""
 
 import re
 from collections.abc import Mapping
@@ -27,19 +27,18 @@ from gamms.osm.network import (
 
 _NO_TUNNELS = ("no", "building_passage", "avalanche_protector")  # open to the side, or above the ground
 _BELOW = re.compile(r"-[0-9]{1,3}")  # layers
-_REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
+_REACH = 2.0  # tolerances: circles of this radius around two nodes touch, as in OSMnx
 _MOST_FLOORS = 62  # pairs of layer and level that are distinguished on one map
-_FURTHER = 5e-6  # degrees, half a metre: by which a road that cuts a building on the map may cut it further
+_FURTHER = 5e-6  # degrees, half a meter: by which a road that cuts a building on the map may cut it further
 _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
 
 
 def simplify(network: RoadNetwork) -> RoadNetwork:
     """Remove every node that merely continues a road.
 
-    Two roads meet there, with equal tags and the same direction of traffic, and it has no tag of its own that was asked
-    for. The total length stays, the
-    removed nodes become vertices of polylines. Roads joined from several ways carry a list of `osmid`. A ring
-    without a junction becomes one road that leads back to its first node.
+    At such a node two roads meet with equal tags and directions, and the node has no requested tag of its own. The
+    total length stays, and the removed nodes become vertices of polylines. Roads joined from several ways carry a list
+    of `osmid`. A ring without a junction becomes one road that leads back to its first node.
     """
     steps, begins = _walks(_partners(network).tolist())
     order, backward = steps >> 1, (steps & 1).astype(np.bool_)
@@ -63,10 +62,10 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
 
 
 def tunnels_of(network: RoadNetwork) -> IntArray:
-    """Return the number of the tunnel, from 1, that each node lies in; 0 for nodes that have a road on the surface.
+    """Return for each node the number of its tunnel, from 1; 0 for nodes with a road on the surface.
 
-    Tunnels are roads with `tunnel` or a negative `layer`, but for passages through buildings; those that meet
-    underground are one.
+    Tunnels are roads with `tunnel` or a negative `layer`, without passages through buildings; tunnels that meet
+    underground have one number.
     """
     is_under = np.array([_is_underground(tags) for tags in network.tags], np.bool_)[network.ways]
     ends = np.column_stack((network.sources, network.targets))
@@ -86,7 +85,7 @@ def _is_underground(tags: Mapping[str, Any]) -> bool:
 
 
 def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
-    """Return the same roads, with only the nodes at their ends."""
+    """Return the network with only the nodes at the ends of its roads."""
     used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
     half = len(network.sources)
     refs = None if network.refs is None else network.refs[used]
@@ -94,7 +93,7 @@ def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
 
 
 def _partners(network: RoadNetwork) -> IntArray:
-    """Return the road end that continues each road end, or -1.
+    """Return for each road end the road end that continues it, or -1.
 
     Ends are numbered 2 * road (source) and 2 * road + 1 (target).
     """
@@ -105,7 +104,7 @@ def _partners(network: RoadNetwork) -> IntArray:
         through &= ~np.isin(network.refs, np.array([*network.nodes.staying], np.int64))
     pair = offsets[:-1][through]
     a, b = ends[pair], ends[pair + 1]
-    # Equal numbers for ways that differ in nothing but their id.
+    # Ways that differ only in their id have equal numbers.
     tags = ([(name, value) for name, value in of_way.items() if name != "osmid"] for of_way in network.tags)
     known: dict[str, int] = {}
     kind = np.array([known.setdefault(repr(sorted(one)), len(known)) for one in tags], np.int64)[network.ways]
@@ -118,7 +117,7 @@ def _partners(network: RoadNetwork) -> IntArray:
 
 
 def _walks(partners: list[int]) -> tuple[IntArray, IntArray]:
-    """Chains of roads, as the end at which each road is entered, and where in that list each chain begins."""
+    """Return chains of roads, as the ends at which roads are entered, and the beginnings of chains in that list."""
     steps: list[int] = []
     begins: list[int] = []
     seen = bytearray(len(partners) // 2)
@@ -162,23 +161,23 @@ def _with_joined_tags(network: RoadNetwork, ways: IntArray, begins: IntArray) ->
     return replace(network, ways=of_road, tags=tags)
 
 
-class Chains(NamedTuple):
-    """Roads from junction to junction, over nodes that merely continue them."""
+class RoadChains(NamedTuple):
+    """Roads joined from junction to junction, through nodes that merely continue them."""
 
     of_road: IntArray  # (roads,)  chain rows
     ends: IntArray  # (chains, 2)  node rows; -1 for a ring without a junction
-    lengths: FloatArray  # (chains,)  metres
+    lengths: FloatArray  # (chains,)  meters
 
 
 def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
-    """Merge junctions that a road of at most twice the tolerance joins; no junction grows wider than three.
+    """Merge junctions joined by a road of at most twice the tolerance; no junction grows wider than three tolerances.
 
-    A junction is where three or more roads end: vertices between and dead ends stay where they are. The new node is the
-    mean of the old junctions. Roads inside it disappear; the others end at the new node instead of the old one,
-    and are as long as they are drawn. `merged` of the result says how many metres are gone in all. All junctions that
-    become one have a `layer` and `level` in common, and no stairs, elevator, bridge or tunnel is between them: a bridge
-    and the road below it stay apart. Nor is a building of the map between them, or in the way of a road that ends
-    there. Vertices at one place with a road of no length between them always become one.
+    A junction is a node where at least three roads end; vertices between junctions and dead ends stay. The new node is
+    the mean of the old junctions. Roads inside it disappear; other roads end at the new node, with their drawn length.
+    `merged` of the result counts the removed meters. Merged junctions share a `layer` and `level`, and have no stairs,
+    elevator, bridge or tunnel between them, so that a bridge and the road below it stay apart. No building of the map
+    may be between them, or block a road that ends there. Vertices at one place with a road of length zero between them
+    always become one.
     """
     network = _without_empty_roads(network)
     chains = chains_of(network)
@@ -193,7 +192,7 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
         inner = one[chains.of_road]
         if not inner.any():
             return network
-        # The vertices of an inner road go with it: they have no other road.
+        # The vertices of an inner road disappear with it: they have no other road.
         ends = np.concatenate((network.sources[inner], network.targets[inner]))
         owners = label.copy()
         owners[ends] = np.tile(label[chains.ends[chains.of_road[inner], 0]], 2)
@@ -205,7 +204,7 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
 
 
 def _part(label: IntArray, nodes: IntArray) -> None:
-    """Let the nodes of the junctions that these belong to have labels of their own."""
+    """Split the junctions of these nodes into nodes with labels of their own."""
     apart = np.isin(label, label[nodes])
     label[apart] = np.flatnonzero(apart)
 
@@ -226,7 +225,7 @@ def _led_into_buildings(network: RoadNetwork, merged: RoadNetwork, inner: BoolAr
 
 
 def _behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
-    """Return the nodes of junctions in which a building is between two nodes; those next to each other are known."""
+    """Return the nodes of junctions with a building between two nodes; adjacent nodes were checked before."""
     offsets, nodes = kernels.group_rows(label, len(network.xy))
     large = np.flatnonzero(np.diff(offsets) > 2)
     members = (nodes[offsets[one] : offsets[one + 1]].tolist() for one in large.tolist())
@@ -235,21 +234,21 @@ def _behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
 
 
 def _crossings(network: RoadNetwork, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the rows of straight lines between places (lines, 2) and of buildings they lead through, and how far."""
+    """Return for straight lines (lines, 2) their crossings with buildings: rows of lines, of buildings, and lengths."""
     if network.buildings is None or network.crs is None or not len(start):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     return network.buildings.crossings(*(project(xy, network.crs, WGS84) for xy in (start, end)))
 
 
-def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> Chains:
+def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> RoadChains:
     """Return the chains of a network, whatever the tags and directions of its roads.
 
     Args:
         network: the roads.
-        joints: (nodes,) which nodes may continue a road; by default all where exactly two roads end.
+        joints: (nodes,) which nodes may continue a road; default: all where exactly two roads end.
     """
     count = len(network.sources)
-    nodes = np.column_stack((network.sources, network.targets)).ravel()  # end 2 * road, and 2 * road + 1
+    nodes = np.column_stack((network.sources, network.targets)).ravel()  # ends 2 * road, and 2 * road + 1
     offsets, ends = kernels.group_rows(nodes, len(network.xy))
     through = (np.diff(offsets) == 2) & (True if joints is None else joints)
     joint = offsets[:-1][through]
@@ -260,7 +259,7 @@ def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> Chains:
     ends_of = np.full((len(names), 2), -1)
     ends_of[of_road[outer[::2] >> 1]] = nodes[outer].reshape(-1, 2)
     lengths = np.bincount(of_road, weights=network.lengths, minlength=len(names))
-    return Chains(of_road, ends_of, lengths.astype(np.float64))
+    return RoadChains(of_road, ends_of, lengths.astype(np.float64))
 
 
 def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
@@ -273,12 +272,12 @@ def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
 
 
 def degrees(network: RoadNetwork) -> IntArray:
-    """Return how many road ends meet at each node."""
+    """Return the number of road ends at each node."""
     return np.bincount(np.concatenate((network.sources, network.targets)), minlength=len(network.xy))
 
 
 def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
-    """Return which roads are stairs, elevators, bridges or tunnels, passages through buildings among them."""
+    """Return a mask of roads that are stairs, elevators, bridges or tunnels, passages through buildings included."""
     ways = [
         tags.get("highway") in UPRIGHT or any(tags.get(name, "no") != "no" for name in ("bridge", "tunnel"))
         for tags in network.tags
@@ -287,10 +286,10 @@ def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
 
 
 def _floors(network: RoadNetwork) -> IntArray:
-    """Return the layers and levels on which each node lies, as the bits of a number; -1 for all.
+    """Return the layers and levels of each node, as the bits of a number; -1 for all.
 
-    It lies where two roads or more go on, or else where its roads are: at the end of a bridge on the ground. Stairs and
-    elevators do not count.
+    They are those on which at least two roads continue, or else those of its roads; so the end of a bridge is on the
+    ground. Stairs and elevators do not count.
     """
     ways_on: dict[tuple[str, ...], list[int]] = {}
     for way, tags in enumerate(network.tags):
@@ -308,7 +307,7 @@ def _floors(network: RoadNetwork) -> IntArray:
     return np.where(floors > 0, floors, -1)
 
 
-def _junctions(network: RoadNetwork, chains: Chains, is_flat: BoolArray, tolerance: float) -> IntArray:
+def _junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tolerance: float) -> IntArray:
     """Return one label per node, equal for the nodes of one junction.
 
     Shortest roads first, as in Kruskal's algorithm (1956), unless the junction would become too wide or have no layer
@@ -321,7 +320,7 @@ def _junctions(network: RoadNetwork, chains: Chains, is_flat: BoolArray, toleran
     )
     rows = np.flatnonzero(short)
     rows = np.delete(rows, _crossings(network, *network.xy[chains.ends[rows].T])[0])
-    places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # the numbers of nodes play no part
+    places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # so that the numbers of nodes do not matter
     rows = rows[np.lexsort((places[:, 1], places[:, 0], chains.lengths[rows]))]
     label = np.arange(len(network.xy))
     nodes = np.unique(chains.ends[rows])
@@ -351,7 +350,7 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     """Return the network without its inner roads, one node per label, at the mean of the label's weighty nodes."""
     names, row, members = np.unique(label, return_inverse=True, return_counts=True)
     weight = np.where(members[row] > 1, weighty, 1.0)
-    shift = network.xy[names][row]  # the mean of differences: equal places give that very place
+    shift = network.xy[names][row]  # the mean of differences: equal positions give exactly that position
     sums = [np.bincount(row, weights=weight * values) for values in (network.xy - shift).T]
     xy = network.xy[names] + np.column_stack(sums) / np.bincount(row, weights=weight)[:, None]
     rest = chosen_roads(network, np.flatnonzero(~inner))
@@ -369,7 +368,7 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
 
 
 def _joined_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mapping[str, str]]:
-    """Return the tags of the nodes of a map, with those of nodes that become another one added to its own."""
+    """Return the tags of nodes; a merged node also gets those of the nodes that became part of it."""
     joined = dict(network.nodes.of)
     refs = network.refs if network.refs is not None else owners
     for ref, owner in zip(*(ids[refs != owners].tolist() for ids in (refs, owners)), strict=True):
@@ -379,19 +378,19 @@ def _joined_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mappi
 
 
 Values = TypeVar("Values", FloatArray, IntArray)
-_PIECE_BYTES = 5_000  # with its node, measured: 2,400 in networkx, and 2,200 as they are attached
+_PIECE_BYTES = 5_000  # with its node, measured: 2,400 in networkx, and 2,200 attached
 _SAME = 1e-9  # of a piece: a vertex this near to a cut is the cut
 
 
 def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
     """Cut every road of length L into round(L / resolution) equal pieces.
 
-    A road shorter than 1.5 times the resolution stays whole. New nodes follow the old ones. So that no piece
-    is lost in a graph that has one edge per pair of nodes, a road that leads back to its own node is cut into
-    three at least, and of whole roads between the same two nodes all but the first are cut in the middle.
+    A road shorter than 1.5 times the resolution stays whole. New nodes follow the old ones. So that no piece is lost in
+    a graph with one edge per pair of nodes, a road that leads back to its own node is cut into at least three, and all
+    but the first of several whole roads between two nodes are cut in the middle.
 
     Raises:
-        TooLarge (BadValue): the pieces would take more memory than is allowed.
+        TooLarge (BadValue): the pieces would take more memory than allowed.
     """
     counts = piece_counts(network.lengths, resolution)
     loop = network.sources == network.targets
@@ -416,10 +415,10 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
 
 
 def piece_counts(lengths: FloatArray, resolution: float) -> IntArray:
-    """Return into how many pieces roads of these lengths are cut; halves are rounded to the even number.
+    """Return the number of pieces for roads of these lengths; halves are rounded to the even number.
 
     Raises:
-        TooLarge (BadValue): they would take more memory than is allowed.
+        TooLarge (BadValue): they would take more memory than allowed.
     """
     with np.errstate(over="ignore"):
         ratio = lengths / resolution
@@ -434,14 +433,13 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
     """Cut each polyline into `counts` pieces of equal length along itself.
 
     Returns:
-        the cut points (sum of counts - 1, 2); offsets and points of the pieces, which keep the vertices
-        inside them.
+        The cut points (sum of counts - 1, 2); offsets and points of the pieces, which keep the vertices inside them.
     """
     lines = np.repeat(np.arange(len(counts)), np.diff(offsets))
     position = along(offsets, points)
     total = position[offsets[1:] - 1]
     cuts = _cut_points(offsets, points, position, counts)
-    # Which piece a vertex falls into: `place` counts pieces from the start of its own line.
+    # The piece of each vertex: `place` counts pieces from the start of its own line.
     place = position / np.where(total > 0.0, total, 1.0)[lines] * counts[lines]
     kept = np.abs(place - np.rint(place)) > _SAME
     first_piece = offsets_of(counts)
@@ -473,13 +471,13 @@ def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, cou
 
 
 def _ends_of_pieces(counts: IntArray, cuts: Values, begins: Values, ends: Values) -> tuple[Values, Values]:
-    """Return with what every piece begins and ends: with that of its line, or with a cut."""
+    """Return the values at both ends of every piece: those of its line's ends, or of cuts."""
     inner = offsets_of(counts - 1)
     return np.insert(cuts, inner[:-1], begins, axis=0), np.insert(cuts, inner[1:], ends, axis=0)
 
 
 def _repeated(network: RoadNetwork, roads: IntArray) -> BoolArray:
-    """Return which of these roads lead from one node to another as an earlier one does."""
+    """Return a mask of these roads that lead from one node to another like an earlier one."""
     nodes = len(network.xy)
     source, target = network.sources[roads], network.targets[roads]
     back = np.where(network.two_way[roads], target * nodes + source, -1 - roads)  # no way back: a key of its own

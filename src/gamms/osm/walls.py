@@ -1,4 +1,4 @@
-"""Walls as faces: from footprints and lines with their heights, simplified, with openings and without their parts."""
+"""Walls as faces: footprints and lines with their heights, simplified, with openings and without covered parts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,20 +8,20 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
-from gamms.osm.footprints import PART, Shapes, Wall, repaired
+from gamms.osm.footprints import PART, Shapes, WallProfile, repaired
 
-_LINE, _POLYGON, _AREA = 1, 3, 2  # shapely's numbers of two types, and of dimensions
+_LINE, _POLYGON, _AREA = 1, 3, 2  # shapely's type numbers, and a dimension
 _MOST_RELATIVE_M = 0.5
-_AT_ONCE = 16  # shapes that are looked for in a tree
-_MOST_PAIRS = 1_000_000  # of lines and pieces of streets that meet
-_BYTES_PER_PAIR = 100  # for the time that they take
+_AT_ONCE = 16  # shapes in one tree query
+_MOST_PAIRS = 1_000_000  # of intersecting lines and street pieces
+_BYTES_PER_PAIR = 100  # stands for the time that they take
 _GATE_M = 3.0
 _SLIVER_M = 0.5
-_SEAM_M = 0.1  # by which parts may fail to join
+_SEAM_M = 0.1  # gap that parts may leave between them
 
 
 @dataclass(slots=True, frozen=True, eq=False)
-class Faces:
+class WallFaces:
     """Walls as quadrangles."""
 
     corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left
@@ -29,7 +29,7 @@ class Faces:
 
 
 def _floor(heights: FloatArray, owner: IntArray, shapes: Shapes) -> FloatArray:
-    """Return from where the height of a wall is measured at each point: of an area from its lowest point."""
+    """Return the base height of walls at each point: of an area at its lowest point, of a line at the ground."""
     import shapely
 
     lowest = np.full(len(shapes), np.inf)
@@ -38,11 +38,11 @@ def _floor(heights: FloatArray, owner: IntArray, shapes: Shapes) -> FloatArray:
     return np.where(is_area[owner], lowest[owner], heights)
 
 
-class Tolerance(NamedTuple):
-    """By how many metres outlines may be simplified."""
+class SimplifyTolerance(NamedTuple):
+    """Tolerances in meters for simplifying outlines."""
 
     metres: float = 0.5
-    relative: float = 0.01  # of the length, as far as that is at most `_MOST_RELATIVE_M`; the greater of both counts
+    relative: float = 0.01  # of the length, at most `_MOST_RELATIVE_M`; the greater of both counts
 
     def of(self, lines: Shapes) -> FloatArray:
         """Return the tolerance of each line."""
@@ -54,19 +54,19 @@ class Tolerance(NamedTuple):
 
 def faces_of(
     shapes: Shapes,
-    walls: Sequence[Wall],
+    walls: Sequence[WallProfile],
     to_metres: Callable[[FloatArray], FloatArray],
-    tolerance: Tolerance,
+    tolerance: SimplifyTolerance,
     streets: Shapes | None = None,
     ground: Callable[[FloatArray], FloatArray] | None = None,
-) -> Faces:
-    """Walls along lines and around polygons, around courtyards too; `to_metres` projects points (points, 2).
+) -> WallFaces:
+    """Return walls along lines and around polygons, also around courtyards; `to_metres` projects points (points, 2).
 
-    With heights of the `ground`, given points in metres, z is above sea level: a building is level and stands on the
-    lowest point of its outline, as `height` is measured; a barrier follows the ground.
+    With heights of the `ground`, for points in meters, z is above sea level: a building is level and stands on the
+    lowest point of its outline, from which `height` is measured; a barrier follows the ground.
 
-    Where a line has a vertex in common with a street, it has an opening. A line that would cross a street only because
-    it was simplified is not simplified. Of a building with parts, what these do not cover stands for itself.
+    A line that shares a vertex with a street has an opening there. A line that would cross a street only because it was
+    simplified is not simplified. The part of a building that its building parts do not cover gets its own walls.
     """
     import shapely
 
@@ -84,11 +84,11 @@ def faces_of(
     corners = [
         np.column_stack((points[row], floor[row] + height)) for height in (top, base) for row in (start, start + 1)
     ]
-    return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
+    return WallFaces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
 
 
 def _boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
-    """Return the rings of polygons and the lines themselves, and to which shape each belongs."""
+    """Return the rings of polygons and the lines themselves, and the shape of each."""
     import shapely
 
     parts, owner = shapely.get_parts(shapes, return_index=True)
@@ -100,7 +100,7 @@ def _boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
 
 
 def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shapes:
-    """Return lines within their tolerances of the given ones, which meet or cross no street piece that those do not."""
+    """Return lines simplified within their tolerances that touch or cross no further street piece."""
     import shapely
 
     simple: Shapes = shapely.simplify(lines, tolerances)
@@ -109,10 +109,10 @@ def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shape
     found = 0
     for first in range(0, len(changed), _AT_ONCE):
         rows = changed[first : first + _AT_ONCE]
-        if found > _MOST_PAIRS:  # no street map: nothing but time would be lost
+        if found > _MOST_PAIRS:  # not a street map: only time would be lost
             simple[rows] = lines[rows]
             continue
-        for predicate in ("crosses", "intersects"):  # what only touched a street is not to cross it
+        for predicate in ("crosses", "intersects"):  # a line that only touched a street may not cross it
             before, after = (tree.query(some[rows], predicate=predicate) for some in (lines, simple))
             keys = [pair[0] * len(tree) + pair[1] for pair in (before, after)]
             new = np.unique(after[0][~np.isin(keys[1], keys[0])])
@@ -132,7 +132,7 @@ def _pieces(lines: Shapes) -> Shapes:
 
 
 def _with_openings(shapes: Shapes, streets: Shapes) -> Shapes:
-    """Return the shapes with a gap in each line where it has a vertex in common with a street: a gate."""
+    """Return the shapes with a gap, a gate, in each line that shares a vertex with a street."""
     import shapely
 
     rows = np.flatnonzero(shapely.get_type_id(shapes) == _LINE)
@@ -148,11 +148,11 @@ def _with_openings(shapes: Shapes, streets: Shapes) -> Shapes:
     return shapes
 
 
-def _beside_parts(shapes: Shapes, walls: Sequence[Wall]) -> tuple[Shapes, Sequence[Wall]]:
-    """Return the shapes, with only that of buildings which their parts leave, and the heights of parts.
+def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes, Sequence[WallProfile]]:
+    """Return the shapes with buildings reduced to what their parts leave uncovered, and the walls of the parts.
 
-    A part belongs to the smallest building that it lies in. One without a height has that of the building. What is left
-    of a building counts if it is wider than twice `_SLIVER_M`.
+    A part belongs to the smallest building around it. A part without a height gets that of the building. The rest of a
+    building counts if it is wider than twice `_SLIVER_M`.
     """
     import shapely
 
@@ -176,7 +176,7 @@ def _beside_parts(shapes: Shapes, walls: Sequence[Wall]) -> tuple[Shapes, Sequen
 
 
 def _containing(parts: Shapes, areas: Shapes) -> tuple[IntArray, IntArray]:
-    """Return which of the parts lie in an area, and the smallest such area of each."""
+    """Return the parts that lie in an area, and the smallest such area of each."""
     import shapely
 
     tree, sizes = shapely.STRtree(shapely.point_on_surface(parts)), shapely.area(areas)
