@@ -271,3 +271,33 @@ def test_games_that_are_observed_before_their_next_turn_keep_what_has_happened()
             games.step()
             assert not games.is_in_arrays
             assert [[event["turn"] for event in games.result(number).events] for number in range(3)] == [[1, 2, 3]] * 3
+
+
+def heedful(state):
+    """Go on if the way was free, and remember why not."""
+    visits = state["memory"].setdefault("visits", [])
+    visits.append((state["curr_pos"], state["blocked"]))
+    state["action"] = state["legal"][(len(visits) * 7 + state["curr_pos"]) % len(state["legal"])]
+
+
+def trace(ctx):
+    """Note how agents have moved, and where they were before."""
+    moves = {} if ctx.game.moves is None else {name: one.path for name, one in ctx.game.moves.items()}
+    back = {one.name: one.prev_node_id for one in ctx.game.agents}
+    ctx.game.data["trace"] = [*ctx.game.data.get("trace", []), (ctx.game.turn, moves, back)]
+    ctx.game.emit("trace", moves=repr(moves), back=repr(back))
+
+
+@pytest.mark.parametrize("way", ["one edge", "anywhere"])
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_games_that_have_begun_go_on_in_the_core_with_plain_functions(way, phase):
+    rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]
+    scenario = scene(rules, side=4, settings=WAYS[way], conflicts={"capacity": 1, "allow_swaps": False}, max_turns=9)
+    with scenario.build(seed=3, strategies={"red": heedful}) as ctx:
+        ctx.game.add(trace, phase=phase)
+        ctx.game.collect("nodes", lambda agent: agent.current_node_id, per="agent")
+        for _ in range(3):
+            ctx.game.step()
+            with ctx.game.batch(2) as games:
+                assert games.is_in_arrays
+            assert check(ctx) == "the rule 'trace'"

@@ -140,9 +140,9 @@ def test_a_game_is_the_same_among_a_thousand_others_by_itself_and_in_another_ord
 
 
 @st.composite
-def games_with_plain_parts(draw):
+def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres")):
     """A random game with one context that is pointed at its games, in which agents do not decide at arrivals."""
-    drawn = draw(games(("one edge", "anywhere", "edges", "metres")))
+    drawn = draw(games(how))
     kinds = st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3, unique=True)
     called = st.tuples(
         st.sampled_from(["look", "push", "purge", "toll", "dig", "dig"]), st.sampled_from(["before", "after"])
@@ -164,6 +164,19 @@ def games_with_plain_parts(draw):
 @given(drawn=games_with_plain_parts(), **drawn_for_all)
 def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):
     with drawn.open() as ctx:
+        check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
+
+
+@settings(LAWS, max_examples=12)
+@given(drawn=games_with_plain_parts(("one edge", "anywhere")), turns=st.integers(1, 6), **drawn_for_all)
+def test_games_that_have_begun_in_which_plain_functions_are_called_go_on_as_alone(
+    drawn, turns, seeds, again, outside, lot
+):
+    with drawn.open() as ctx:
+        ctx.game.on_illegal = "stay"
+        for _ in range(min(turns, drawn.max_turns - 1)):
+            ctx.game.step()
+        ctx.game.on_illegal = drawn.on_illegal
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 

@@ -82,7 +82,7 @@ class GamesOnMap:
         rules, asked = as_called(game.rules), asked_of(game, roster)
         collects = len(game.internals.parts.collectors.by_name) > 0
         calls_each = collects or len(asked) > 0 or any(map(is_plain_rule, rules))
-        self._beginning = Beginning(game, state, games)
+        self._beginning = Beginning(game, state, block, games)
         carried = [sensor for agent in roster.agents for sensor in carried_by(agent).values()]
         note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
         pointed = PointedContext(game, state)
@@ -117,7 +117,7 @@ class GamesOnMap:
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
-        self._beginning.put(self.state, games)
+        self._beginning.put(self.state, self._block, games)
         if self.cursor is not None:
             self.cursor.forget(games)
 
@@ -275,7 +275,6 @@ class ArrayEngine:
             GamesOnMap(game, state, self._block, of_map)
             for game, state, of_map in zip(games, states, self._on, strict=True)
         ]
-        self._block.begin(np.arange(len(seeds)))
         self._num_parts = self._maps[0].core.num_parts
 
     def _find_games(self) -> None:
@@ -313,7 +312,6 @@ class ArrayEngine:
             which = np.flatnonzero(maps == number)
             if len(which):
                 one.start(games[which], [seeds[place] for place in which.tolist()], nodes[which])
-        self._block.begin(games)
 
     @property
     def is_over(self) -> BoolArray:

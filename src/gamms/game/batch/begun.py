@@ -11,6 +11,8 @@ from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
 from gamms.game.batch.forms import key_of, strategy_spec_of
+from gamms.game.batch.in_core import Block
+from gamms.game.batch.last_turn import LastTurn
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
@@ -37,6 +39,21 @@ def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
         return ByMetres
     on_ground = [agent for agent in roster.agents if agent.type is not AgentType.AERIAL]
     return Movement if all(agent.speed is None for agent in on_ground) else ByEdges
+
+
+def goes_along_one_edge(game: PlayedGame, roster: Roster) -> bool:
+    """Whether all agents of a game go along one edge in a turn, or anywhere."""
+    return movement_type(game, roster) in (Movement, Anywhere)
+
+
+def has_last_moves(game: PlayedGame, roster: Roster) -> bool:
+    """Whether the games of a batch have how agents moved in the turn before it."""
+    moves = game.internals.state.moves
+    if moves is None:
+        return True
+    paths = [action.path for action in moves.actions.values()]
+    are_short = all(len(path) <= 2 and path[1:] != path[:1] for path in paths)
+    return are_short and game.settings()["order"] is None and goes_along_one_edge(game, roster)
 
 
 def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
@@ -70,10 +87,14 @@ class Beginning:
     Args:
         game: in a context that is not played in.
         state: of all games of the batch, whose agents, deeds and channels are known.
+        columns: that the core writes, of all games.
         games: those that are on its map.
+
+    Raises:
+        UnknownName (KeyError): an agent has gone along a node that is not on the map any more.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays, games: IntArray) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, columns: Block, games: IntArray) -> None:
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
         self._turn = game.turn
@@ -83,7 +104,10 @@ class Beginning:
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
         own = [block.row_of(names[number]) for number in self._agents.tolist()]
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
-        self._node = rows([int(block.node[row]) for row in own]) if self._turn else None
+        self._places = [rows([int(column[row]) for row in own]) for column in (block.node, block.previous)]
+        self._moves: LastTurn | None = None
+        if values.moves is not None and has_last_moves(game, state.roster):
+            self._moves = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
         self._placed = [block.placed and name in known and block.row_of(name) in block.placed for name in names]
@@ -93,7 +117,7 @@ class Beginning:
         events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
-        self.put(state, games)
+        self.put(state, columns, games)
         state.has_begun = self._turn > 0
         for one in game.rules:
             _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
@@ -115,7 +139,7 @@ class Beginning:
             except NotTakenUp as error:  # what it keeps is not in `first` then
                 state.takes_up[:], state.why_not_first = False, f": {error}"
 
-    def put(self, state: GameArrays, games: IntArray) -> None:
+    def put(self, state: GameArrays, columns: Block, games: IntArray) -> None:
         """Let some games begin here, which were reset."""
         state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
         state.placed[games] = self._placed
@@ -123,8 +147,8 @@ class Beginning:
             state.numbers[one.name][games] = one.initial
             state.numbers[one.name][games[:, None], self._agents] = self._numbers[one.name]
         state.alive[games[:, None], self._agents] = self._alive
-        if self._node is not None:
-            state.node[games[:, None], self._agents] = self._node
+        if self._turn:
+            state.node[games[:, None], self._agents], state.previous[games[:, None], self._agents] = self._places
         for number, place in self._progress:
             if place is not None:
                 state.movement.put_on(games, number, place)
@@ -133,6 +157,11 @@ class Beginning:
         for key, points in self._scores.items():
             state.scores.add(key, games, points)
         self._put_logs(state, games)
+        columns.begin(games)
+        if self._moves is not None:
+            columns.start[games] = self._moves.starts
+            columns.ends[games] = self._moves.ends
+            columns.takes_part[games] = self._moves.took_part
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
         for game in games.tolist():

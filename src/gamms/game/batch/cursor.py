@@ -26,7 +26,7 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
 from gamms.ir.events import AGENT_ATTRIBUTE
-from gamms.ir.game_state import GameState, Scores, in_conflict
+from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
@@ -233,6 +233,9 @@ class Cursor:
         self._collectors: list[Collectors] = [parts.collectors for _ in games]
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first_memories = parts.state.memories, parts.state.team_memories
+        self._first_turn = game.turn
+        names = (state.roster.names[number] for number in asked)
+        self._first_undone = {name: why for name in names if (why := parts.state.blocked.get(name)) is not None}
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
@@ -267,8 +270,8 @@ class Cursor:
         values.last_turn = self._game.settings()["max_turns"]
         if self._keeps_in_columns:
             values.team_memories = self._no("ctx.game.team_memories")
-        values.deeds = []
-        values.messages = []
+        values.blocked = BlockedAgents()
+        values.deeds, values.messages = [], []
         self._block.journal = self._journal
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
         self._show_facts(None)
@@ -416,7 +419,7 @@ class Cursor:
             self._memories[number] = defaultdict(dict, copied(known))
             self._team_memories[number] = copied(of_teams)
             self._collectors[number] = self._new_collectors()
-            self._undone.pop(number, None)
+            self._undone[number] = self._first_undone.copy()
 
     def _new_collectors(self) -> Collectors:
         """Return the collectors of a game that begins."""
@@ -776,7 +779,7 @@ class Cursor:
         undone = self._undone.get(self._number, {})
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
-            if state.blocked[self._number, numbers[name]]:
+            if state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first_turn:
                 why.append(in_conflict(self._core.wanted(self._number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))

@@ -5,12 +5,12 @@ from itertools import chain
 from typing import Any
 
 from gamms.core import moves
-from gamms.game.batch.begun import may_forget, movement_of, movement_type, why_not_begun
+from gamms.game.batch.begun import goes_along_one_edge, has_last_moves, may_forget, movement_of, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
 from gamms.game.batch.cursor import asked_of, is_plain_rule, keep_in_columns
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
-from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.movement import Movement
 from gamms.game.batch.sensing import why_not_asked_in_core
 from gamms.game.batch.strategy_steps import why_not_by_steps
 from gamms.game.batch.travelers import why_not_by
@@ -24,8 +24,8 @@ from gamms.typing import AgentType, IAgent
 def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     """Return what keeps games from being played in the core, in words; None: nothing but perhaps their map."""
     decided = why_not_decided(game, roster).values()
-    is_plain = _are_plain(game, roster)
-    ruled = _why_not_ruled(game)
+    is_plain = goes_along_one_edge(game, roster)
+    ruled = _why_not_ruled(game, roster)
     called = _why_not_called(game, roster)
     ordered = _why_not_in_order(game, roster, is_plain=is_plain)
     return next(chain(_why_not_played(game), ordered, _why_not_agents(game, roster), ruled, decided, called), None)
@@ -42,7 +42,7 @@ def first_called(game: PlayedGame, roster: Roster) -> str | None:
 
 def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
     """Return how the agents of a game go that the core plays, where plain functions may close roads and open them."""
-    may_change = _are_plain(game, roster) and first_called(game, roster) is not None
+    may_change = goes_along_one_edge(game, roster) and first_called(game, roster) is not None
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
 
 
@@ -52,7 +52,9 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
     if first is None:
         return
     block, values, asked = game.ctx.agent.block, game.internals.state, asked_of(game, roster)
-    if game.turn or game.ctx.rng_state() is not None or list(block.previous) != list(block.node):
+    if game.ctx.rng_state() is not None or (not game.turn and list(block.previous) != list(block.node)):
+        yield f"{first}, in a game that was not at its start"
+    if values.departed or not has_last_moves(game, roster):
         yield f"{first}, in a game that has begun"
     if values.agent_facts or values.team_facts:
         yield f"{first}, with facts of single agents or teams"
@@ -65,11 +67,6 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
 def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
     """Return what of the map keeps agents that move so from being played in the core, in words; None: nothing."""
     return next(chain(why_not_by(by, roster), why_not_by_steps(game, roster)), None)
-
-
-def _are_plain(game: PlayedGame, roster: Roster) -> bool:
-    """Whether all agents go along one edge in a turn, or anywhere."""
-    return movement_type(game, roster) in (Movement, Anywhere)
 
 
 def _why_not_played(game: PlayedGame) -> Iterator[str]:
@@ -118,7 +115,7 @@ def _why_not_agents(game: PlayedGame, roster: Roster) -> Iterator[str]:
             yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
 
 
-def _why_not_ruled(game: PlayedGame) -> Iterator[str]:
+def _why_not_ruled(game: PlayedGame, roster: Roster) -> Iterator[str]:
     """Yield the rules, checks and conflicts that the core does not have."""
     conflicts = game.settings()["conflicts"]
     for one in as_called(game.rules):
@@ -126,7 +123,7 @@ def _why_not_ruled(game: PlayedGame) -> Iterator[str]:
             yield f"the check of the rule {one.name!r}"
         if not _is_played(one):
             yield f"the rule {one.name!r}"
-        if one.phase == "before" and game.turn:
+        if one.phase == "before" and not has_last_moves(game, roster):
             yield f"the rule {one.name!r}, before a turn of a game that has begun"
     if conflicts is not None and ranked(conflicts) is None:
         yield f"the conflicts {as_code(conflicts)}"
@@ -140,7 +137,7 @@ def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
     """Return, by team and in words, the strategies and sensors that the core does not have."""
     found: dict[Hashable, str] = {}
     plans = game.settings()["plans"]
-    is_plain = _are_plain(game, roster)
+    is_plain = goes_along_one_edge(game, roster)
     for agent in roster.agents:
         for one in preparing(agent, plans):
             found.setdefault(agent.team, f"{as_code(one)}, with what it prepares in a game")
@@ -158,7 +155,8 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
     form = core_form_of(settings, agent)
     if settings["time_budget"] is not None and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
-    if may_forget(game, agent):
+    is_called = form is None and spec.array_form is None  # with all that it remembers
+    if may_forget(game, agent) and not is_called:
         yield f"the {kind} {as_code(decider)}, which remembers something"
     if form == moves.BY_STEPS and not is_plain and settings["on_illegal"] == "raise":
         yield f"the {kind} {as_code(decider)}, of which illegal actions are raised"
