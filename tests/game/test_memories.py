@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.game.team_memory import copier_of, memory_copy
+from gamms.core.copies import copied
 from gamms.game.team_memory import merged_memory as merged
 
 
@@ -121,8 +121,7 @@ def test_copies_are_equal_and_what_is_written_into_one_is_in_no_other(memory):
         own = [value] if isinstance(value, (dict, list, np.ndarray, SimpleNamespace)) else []
         return own + [one for part in parts for one in containers(part)]
 
-    copier = copier_of(memory)
-    copies = [copier(), copier()]
+    copies = [copied(memory), copied(memory)]
     assert repr(copies) == repr([memory, memory])
     kept = [one for given in (memory, *copies) for one in containers(given)]  # so that no id is used again
     assert len({*map(id, kept)}) == len(kept)
@@ -163,7 +162,7 @@ def test_a_copy_has_containers_of_its_own_which_are_the_same_where_those_before_
     places, pairs, ways = {1, 2}, {(3, 4)}, {"a": (1, [2]), "b": (3, 4)}
     memory = {"here": places, "there": places, "board": {"visited": {5}, "seen": places}, "pairs": pairs, "ways": ways}
     memory["board"]["itself"] = memory["board"]
-    copy = memory_copy(memory)
+    copy = copied(memory)
     assert copy["here"] is copy["there"] is copy["board"]["seen"]
     assert copy["board"]["itself"] is copy["board"]
     copy["here"].add(9)

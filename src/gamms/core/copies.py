@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from gamms.core.form import as_dict
 
-_ATOMS = frozenset({str, bytes, int, float, bool, complex, type(None)})
+_ATOMS = frozenset({str, bytes, int, float, bool, complex, frozenset, type(None)})
 
 
 class NotPlain(Exception):
@@ -114,5 +114,5 @@ def _copy_of(value: Any, seen: set[int]) -> Any:
     if kind is list or kind is tuple:
         return kind([_copy_of(one, seen) for one in value])
     if kind is set or (kind is ndarray and not value.dtype.hasobject and value.base is None):
-        return value.copy()  # what can be in a set does not change
+        return value.copy()  # what can be in a set, frozen or not, does not change
     raise NotPlain

@@ -11,6 +11,7 @@ import numpy as np
 from gamms import kernels
 from gamms.core.agents import Moves
 from gamms.core.ask import ask_each
+from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import FactsOf
@@ -20,7 +21,7 @@ from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
-from gamms.game.team_memory import Memory, copier_of, merged_memory, why_not_copied
+from gamms.game.team_memory import Memory, merged_memory, why_not_copied
 from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import as_ids, moves_of
 from gamms.ir.columns import copied_column
@@ -207,7 +208,7 @@ class Decisions:
     make = AgentState  # of a template
 
     __slots__ = (
-        *("_copiers", "_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
+        *("_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
         *("moves", "observe", "slots", "starts", "state", "written"),
     )
 
@@ -245,7 +246,7 @@ class Decisions:
         self.moves = moves
         self.actions: dict[int, ResolvedAction] = {}
         self.ends: Any = starts if ends is None else ends
-        if self.written or self.failures or self.awaited or self._copiers:
+        if self.written or self.failures or self.awaited:
             self._forget()
         return self
 
@@ -260,7 +261,6 @@ class Decisions:
         self.written: list[tuple[int, Any]] = []
         self.failures: list[tuple[int, str, str]] = []
         self.awaited: list[tuple[_Question, Any]] = []
-        self._copiers: dict[Any, Callable[[], Memory]] = {}  # of the memories of teams
 
     # -- asking -------------------------------------------------------------------------------------------------
 
@@ -323,10 +323,8 @@ class Decisions:
 
     def team_memory(self, team: Hashable) -> Memory:
         """Return a copy of what a team remembers, which may be written to."""
-        copier = self._copiers.get(team)
-        if copier is None:
-            copier = self._copiers[team] = copier_of(self.state.team_memories.get(team, {}))
-        return copier()
+        memory: Memory = copied(self.state.team_memories.get(team, {}))
+        return memory
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Collect what an agent's strategy decides later with all others that are awaited."""

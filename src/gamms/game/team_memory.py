@@ -1,96 +1,27 @@
 """What the members of a team share: copies of it, which they may write to, and what follows from these."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from copy import deepcopy
-from functools import partial
-from itertools import compress, count, islice
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import compress, islice
 from operator import is_, ne
 from typing import Any
 
+from gamms.core.copies import copied
+
 Memory = dict[Any, Any]
 
-_PLAIN = frozenset({str, bytes, int, float, bool, type(None)})
 _NOTHING: Any = object()  # stands for a key that is not there
-
-
-def memory_copy(memory: Memory) -> Memory:
-    """Return a copy of a team's memory, which may be written to."""
-    return copier_of(memory)()
-
-
-def copier_of(memory: Memory) -> Callable[[], Memory]:
-    """Return a function that copies a team's memory as often as it is called, until the memory changes.
-
-    Each copy has containers of its own. Those that stand in several places are one in a copy, too.
-    """
-    # NOTE: each of many agents gets a copy of what all have written, and `deepcopy` takes a microsecond for each value
-    # (benchmarks: memories).
-    try:
-        return _copier(memory, set()) or memory.copy
-    except _NeedsDeepcopyError:
-        return partial(deepcopy, memory)
 
 
 def why_not_copied(memory: Memory) -> str | None:
     """Return why a team's memory cannot be copied, as a sentence for the agent that wrote into it; None: it can."""
     try:
-        copier_of(memory)()
+        copied(memory)
     except Exception as error:  # noqa: BLE001 - whatever the classes of strategies raise
         return (
             f"What was written into state['team_memory'] cannot be copied ({type(error).__name__}: {error}). "
             "Share plain values, and keep objects that hold the context in state['memory']."
         )
     return None
-
-
-class _NeedsDeepcopyError(Exception):
-    """Something is of no class of Python's own, or stands in several places."""
-
-
-def _copier(value: Any, seen: set[int]) -> Callable[[], Any] | None:
-    """Return a function that copies a value; None: copies may share it.
-
-    Args:
-        value: what is to be copied.
-        seen: the ids of the containers that were met before; this one and those in it are added.
-
-    Raises:
-        _NeedsDeepcopyError: only `deepcopy` copies it well.
-    """
-    kind = type(value)
-    if kind in _PLAIN:
-        return None
-    is_fixed = kind in (tuple, frozenset)
-    if not is_fixed and (kind not in (dict, list, set) or id(value) in seen):
-        raise _NeedsDeepcopyError
-    seen.add(id(value))
-    if kind is dict:
-        _copiers(value, value.keys(), seen)  # raises where a key has to be copied
-        copiers = _copiers(value, value.values(), seen)
-    else:
-        copiers = _copiers(count(), value, seen)
-    if copiers and kind not in (dict, list):
-        raise _NeedsDeepcopyError
-    if is_fixed:
-        return None
-    copy: Callable[[], Any] = partial(_copied, value, copiers) if copiers else value.copy
-    return copy
-
-
-def _copiers(keys: Iterable[Any], parts: Collection[Any], seen: set[int]) -> list[tuple[Any, Callable[[], Any]]]:
-    """Return the keys of those parts of a container that copies may not share, each with a function that copies it."""
-    if _PLAIN.issuperset(map(type, parts)):
-        return []
-    each = ((key, _copier(part, seen)) for key, part in zip(keys, parts, strict=False))
-    return [(key, copier) for key, copier in each if copier is not None]
-
-
-def _copied(value: Any, parts: Sequence[tuple[Any, Callable[[], Any]]]) -> Any:
-    """Return a copy of a dict or a list, some parts of which are copied."""
-    copy = value.copy()
-    for key, copied in parts:
-        copy[key] = copied()
-    return copy
 
 
 def merged_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
@@ -105,7 +36,7 @@ def merged_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
         copies: what its agents have made of their copies, in the order of their names.
     """
     changes = _changes(before, copies)
-    return memory_copy(_changed(before, changes)) if changes else before
+    return copied(_changed(before, changes)) if changes else before
 
 
 def _changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:

@@ -20,9 +20,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from gamms.context import Context, create_context
+from gamms.core.copies import copied
 from gamms.errors import BadType
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
-from gamms.game.team_memory import memory_copy, merged_memory
+from gamms.game.team_memory import merged_memory
 from gamms.ir.game_state import GameState
 from gamms.plain import as_json, to_plain
 from gamms.readonly import frozen
@@ -138,7 +139,7 @@ class _HostedTeam:
             state = {**sent, "name": name, "team": self._team, "draw": player.draw, "rng": player.rng}
             state |= {"memory": player.memory, "facts": frozen(sent["facts"])}
             if question["shares_memory"]:
-                state["team_memory"] = memory_copy(self._memory)
+                state["team_memory"] = copied(self._memory)
             if isinstance(sent["curr_pos"], int):
                 agent.current_node_id = sent["curr_pos"]
             states[name] = state
