@@ -190,6 +190,8 @@ class Cursor:
         functions: the plain functions that are called.
     """
 
+    _living: _Living
+
     def __init__(
         self,
         game: PlayedGame,
@@ -281,7 +283,6 @@ class Cursor:
         self._lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
         self._take_sensors()
         self._looks = self._no("what agents have sensed")
-        self._living: _Living
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
         self._forget_looks()
         self._read = dict[str, Any]()
