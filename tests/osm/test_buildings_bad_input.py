@@ -102,7 +102,7 @@ def test_an_impossible_tolerance_is_refused(make_map, name):
     [
         ([("building", "yes")], BadType, "must be a dict"),
         ({"building": (3.0, 1)}, BadType, "two strings"),
-        ({("building", "yes"): 3.0}, BadType, "height in metres, type"),
+        ({("building", "yes"): 3.0}, BadType, "height in meters, type"),
         ({("building", "yes"): ("3", 1)}, BadType, "must be a number"),
         ({("building", "yes"): (-3.0, 1)}, BadValue, "more than 0"),
         ({("building", "yes"): (math.nan, 1)}, BadValue, "finite"),

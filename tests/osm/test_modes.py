@@ -345,7 +345,7 @@ def test_a_file_has_modes_of_ones_own(tmp_path, make_map, cross):
     [
         ("[cart", "is no TOML file"),
         ("cart = 5", "mode 'cart' must be a table"),
-        ('[cart]\nextends = "drve"', "extends 'drve', which is no mode above it.*'drive'"),
+        ('[cart]\nextends = "drve"', "extends 'drve', which is not a mode above it.*'drive'"),
         ('[cart]\nextends = "drive"\nhighway = {}', "has no field 'highway'.*'highways'"),
         ("[cart]\nrefused = []", "missing required field"),
         ('[cart]\nextends = "drive"\nhighways = { residential = "fast" }', "Expected `float`, got `str`"),

@@ -121,7 +121,7 @@ def test_the_functions_of_the_first_release_give_nodes_no_more(town):
         (["length"], BadValue, "'length'"),
         (["z"], BadValue, "'z'"),
         ([""], BadValue, "''"),
-        (["t" * 256], BadValue, "no tag"),
+        (["t" * 256], BadValue, "not a tag"),
         ([f"t{i}" for i in range(257)], BadValue, "256 are the most"),
     ],
 )

@@ -392,13 +392,13 @@ def test_names_of_gamms_may_be_short(tag):
 
 
 def test_a_value_that_is_no_number_is_refused(tag):
-    with pytest.raises(BadType, match="What value\\(model\\) returns"):
+    with pytest.raises(BadType, match="The result of value\\(model\\)"):
         tag.play(strategies={"ann": mcts(3, depth=2, value=lambda model: None)})
 
 
 @pytest.mark.parametrize(
     ("actions", "error", "words"),
-    [([], BadValue, "no action for agent 'ann'"), (5, BadType, "What actions\\(state\\) returns must be a list")],
+    [([], BadValue, "no action for agent 'ann'"), (5, BadType, "The result of actions\\(state\\) must be a list")],
 )
 def test_a_function_of_actions_has_to_return_some(tag, actions, error, words):
     with pytest.raises(error, match=words):

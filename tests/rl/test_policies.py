@@ -260,7 +260,7 @@ def test_what_cannot_be_saved_is_refused_by_name(tmp_path):
         rl.save_policy(network(ENTRIES, 4), file, scene(), team="red")
     with pytest.raises(BadType, match=r"env must be an environment of gamms.rl, or a scenario, not 'match.yaml'"):
         rl.save_policy(network(), file, "match.yaml")
-    with pytest.raises(BadValue, match="no finite numbers"):
+    with pytest.raises(BadValue, match="not finite numbers"):
         broken = network(ENTRIES)
         broken[0].bias.values[3] = np.nan
         rl.save_policy(broken, file, scene(), team="red")
@@ -287,7 +287,7 @@ HOSTILE = {
     "too many weights": (lambda d, w: w.update(more=np.zeros(3, np.float32)), "is damaged: The weights"),
     "other shapes": (lambda d, w: w.update({"0.weight": np.zeros((16, 2), np.float32)}), "is damaged: Layer 0"),
     "no bias": (lambda d, w: w.pop("0.bias") is None, "is damaged: Layer 0"),
-    "no numbers": (lambda d, w: w["0.bias"].fill(np.inf), "no finite numbers"),
+    "no numbers": (lambda d, w: w["0.bias"].fill(np.inf), "not finite numbers"),
     "other type": (lambda d, w: w.update({"0.bias": np.zeros(16, np.int64)}), "of the type F32, not I64"),
 }
 
@@ -307,7 +307,7 @@ def test_a_file_that_was_changed_is_refused(saved, tmp_path, name):
 def test_a_file_that_is_no_policy_is_refused(saved, tmp_path):
     with pytest.raises(MissingFile, match=r"There is no file .*none.safetensors' for a policy"):
         rl.policy(tmp_path / "none.safetensors")
-    with pytest.raises(BadFile, match=r"is no policy: they are .safetensors, .onnx"):
+    with pytest.raises(BadFile, match=r"is not a policy: policies are .safetensors, .onnx"):
         rl.policy(tmp_path / "red.txt")
     other = tmp_path / "other.safetensors"
     save_file({"x": np.zeros(1, np.float32)}, other)
@@ -315,7 +315,7 @@ def test_a_file_that_is_no_policy_is_refused(saved, tmp_path):
         rl.policy(other)
     for data in (b"", b"\xff" * 100, struct.pack("<Q", 1 << 40) + b"{}", saved.read_bytes()[:-10]):
         other.write_bytes(data)
-        with pytest.raises(BadFile, match="is no file of safetensors, or damaged"):
+        with pytest.raises(BadFile, match="is not a safetensors file, or is damaged"):
             rl.policy(other)
     with gamms.limits.allowing(10_000), pytest.raises(TooLarge, match=r"The policy .* bytes would take"):
         rl.policy(saved)

@@ -37,7 +37,7 @@ WRONG = {
     "a strategy as a plan": (red(plan="gamms.strategies:stay"), "stay is a strategy, and a plan belongs here"),
     "a resolver by its module": (
         game(conflicts={"resolve": "gamms.rules:at_random"}),
-        "at_random makes a resolver of conflicts, and is none itself. Write by_priority, at_random, nobody",
+        "at_random makes a resolver of conflicts, but is not one itself. Write by_priority, at_random, nobody",
     ),
     "a strategy as a resolver": (game(conflicts={"resolve": "gamms.strategies:stay"}), "stay is a strategy"),
     "a strategy as a sensor": (

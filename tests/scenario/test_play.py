@@ -226,7 +226,7 @@ def last_first(name, team):
     ("code", "hint"),
     [
         ("def f(config): return 3", "not a dict"),
-        ("def f(config): return dict.fromkeys(config, 3)", "no strategy"),
+        ("def f(config): return dict.fromkeys(config, 3)", "not a strategy"),
         ("def f(config): return config['nobody']", "KeyError"),
         ("f = 3", "no function"),
     ],

@@ -89,7 +89,7 @@ WRONG = [
     ({"facts": {1: 2}}, "facts.1", "cannot be 1: it must be a text, not a whole number."),
     ({"teams": {5: {"count": 1}}}, "teams.5", "cannot be 5: it must be a text, not a whole number."),
     ({"teams.red": {5: 1}}, "teams.red.5", "unknown key"),
-    ({"facts": {"a": 1j}}, "facts.a", "no plain value"),
+    ({"facts": {"a": 1j}}, "facts.a", "not a plain value"),
     ({"facts": {"a": float("nan")}}, "facts.a", "NaN"),
 ]
 
@@ -302,5 +302,5 @@ def test_what_a_rule_of_gamms_keeps_counts_as_named(made):
 def test_scalars_of_numpy_are_the_numbers_that_a_file_could_hold(made):
     given = made({"max_turns": np.int64(7), "seed": np.array(3)}).to_dict()
     assert [(type(given[key]), given[key]) for key in ("max_turns", "seed")] == [(int, 7), (int, 3)]
-    with pytest.raises(ScenarioError, match=r"max_turns: array\(\[7\]\) is no plain value"):
+    with pytest.raises(ScenarioError, match=r"max_turns: array\(\[7\]\) is not a plain value"):
         made({"max_turns": np.array([7])})

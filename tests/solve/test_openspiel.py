@@ -163,7 +163,7 @@ def test_games_that_openspiel_cannot_have_are_refused(monkeypatch):
     narrow = in_turns("red", "blue").replace(conflicts={"capacity": 1, "resolve": {"by_priority": ["blue", "red"]}})
     with pytest.raises(BadValue, match="unset conflicts"):
         openspiel(narrow)
-    with pytest.raises(BadValue, match="A game of 3 teams is no game of OpenSpiel"):
+    with pytest.raises(BadValue, match="A game of 3 teams cannot become a game of OpenSpiel"):
         openspiel(scene("pair", {**TEAMS, "green": {"count": 1}}, ["solved_games:pennies"], turns=1, sensors=EYES))
     monkeypatch.setitem(sys.modules, "gamms.solve.teams_game", None)
     with pytest.raises(MissingExtra, match=r"extra .solve.*pip install"):

@@ -135,7 +135,7 @@ class Rows(Sequence[Row]):
             confidence: of the intervals.
 
         Raises:
-            UnknownName (KeyError): there is no such column.
+            UnknownName (KeyError): the rows lack the column.
             MissingExtra (ImportError): SciPy is not installed.
         """
         names = self.metrics() if metrics is None else [self._as_metric(one) for one in metrics]
@@ -168,7 +168,7 @@ class Rows(Sequence[Row]):
             confidence: of the intervals.
 
         Raises:
-            UnknownName (KeyError): there is no such column or key.
+            UnknownName (KeyError): the rows lack the column or key.
             MissingExtra (ImportError): SciPy is not installed.
         """
         made = []
@@ -215,7 +215,7 @@ class Rows(Sequence[Row]):
 
         Raises:
             BadValue: the rows are not of `sample(…, method="sobol")`, or games of it are missing or have raised.
-            UnknownName (KeyError): there is no such column.
+            UnknownName (KeyError): the rows lack the column.
         """
         if self._sample is None:
             raise BadValue("Sobol indices need rows of a sample: run(…, vary=sample(space, n, method='sobol')).")
@@ -244,7 +244,7 @@ class Rows(Sequence[Row]):
             ax: where; None: a figure of its own.
 
         Raises:
-            UnknownName (KeyError): there is no such column or key.
+            UnknownName (KeyError): the rows lack the column or key.
             MissingExtra (ImportError): matplotlib or SciPy is not installed.
         """
         if x is None and not self.keys:
@@ -296,7 +296,7 @@ class Rows(Sequence[Row]):
 
         Raises:
             BadValue, ScenarioError: the plan does not hold the game, or the code that it names is not found.
-            UnknownName (KeyError): there is no such row.
+            UnknownName (KeyError): the table lacks the row.
         """
         scenario, seed, strategies = self._game(row)
         return scenario.play(seed, strategies, record=record)
@@ -305,7 +305,7 @@ class Rows(Sequence[Row]):
         """Return a context with the game of a row, ready to play; see `Scenario.build`.
 
         Raises:
-            UnknownName (KeyError): there is no such row.
+            UnknownName (KeyError): the table lacks the row.
         """
         scenario, seed, strategies = self._game(row)
         return scenario.build(seed, strategies, vis_engine)
@@ -393,7 +393,7 @@ def power(
     Raises:
         BadValue (ValueError): a number is not in its range; rows have no two seeds that differ; metric or by is
             missing, or given without rows.
-        UnknownName (KeyError): there is no such column or key.
+        UnknownName (KeyError): the rows lack the column or key.
     """
     wanted = as_float(difference, "difference")
     chance = as_positive(power, "power")
@@ -407,7 +407,7 @@ def power(
             raise BadValue("metric and by are for rows: a standard deviation needs neither.")
         return seeds_needed(as_positive(spread, "spread"), wanted, chance, level)
     if metric is None or by is None:
-        raise BadValue("Rows need metric= and by=, of which the differences are taken.")
+        raise BadValue("Rows need metric= and by= for the differences.")
     spreads = [_deviation(one) for one in spread._differences(metric, by).values()]
     largest = max(spreads, default=0.0)
     if largest == 0.0:

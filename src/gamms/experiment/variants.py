@@ -125,7 +125,7 @@ def _variant(scenario: Scenario, point: Mapping[Any, tuple[Plain, Any]]) -> Vari
         if not isinstance(key, str) or not key:
             raise BadValue(f"A key of vary is a path in the scenario, such as 'teams.red.count', not {shown(key)}.")
         if key == "seed":
-            raise BadValue("seed cannot be varied: give seeds, of which each variant plays all.")
+            raise BadValue("seed cannot be varied: give seeds=; each variant plays all of them.")
         if key in _ROW:
             raise BadValue(f"{key!r} cannot be varied: it is a column of every row.")
         if key.startswith("strategies."):

@@ -82,7 +82,7 @@ class Field:
         if type(plain) is self.python_type:
             return plain
         if self.python_type in _CONTAINERS:
-            raise BadFile(f"{self.place} holds {shown(plain)}, which is no {self.type_name}.")
+            raise BadFile(f"{self.place} holds {shown(plain)}, which is not a {self.type_name}.")
         try:
             return self.python_type(plain)
         except Exception as error:

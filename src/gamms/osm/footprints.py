@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from shapely import STRtree
     from shapely.geometry.base import BaseGeometry
 
-HeightEstimates = Mapping[tuple[str, str], tuple[float, int]]  # (key, value or "*") -> (height in metres, type)
+HeightEstimates = Mapping[tuple[str, str], tuple[float, int]]  # (key, value or "*") -> (height in meters, type)
 TagFilter = Mapping[str, bool | str | Iterable[str]]  # key -> True for every value, or the values
 
 ANY = "*"
@@ -205,7 +205,7 @@ def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, 
         try:
             height, type = estimate
         except (TypeError, ValueError):
-            raise BadType(f"{name} must be (height in metres, type), not {shown(estimate)}.") from None
+            raise BadType(f"{name} must be (height in meters, type), not {shown(estimate)}.") from None
         metres = as_float(height, f"The height in {name}")
         if metres <= 0.0:
             raise BadValue(f"The height in {name} must be more than 0 metres, not {metres}.")

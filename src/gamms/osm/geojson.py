@@ -89,7 +89,7 @@ def _ways(text: bytes) -> OsmRoads:
             try:
                 lines.append(_lonlat(msgspec.convert(line, _Line)))
             except ValueError as error:
-                raise ValueError(f"feature {number} has a line that is none: {error}") from None
+                raise ValueError(f"feature {number} has an invalid line: {error}") from None
             tags.append(_tags(feature, number))
             against.append(is_against((feature.properties or {}).get("oneway")))
     if not lines:
@@ -121,7 +121,7 @@ def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     lonlat = np.array([place[:2] for place in line], np.float64).reshape(-1, 2)
     outside = (np.abs(lonlat) > (180.0, 90.0)).any(axis=1)
     if outside.any():
-        raise ValueError(f"the position {line[outside.argmax()]} is no longitude and latitude in degrees")
+        raise ValueError(f"the position {line[outside.argmax()]} is not a longitude and latitude in degrees")
     return lonlat
 
 

@@ -317,7 +317,7 @@ def graph_from_geojson(
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     if (metres := as_range(snap, "snap")) > _WIDEST_JUNCTION_M:
-        raise BadValue(f"snap must be at most {_WIDEST_JUNCTION_M:g} metres, not {metres}.")
+        raise BadValue(f"snap must be at most {_WIDEST_JUNCTION_M:g} meters, not {metres}.")
     return _graph(
         filepath, recipe, read_lines, selection_of(recipe, None)._replace(snap=metres), as_ground(elevation, None)
     )
@@ -483,7 +483,7 @@ def _tolerance(tolerance: float) -> float:
     number = as_range(tolerance, "tolerance")
     if number > _WIDEST_JUNCTION_M:
         raise BadValue(
-            f"tolerance must be finite and at most {_WIDEST_JUNCTION_M:g} metres, not {number}: "
+            f"tolerance must be finite and at most {_WIDEST_JUNCTION_M:g} meters, not {number}: "
             "no junction is that wide."
         )
     return number
@@ -495,7 +495,7 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
     `read` reads files of one kind; by default the first byte tells whether it is OpenStreetMap or GeoJSON.
 
     Raises:
-        BadFile: the file is not usable, or has no such roads.
+        BadFile: the file is not usable, or has no roads of this selection.
         MissingExtra: osmium is not installed.
     """
     if read is read_lines or (read is None and is_geojson(file)):
@@ -515,7 +515,7 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
         whose += " in the area of clip" if selection.clip is not None else ""
         raise BadFile(
-            f"{str(file)!r} cannot be used: it has no roads{whose}, that is no such ways with a highway tag. "
+            f"{str(file)!r} cannot be used: it has no roads{whose}, that is, no matching ways with a highway tag. "
             "Export the area with its roads."
         )
     if not len(segments.sources):

@@ -168,7 +168,7 @@ def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) ->
     given, names = dict(table), [field.name for field in fields(Mode) if field.name != "name"]
     base = given.pop("extends", None)
     if base is not None and base not in known:
-        raise BadFile(f"{where} extends {shown(base)}, which is no mode above it.{nearest(base, known)}")
+        raise BadFile(f"{where} extends {shown(base)}, which is not a mode above it.{nearest(base, known)}")
     for field in given:
         if field not in names:
             raise BadFile(f"{where} has no field {field!r}.{nearest(field, names)}")
@@ -199,7 +199,7 @@ def name_of(mode: ModeFunction) -> str:
 
 
 def tolerance_of(mode: ModeFunction | None) -> float:
-    """Return the default tolerance of loaders, in metres."""
+    """Return the default tolerance of loaders, in meters."""
     return mode.tolerance if isinstance(mode, Mode) else _TOLERANCE_M
 
 

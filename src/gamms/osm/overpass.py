@@ -349,7 +349,7 @@ def _fault_of(polygon: "BaseGeometry") -> str:
     return f"it has {km2:.0f} km², and {_MOST_KM2:.0f} km² are the most" if km2 > _MOST_KM2 else ""
 
 
-# -- answers, of which what is needed has to be there -----------------------------------------------------------
+# -- formats of answers, with the required fields ---------------------------------------------------------------
 
 _Lon = Annotated[float, Meta(ge=-180.0, le=180.0)]
 _Lat = Annotated[float, Meta(ge=-90.0, le=90.0)]
@@ -405,14 +405,14 @@ _KINDS: dict[str, type[_Element]] = {"node": _Node, "way": _Way, "relation": _Re
 def _read_places(answer: Json) -> list[_Place]:
     """Return the places in Nominatim's answer to a search."""
     if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
-        raise ValueError("it is no list of places")
+        raise ValueError("it is not a list of places")
     try:
         places = msgspec.convert(answer, list[_Place], strict=False)  # Nominatim may write numbers as text
         for place in places:
             if place.geojson is not None and place.geojson.type in _RINGS:
                 msgspec.convert(place.geojson.coordinates, _RINGS[place.geojson.type])
     except msgspec.ValidationError as error:
-        raise ValueError(f"a place has no importance, or a boundary that is no polygon: {error}") from None
+        raise ValueError(f"a place has no importance, or a boundary that is not a polygon: {error}") from None
     return places
 
 
@@ -448,7 +448,7 @@ def _element(one: Json) -> _Element | None:
         kind = _KINDS.get(msgspec.convert(one, _Typed).type)
         return None if kind is None else msgspec.convert(one, kind)
     except msgspec.ValidationError as error:
-        raise ValueError(f"{str(one)[:100]} is no element: {error}") from None
+        raise ValueError(f"{str(one)[:100]} is not an element: {error}") from None
 
 
 read_streets, read_areas = partial(read_elements, most_cut=0.0), partial(read_elements, most_cut=_MOST_CUT)

@@ -225,7 +225,7 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
     south, north = as_float(bottom, "bottom"), as_float(top, "top")
     if not (-180.0 <= west < east <= 180.0 and -90.0 <= south < north <= 90.0):
         raise BadValue(
-            f"left={west}, bottom={south}, right={east}, top={north} is no area: it takes degrees with "
+            f"left={west}, bottom={south}, right={east}, top={north} is not an area: it takes degrees with "
             "-180 <= left < right <= 180 (longitudes) and -90 <= bottom < top <= 90 (latitudes)."
         )
     return [(west, south), (east, south), (east, north), (west, north)]
@@ -234,7 +234,7 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
 def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
     latitude, longitude, radius = as_float(lat, "lat"), as_float(lon, "lon"), as_float(radius_m, "radius_m")
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
-        raise BadValue(f"lat={latitude}, lon={longitude} is no position: they are degrees up to 90 and 180.")
+        raise BadValue(f"lat={latitude}, lon={longitude} is not a position: they are degrees up to 90 and 180.")
     if not 0.0 < radius <= _MOST_RADIUS_M:
         raise BadValue(f"radius_m must be more than 0 and at most {_MOST_RADIUS_M:.0f} metres, not {radius}.")
     centre = np.array([[longitude, latitude]])

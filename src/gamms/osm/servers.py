@@ -323,7 +323,7 @@ def _address(name: str) -> str:
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise BadValue(
-            f"gamms.osm.settings.{name} is {url!r}, which is no address of a server. "
+            f"gamms.osm.settings.{name} is {url!r}, which is not the address of a server. "
             "Set one that begins with http:// or https://."
         )
     return url.rstrip("/")

@@ -40,7 +40,7 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
     total length stays, and the removed nodes become vertices of polylines. Roads joined from several ways carry a list
     of `osmid`. A ring without a junction becomes one road that leads back to its first node.
     """
-    steps, begins = _walks(_partners(network).tolist())
+    steps, begins = _chain_steps(_partners(network).tolist())
     order, backward = steps >> 1, (steps & 1).astype(np.bool_)
     walked = chosen_roads(network, order)
     chain = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(order))))
@@ -116,8 +116,12 @@ def _partners(network: RoadNetwork) -> IntArray:
     return partners
 
 
-def _walks(partners: list[int]) -> tuple[IntArray, IntArray]:
-    """Return chains of roads, as the ends at which roads are entered, and the beginnings of chains in that list."""
+def _chain_steps(partners: list[int]) -> tuple[IntArray, IntArray]:
+    """Return all chains of joined roads, one after the other, and the index at which each chain begins.
+
+    A step is 2 * road, or 2 * road + 1 if the chain runs through the road backward; `partners` has, for each end of a
+    road, the end that continues it, or -1.
+    """
     steps: list[int] = []
     begins: list[int] = []
     seen = bytearray(len(partners) // 2)

@@ -49,7 +49,7 @@ class SearchOptions(ModelOptions, total=False):
     """The seed of all draws. Default: 0."""
 
 
-class _Settings(NamedTuple):
+class _SearchSettings(NamedTuple):
     """The checked arguments of `mcts`."""
 
     iterations: float
@@ -141,7 +141,7 @@ def mcts(
         if iterations is None and seconds is not None
         else as_count(_ITERATIONS if iterations is None else iterations, "iterations")
     )
-    settings = _Settings(
+    settings = _SearchSettings(
         iterations=most,
         seconds=limit,
         depth=as_count(depth, "depth"),
@@ -160,7 +160,7 @@ def mcts(
     return _strategy_of(settings)
 
 
-def _strategy_of(settings: _Settings) -> Callable[[States], None]:
+def _strategy_of(settings: _SearchSettings) -> Callable[[States], None]:
     """Return the strategy, or plan, for checked settings."""
     pace, limit = SearchPace(), settings.seconds
 
@@ -198,7 +198,7 @@ def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAge
     return cast("Strategy", strategy_in(ctx, function))
 
 
-def _warm_up(ctx: Context, first: IAgent, settings: _Settings, pace: SearchPace, *, is_plan: bool) -> None:
+def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: SearchPace, *, is_plan: bool) -> None:
     """Search twice in a fork before the first decision, to load libraries and make tables ahead of it."""
     game = ctx.game.fork(0)
     game.configure({"plans": {}, "max_turns": None, "deadline_s": None, "time_budget": None})
@@ -406,13 +406,13 @@ class _TreeWalker:
         return _policy_first(actions, state.pop("action", None))
 
 
-def _options(settings: _Settings, state: State) -> list[Action]:
+def _options(settings: _SearchSettings, state: State) -> list[Action]:
     """Return the actions to search.
 
     Raises:
         BadType, BadValue: there are no actions.
     """
-    actions = as_items(settings.actions(state), "What actions(state) returns", "actions")
+    actions = as_items(settings.actions(state), "The result of actions(state)", "actions")
     if actions:
         return actions
     name = shown(state.get("name"))
@@ -454,7 +454,9 @@ class _Search:
         turn: the turn of the current iteration, from 0.
     """
 
-    def __init__(self, settings: _Settings, pace: SearchPace, timer: SearchTimer, states: Mapping[str, State]) -> None:
+    def __init__(
+        self, settings: _SearchSettings, pace: SearchPace, timer: SearchTimer, states: Mapping[str, State]
+    ) -> None:
         self.settings = settings
         self.known = _GainRange()
         self.turn = 0
@@ -575,7 +577,7 @@ class _Search:
         if not timer.fits("value"):
             return None
         value = self.settings.value
-        gains = [0.0 if value is None or model.is_over else as_float(value(model), "What value(model) returns")]
+        gains = [0.0 if value is None or model.is_over else as_float(value(model), "The result of value(model)")]
         for reward in reversed(rewards):
             gains.append(reward + self.settings.discount * gains[-1])
         gains.reverse()

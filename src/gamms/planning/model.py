@@ -277,8 +277,8 @@ def states_of(given: States) -> dict[str, State]:
     for state in states.values():
         if "fork" not in state:
             raise MissingKey(
-                "A model needs state['fork']. ctx.game puts it into the states of strategies and plans; in a loop of "
-                "your own there is none."
+                "A model needs state['fork']. ctx.game puts it into the states of strategies and plans; a loop of "
+                "your own has none."
             )
     return states
 

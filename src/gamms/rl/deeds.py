@@ -206,8 +206,8 @@ def _options_of(
     values = field.choices if field.kind == "choice" else known.get(field.kind, ())
     if field.is_required and not values:
         raise BadValue(
-            f"The field {key!r} of the deed {deed!r} is of the kind {field.kind!r}, of which learners cannot have all "
-            f"values: list those that they may choose, such as deeds: {{{deed}: {{{key}: [1, 2]}}}}."
+            f"The field {key!r} of the deed {deed!r} is of the kind {field.kind!r}, and learners cannot have all "
+            f"of its values: list those that they may choose, such as deeds: {{{deed}: {{{key}: [1, 2]}}}}."
         )
     return field, values
 

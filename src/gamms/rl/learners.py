@@ -200,7 +200,7 @@ class Learners:
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
-                "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
+                "No rule of this scenario gives scores, from which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
             )
 

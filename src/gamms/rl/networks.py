@@ -112,7 +112,7 @@ class Network(NamedTuple):
         if expected != set(self.weights):
             raise BadValue(f"The weights of the network are {sorted(expected)}, not {sorted(self.weights)}.")
         if not all(np.isfinite(one).all() for one in self.weights.values()):
-            raise BadValue("The network has weights that are no finite numbers.")
+            raise BadValue("The network has weights that are not finite numbers.")
 
     def logits(self, actions: int) -> Logits:
         """Return the function that evaluates the network."""
@@ -233,7 +233,7 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
         names = [one.name for one in session.get_inputs()]
         metadata = dict(session.get_modelmeta().custom_metadata_map)
     except Exception as error:  # noqa: BLE001 - onnxruntime has classes of its own for each kind
-        raise BadFile(f"{what} is no ONNX model that onnxruntime can play: {error}") from None
+        raise BadFile(f"{what} is not an ONNX model that onnxruntime can run: {error}") from None
     if "observation" not in names or not {*names} <= {"observation", "action_mask"}:
         raise BadFile(f"{what} takes {names}: a policy takes 'observation', and may take 'action_mask'.")
 
@@ -259,7 +259,7 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
                 yield np.asarray(session.run(None, full, run)[0], np.float32)[:rows]
             except Exception as error:  # noqa: BLE001 - see above
                 if run.terminate:
-                    raise BadFile(f"{what} takes longer than {_MOST_SECONDS:g} seconds: it is no policy.") from None
+                    raise BadFile(f"{what} takes longer than {_MOST_SECONDS:g} seconds: it is not a policy.") from None
                 raise BadFile(f"{what} does not take observations as its game has them: {error}") from None
 
     return evaluate, metadata

@@ -362,7 +362,8 @@ def _refuse_other_map(file: Path, described: PolicyDescription, ctx: HostContext
 def _loaded(file: Path, trusted: bool) -> _LoadedPolicy:
     if file.suffix not in _BY_SUFFIX:
         raise BadFile(
-            f"{file} is no policy: they are {', '.join(_BY_SUFFIX[:2])}, and what you trust {', '.join(_PICKLES)}."
+            f"{file} is not a policy: policies are {', '.join(_BY_SUFFIX[:2])}, or, if you trust it, "
+            f"{', '.join(_PICKLES)}."
         )
     if not file.is_file():
         raise MissingFile("a policy", file)
@@ -394,7 +395,7 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _LoadedPolicy:
             described = _description((opened.metadata() or {}).get(_KEY), file)
             weights = {name: np.array(opened.get_tensor(name)) for name in kinds}
     except SafetensorError as error:
-        raise BadFile(f"{file} is no file of safetensors, or damaged: {error}.") from None
+        raise BadFile(f"{file} is not a safetensors file, or is damaged: {error}.") from None
     if described.network is None:
         raise BadFile(f"{file} does not say what network its weights are of.")
     network = Network(described.network, weights)
@@ -433,7 +434,7 @@ def _unpickle(file: Path) -> Any:
 
 
 def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
-    source = as_path(model, "What is saved as .onnx")
+    source = as_path(model, "The model saved as .onnx")
     if not source.is_file():
         raise MissingFile("an ONNX model", source)
     data = source.read_bytes()

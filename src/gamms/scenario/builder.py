@@ -378,7 +378,9 @@ class Builder:
         for one in listed:
             given = answer.get(one.name)
             if given is not None and not callable(given):
-                raise ScenarioError(path, f"map_strategy gives {shown(given)} for {one.name!r}, which is no strategy.")
+                raise ScenarioError(
+                    path, f"map_strategy gives {shown(given)} for {one.name!r}, which is not a strategy."
+                )
         return answer
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------

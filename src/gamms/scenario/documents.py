@@ -141,7 +141,9 @@ def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
         raise ScenarioError(path, "cannot be NaN, which is not a number.")
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
-    raise ScenarioError(path, f"{shown(value)} is no plain value; a scenario is made of what a file could hold.")
+    raise ScenarioError(
+        path, f"{shown(value)} is not a plain value; a scenario holds only values that a file could hold."
+    )
 
 
 def checked_key(key: object, path: str = "") -> str | int:

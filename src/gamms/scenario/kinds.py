@@ -63,7 +63,7 @@ def check_kind(kind: str | None, wanted: str, name: str, path: str) -> None:
     if wanted == "resolver":
         hint = f" Write {', '.join(_NAMES)}, without a module, or name a function of your own."
     if kind == wanted:
-        raise ScenarioError(path, f"{name} makes {found}, and is none itself.{hint}")
+        raise ScenarioError(path, f"{name} makes {found}, but is not one itself.{hint}")
     raise ScenarioError(path, f"{name} is {found}, and {_ARTICLES[wanted]} belongs here.{hint}")
 
 

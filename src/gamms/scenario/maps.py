@@ -178,5 +178,5 @@ def _generate(ctx: Context, given: Code, library: CodeLibrary) -> None:
     """Attach the networkx graph that a function returns."""
     made = called(library.get(given.function, "map.generator"), given.with_, (), "map.generator")
     if not callable(getattr(made, "is_directed", None)):
-        raise ScenarioError("map.generator", f"{given.function} gives {shown(made)}, which is no networkx graph.")
+        raise ScenarioError("map.generator", f"{given.function} gives {shown(made)}, which is not a networkx graph.")
     ctx.graph.attach_networkx_graph(made)

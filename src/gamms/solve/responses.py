@@ -293,7 +293,7 @@ def openspiel(
         from gamms.solve.teams_game import TeamsGame
     teams, share = teams_of(scenario, team), checked_discount(reward, discount)
     if len(teams) != 2:
-        raise BadValue(f"A game of {len(teams)} teams is no game of OpenSpiel here: only those of two are.")
+        raise BadValue(f"A game of {len(teams)} teams cannot become a game of OpenSpiel: it needs two teams.")
     setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
     table = explore(setup, by_winner=looks_at_winners(reward))
     return TeamsGame(table, rewards_of(table, reward, share, teams[0]))

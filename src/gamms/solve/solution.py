@@ -417,8 +417,8 @@ def solve(
     teams = teams_of(scenario, team)
     if len(teams) != 2:
         raise BadValue(
-            f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) is not solved: only those of two are. Let "
-            "all but one play strategies, and use best_response."
+            f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) cannot be solved: solve needs two teams. "
+            "Let all but one play strategies, and use best_response."
         )
     setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
     return solved(setup, reward, discount, teams[0])

@@ -452,5 +452,5 @@ class _Explorer:
                     where = dict(zip(self._world.roster.names, states.nodes[0].tolist(), strict=True))
                     raise BadValue(
                         f"This game is not solved: from {where} a turn goes differently after another history, and "
-                        "ctx.game.data does not say why. Let rules keep what they remember there."
+                        "ctx.game.data does not say why. Keep the memory of rules there."
                     )

@@ -83,7 +83,7 @@ def found_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private
         others = [file for other, some in files.items() if other != name for file in some if file is not None]
         closed = [out, *private, *others, home_folder()]
         copies = out / SCRATCH / secrets.token_hex()
-        places = [None if file is None else _place(file, closed, copies) for file in files[name]]
+        places = [None if file is None else _readable_paths(file, closed, copies) for file in files[name]]
         make = _python_entry if isinstance(given[name], str) else _program
         entry = make(name, texts[name], places)
         if copies.exists():
@@ -124,8 +124,11 @@ def _file_in(text: str, base: Path) -> Path | None:
     return None
 
 
-def _place(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path]:
-    """Return the path of an entry's file, and the path that the entry may read."""
+def _readable_paths(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path]:
+    """Return the path of an entry's file, and the path that the entry may read; copy the file where needed.
+
+    A file is copied if its folder has closed paths or too many files.
+    """
     folder = file.parent.resolve()
     if file.is_relative_to(sys.prefix) or file.is_relative_to("/usr"):
         return file, file
