@@ -11,6 +11,7 @@ from gamms.recorder.cut import sides_of
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.themes import THEMES
 from gamms.web.painter import SHOWN, Painter
+from gamms.web.streams import Streams
 
 
 def ring(ctx, data):
@@ -89,3 +90,19 @@ def test_a_rule_with_a_drawer_of_its_own_is_painted_and_its_words_are_said(chrom
     assert page.value(f"[...{drawings}.get('rule_warn').get('commands').get('kind')]") == [1]
     assert "red_0: warned" in page.value("document.querySelector('.captions').textContent")
     assert page.messages == []
+
+
+def test_who_looks_on_late_is_sent_what_artists_have_drawn_before():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        for team, node in (("red", 0), ("blue", 24)):
+            ctx.agent.create_agent(team, start_node_id=node, team=team, strategy=gamms.strategies.random_walk)
+        ctx.game.add(gamms.rules.capture_flag({"red": 0, "blue": 24}))
+        following = Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        ctx.visual.add_artist("spot", {"drawer": lambda ctx, _: ctx.visual.render_circle(0, 0, 5, (1, 2, 3), 2)})
+        ctx.game.run(max_turns=10)
+        stream = following.of(gamms.web.links.Audience())
+        shown = stream._painter.present()
+        following.close()
+    assert {one["artist"] for one in shown["drawings"]} == {"flags", "spot"}

@@ -61,7 +61,7 @@ class Painter:
     """
 
     def __init__(self, header: Mapping[str, Plain], state: dict[str, Plain]) -> None:
-        self._ctx = opened_context(0, None, is_quiet=True)
+        self._ctx: Any = opened_context(0, None, is_quiet=True)
         self._ctx.record.is_replaying = True  # so that recorded drawings stay
         self._replayer = Replayer(self._ctx)
         self._replayer.begin_with(dict(header), state)
@@ -129,8 +129,8 @@ class Painter:
         """Return the drawings of the artists that draw something else than before."""
         first, second = VIEWER_THEMES
         artists = self._signs(first)
-        now = {name: self._commands_of(name, artist, first) for name, artist in artists.items()}
-        now = {name: commands for name, commands in now.items() if commands is not None}
+        drawn = {name: self._commands_of(name, artist, first) for name, artist in artists.items()}
+        now = {name: commands for name, commands in drawn.items() if commands is not None}
         changed = [name for name, one in now.items() if not is_same(one, self._commands.get(name))]
         gone = self._commands.keys() - now.keys()
         self._commands = now
