@@ -402,6 +402,11 @@ class DrawingChanges:
         """A number that changes whenever an artist is declared, added or removed."""
         return 0 if self._artists is None else int(self._artists.edits)
 
+    @property
+    def noted(self) -> list[Any]:
+        """What artists draw, as it was noted last."""
+        return list(self._known.values())
+
     def specs(self) -> dict[str, Any]:
         """Describe all artists as plain values, as far as there are such; see `Artists.specs`."""
         if self._artists is None:

@@ -139,7 +139,7 @@ class RecordingSession:
         self._note_changes()
         self._front = len(self.log)
         self._journal.last_set = None  # the state that they begin with has it
-        looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs()}
+        looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs(), "drawings": self.drawings.noted}
         state = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"pace": self._changes.game.pace}
         following.begin(looks, state, self.drawings.edits, len(self.log))
 
