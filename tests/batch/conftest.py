@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from gamms.game import turn
+from gamms.game.batch import travelers
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 
@@ -15,6 +16,7 @@ def agents_arrive_few_times_in_a_turn():
     """Let agents that go to and fro on edges of no length wait soon, which else takes long."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(turn, "MOST_ARRIVALS", 20)
+        patch.setattr(travelers, "MOST_ARRIVALS", 20)
         yield
 
 

@@ -191,10 +191,10 @@ def random_strategy(rng, nodes, kinds, depth=2):
     return make
 
 
-def scenario_of_steps(number):
+def scenario_of_steps(number, *units):
     """Return a random scenario whose agents decide by steps, and their strategies."""
     rng = Random(number)
-    scenario = random_scenario(number)
+    scenario = random_scenario(number, *units)
     by_metres = scenario.to_dict().get("settings", {}).get("speed_unit", "edges") != "edges"
     teams = scenario.to_dict()["teams"]
     nodes = scenario.columns().node_ids.tolist()
@@ -307,7 +307,6 @@ EVERY_RULE = [
     {"rule": "time_limit", "with": {"turns": 9}},
 ]
 OTHERWISE = {
-    "arrivals": {"settings": {"speed_unit": "metres", "decide": "arrival"}},
     "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
     "a part of the teams": {"settings": {"order": [["red"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},

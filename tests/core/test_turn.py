@@ -76,7 +76,7 @@ class Ring:
         first = None
         if last is not None:
             first = rules.TimeLimit(self.games, self.events, 0, last=last, winner=rules.WINNERS["nobody"])
-        self.player = turn.Player(self.games, movers, None, None, first, flat(self.until))
+        self.player = turn.Player(self.games, movers, None, None, None, first, flat(self.until))
 
     def conflicts(self, capacity, agents, allow_swaps):
         tables = np.zeros((2, RING), np.int32)

@@ -268,6 +268,7 @@ def target_of(games: Games, w: Walkers, game: int, i: int) -> int:
     if by == moves.STEPS:
         strategies.take_legal(w.movers.by_steps, w.walks.reach.nodes, count)  # type: ignore[arg-type] # there are some
         w.movers.by_steps.goes_far = w.walks.speeds[i] == w.walks.speeds[i]  # type: ignore[union-attr] # not NaN
+        w.movers.by_steps.drawn = 0  # type: ignore[union-attr]
         return strategies.act(w.movers.by_steps, game, i)  # type: ignore[arg-type]
     if by == moves.IS_GIVEN:
         return w.walks.reach.nodes[w.movers.given[row]]

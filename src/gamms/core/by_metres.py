@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from array import array
+
 from gamms.core import draws, moves, rules, strategies, travel
 from gamms.core.conflicts import resolve
 from gamms.core.moves import Movers
@@ -26,6 +28,8 @@ class Travelers:
         speeds: (agents,) metres in the time of speeds; NaN: none.
         motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.
         starts, ends: (rows,) the places between which they move, as conflicts compare them: nodes, behind them edges.
+        most_edges: how many edges they may enter before they decide again.
+        drawn: (agents,) how often each has drawn in the turn.
         kept: (rows,) the ways of all games, if they are kept (`keeps`), because rules are applied when all games have
             moved.
     """
@@ -45,6 +49,7 @@ class Travelers:
         motion: memoryview[int],
         starts: memoryview[int],
         ends: memoryview[int],
+        most_edges: int,
         kept: Trips | None = None,
     ) -> None:
         self.movers = movers
@@ -61,6 +66,8 @@ class Travelers:
         self.motion = motion
         self.starts = starts
         self.ends = ends
+        self.most_edges = most_edges
+        self.drawn = memoryview(array("q", bytes(8 * len(speeds))))
         self.kept = kept
         self.keeps = kept is not None
 
@@ -69,29 +76,49 @@ def decide(games: Games, t: Travelers, game: int) -> int:
     """Let the living agents of a game choose where they go, and find their ways through the turn."""
     for i in range(games.agents):
         row = game * games.agents + i
-        games.start[row] = games.node[row]
-        t.movers.takes_part[row] = games.alive[row]
-        begin(games, t, row, i)
-        t.starts[row] = place_of(t, i)
+        set_out(games, t, row, i)
         if games.alive[row]:
-            t.movers.blocked[row] = 0
-            target = -1
-            can_go = True
-            if t.movers.decides_by[i] == moves.IS_GIVEN and t.movers.given[row] < 0:
-                go_along(t, row, i)
-            else:
-                target = target_of(games, t, game, i)
-            if target >= 0 and t.movers.decides_by[i] == moves.STEPS:
-                can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
-            elif target >= 0:
-                slot = (games.node[row] * 31 + target) & (t.slots - 1)
-                can_go = travel.go_towards(t.roads, t.trips, t.near, slot, i, target)
-            if not can_go:
-                t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, t.trips.edge[i], target)
-        if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
-            travel.stand(t.trips, i)
-            t.trips.motion[i] = travel.STOPPED
+            choose(games, t, game, i)
+        rest(t, i)
         t.ends[row] = place_of(t, i)
+    return 0
+
+
+def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
+    """Let the turn of an agent begin where it is."""
+    games.start[row] = games.node[row]
+    t.movers.takes_part[row] = games.alive[row]
+    t.drawn[i] = 0
+    begin(games, t, row, i)
+    t.starts[row] = place_of(t, i)
+    return 0
+
+
+def rest(t: Travelers, i: int) -> int:
+    """Let an agent on an edge that does nothing stand there."""
+    if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
+        travel.stand(t.trips, i)
+        t.trips.motion[i] = travel.STOPPED
+    return 0
+
+
+def choose(games: Games, t: Travelers, game: int, i: int) -> int:
+    """Let an agent choose where it goes, and find its way."""
+    row = game * games.agents + i
+    t.movers.blocked[row] = 0
+    target = -1
+    can_go = True
+    if t.movers.decides_by[i] == moves.IS_GIVEN and t.movers.given[row] < 0:
+        go_along(t, row, i)
+    else:
+        target = target_of(games, t, game, i)
+    if target >= 0 and t.movers.decides_by[i] == moves.STEPS:
+        can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
+    elif target >= 0:
+        slot = (t.trips.node[i] * 31 + target) & (t.slots - 1)
+        can_go = travel.go_towards(t.roads, t.trips, t.near, slot, i, target)
+    if not can_go:
+        t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, t.trips.edge[i], target)
     return 0
 
 
@@ -106,7 +133,7 @@ def go_along(t: Travelers, row: int, i: int) -> int:
 def begin(games: Games, t: Travelers, row: int, i: int) -> int:
     """Put an agent where it is when a turn begins."""
     return travel.begin(
-        t.trips, i, games.node[row], games.edge[row], games.share[row], t.motion[row], 0.0, t.speeds[i], ENDLESS
+        t.trips, i, games.node[row], games.edge[row], games.share[row], t.motion[row], 0.0, t.speeds[i], t.most_edges
     )
 
 
@@ -125,13 +152,14 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
     if by == moves.STAYS:
         return -1
     node = t.trips.node[i]
-    if edge >= 0:
+    now = t.trips.now[i]
+    if edge >= 0 or now > 0.0:
         share = t.trips.share[i]
-        count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], 0.0, False)
+        count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], now, False)
         if by == moves.STEPS:
             strategies.take_legal(t.movers.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
             return by_steps(t, game, i)
-        return t.reach.nodes[t.movers.given[row]]
+        return t.reach.nodes[drawn(games, t, row, i, count) if by == moves.WALKS else t.movers.given[row]]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
     if by == moves.STEPS:
         for number in range(count):
@@ -139,11 +167,14 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
             t.movers.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
         t.movers.by_steps.count = count  # type: ignore[union-attr]
         return by_steps(t, game, i)
-    if by == moves.IS_GIVEN:
-        number = t.movers.given[row]
-    else:
-        number = draws.below_at(t.movers.walks.keys[row], games.turn[game], 0, count)
+    number = drawn(games, t, row, i, count) if by == moves.WALKS else t.movers.given[row]
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
+
+
+def drawn(games: Games, t: Travelers, row: int, i: int, bound: int) -> int:
+    """Draw a number below a bound."""
+    t.drawn[i] += 1
+    return draws.below_at(t.movers.walks.keys[row], games.turn[row // games.agents], t.drawn[i] - 1, bound)
 
 
 def by_steps(t: Travelers, game: int, i: int) -> int:
@@ -151,7 +182,18 @@ def by_steps(t: Travelers, game: int, i: int) -> int:
     edge = t.trips.edge[i]
     t.movers.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
     t.movers.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
-    return strategies.act(t.movers.by_steps, game, i)  # type: ignore[arg-type]
+    t.movers.by_steps.drawn = t.drawn[i]  # type: ignore[union-attr]
+    node = strategies.act(t.movers.by_steps, game, i)  # type: ignore[arg-type]
+    t.drawn[i] = t.movers.by_steps.drawn  # type: ignore[union-attr]
+    return node
+
+
+def stay(games: Games, t: Travelers, row: int, i: int) -> int:
+    """Let an agent stay for the turn where it was when it began."""
+    begin(games, t, row, i)
+    travel.stand(t.trips, i)
+    t.trips.motion[i] = travel.STOPPED
+    return 0
 
 
 def give_way(games: Games, t: Travelers, game: int) -> int:
@@ -166,9 +208,7 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
         goes = t.trips.legs[i] > 0 and t.trips.begins[leg] != t.trips.ends[leg]
         if goes and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
             t.movers.wanted[row] = t.ends[row]
-            begin(games, t, row, i)
-            travel.stand(t.trips, i)
-            t.trips.motion[i] = travel.STOPPED
+            stay(games, t, row, i)
             t.movers.blocked[row] = 1
             t.movers.blocks[row] += 1
     return 0
@@ -180,8 +220,8 @@ def move(games: Games, t: Travelers, game: int) -> int:
         row = game * games.agents + i
         games.placed[row] = 0
         t.movers.ends[row] = t.trips.node[i]
+        games.node[row] = t.trips.node[i]
         if t.trips.node[i] != games.start[row]:
-            games.node[row] = t.trips.node[i]
             t.movers.moves[row] += 1
         games.edge[row] = t.trips.edge[i]
         games.share[row] = t.trips.share[i]

@@ -183,6 +183,7 @@ def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
     m.by_steps.count = m.counts[row]  # type: ignore[union-attr] # there are some
     for number in range(m.counts[row]):
         m.by_steps.legal[number] = legal_node(m.streets, first, games.node[row], number)  # type: ignore[union-attr]
+    m.by_steps.drawn = 0  # type: ignore[union-attr]
     node = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type]
     return node if node >= 0 else games.node[row]
 

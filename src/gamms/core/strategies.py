@@ -266,7 +266,7 @@ class Strategies:
         ahead: the node at the end of the edge that the agent is on; -1: it is on its node.
         goes_far: whether it may go on towards nodes that are not legal,
         long_ways: along these.
-        drawn: how often it has drawn in this turn.
+        drawn: how often it has drawn in this turn; the caller sets it.
     """
 
     def __init__(
@@ -312,7 +312,6 @@ def act(p: Strategies, game: int, agent: int) -> int:
     """Return the node to which an agent of a game goes, which is legal unless it goes far; -1: it stays."""
     node = p.games.node[game * p.games.agents + agent]
     p.ways.arcs.first = p.games.first_node[game]
-    p.drawn = 0
     step = p.steps.begins[agent]
     while step < p.steps.begins[agent + 1]:
         kind = p.steps.kinds[step]

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport by_edges, by_metres, moves, rules
+from gamms.core cimport arrivals, by_edges, by_metres, moves, rules
 
 ctypedef long long i64
 
@@ -11,8 +11,9 @@ cdef class Player:
     cdef moves.Movers movers
     cdef by_edges.Walkers walkers
     cdef by_metres.Travelers travelers
+    cdef arrivals.Arrivals arrivals
     cdef rules.Rule first
-    cdef bint has_rules, by_edges, by_metres
+    cdef bint has_rules, by_edges, by_metres, at_arrivals
     cdef const i64[::1] until
 
 

@@ -10,12 +10,14 @@ an order of play, agents do so in parts of the turn, one part after the other, a
 | move     | agents go; one turn more was played                     | `move`, likewise                             |
 | rules    | the rules are applied in order; they may end the game   | `rules.play`                                 |
 
+Agents that decide where they arrive decide and give way several times in a turn: `arrivals.play`.
+
 Games share nothing but the map and their rules' arguments: they may be played in any order and on several threads.
 """
 
 from __future__ import annotations
 
-from gamms.core import by_edges, by_metres, moves, rules
+from gamms.core import arrivals, by_edges, by_metres, moves, rules
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -34,6 +36,7 @@ class Player:
         movers: their agents as they move along one edge in a turn.
         walkers: their agents as they go along several edges, if they do so: `by_edges`.
         travelers: their agents as they go by metres, if they do so: `by_metres`.
+        arrivals: the same as they decide where they arrive, if they do so.
         first: the first of their rules, if `has_rules`.
         until: (games,) a game is played until so many parts of its turns are.
     """
@@ -44,6 +47,7 @@ class Player:
         movers: moves.Movers,
         walkers: by_edges.Walkers | None,
         travelers: by_metres.Travelers | None,
+        at_arrivals: arrivals.Arrivals | None,
         first: rules.Rule | None,
         until: memoryview[int],
     ) -> None:
@@ -53,6 +57,8 @@ class Player:
         self.by_edges = walkers is not None
         self.travelers = travelers
         self.by_metres = travelers is not None
+        self.arrivals = at_arrivals
+        self.at_arrivals = at_arrivals is not None
         self.first = first
         self.has_rules = first is not None
         self.until = until
@@ -61,8 +67,11 @@ class Player:
 def play_part(p: Player, game: int) -> int:
     """Play one part of a turn of a game."""
     if p.by_metres:
-        by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
-        by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type]
+        if p.at_arrivals:
+            arrivals.play(p.games, p.arrivals, game)  # type: ignore[arg-type] # there are some
+        else:
+            by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
+            by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type]
         by_metres.move(p.games, p.travelers, game)  # type: ignore[arg-type]
     elif p.by_edges:
         by_edges.decide(p.games, p.walkers, game)  # type: ignore[arg-type] # there are some

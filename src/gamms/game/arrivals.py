@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from heapq import heappop, heappush
 from typing import Any
 
+from gamms.core.arrivals import Queue
 from gamms.game.moves import TurnMoves
 from gamms.game.travel import ResolvedAction, progress_at
 from gamms.ir.agents import AgentBlock
@@ -29,7 +29,7 @@ class Arrivals:
 
     def __init__(self, turn: TurnMoves, block: AgentBlock, *, has_end: bool) -> None:
         self._turn, self._under_way, self._has_end = turn, block.under_way, has_end
-        self._queue: list[tuple[float, str, int]] = []  # when, the name, the slot
+        self._queue = Queue(len(turn.slots))
         self._moved: set[int] = set()  # slots
         on_edges = [block.on_edge(slot.row) for slot in turn.slots]
         pairs = zip(turn.starts, on_edges, strict=True)
@@ -44,15 +44,15 @@ class Arrivals:
         self._moved.add(i)
         self._under_way.depart(slot.row, partial(progress_at, leg))
         if action.progress is None and (leg.until < 1.0 or self._has_end):
-            heappush(self._queue, (leg.until, slot.name, i))
+            self._queue.push(i, leg.until)
 
     def times(self) -> Iterator[tuple[float, list[int]]]:
         """Yield when agents arrive, and the slots of those that do then, in the order of their names."""
         queue, under_way, turn = self._queue, self._under_way, self._turn
-        while queue:
-            now, here = queue[0][0], list[int]()
-            while queue and queue[0][0] == now:
-                here.append(heappop(queue)[2])
+        while queue.size:
+            now, here = queue.first_time(), list[int]()
+            while queue.first_time() == now:
+                here.append(queue.pop())
             under_way.pass_time(now)
             for i in here:
                 under_way.arrive(turn.slots[i].row, turn.ends[i])

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gamms.core.agents import Moves
+from gamms.core.arrivals import short_of
 from gamms.game.order import TurnOrder
 from gamms.game.slots import LazySlots
 from gamms.game.travel import ResolvedAction, Travel
@@ -196,7 +197,7 @@ class TurnMoves:
         """Let the agent of a slot, which has come to the end of its last leg, stand just before that from then on."""
         action = self.actions[i]
         leg = action.legs[-1]
-        short = leg._replace(end=1.0 - SHORT if leg.end == 1.0 else SHORT)
+        short = leg._replace(end=short_of(leg.end))
         stands = short._replace(begin=short.end, since=leg.until, until=1.0)
         passed = len(action.path) - (leg.end == 1.0)  # back on an edge, it is at the node that it had passed last
         progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
@@ -341,9 +342,6 @@ class TurnMoves:
                     actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
                 ends[i] = end
         return TurnMoves(self.order, starts, ends, actions)
-
-
-SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
 
 
 def _just_stays(action: ResolvedAction) -> bool:

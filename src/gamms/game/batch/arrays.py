@@ -18,6 +18,7 @@ from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.threads import in_threads
+from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.result import Result
@@ -270,6 +271,7 @@ class ArrayEngine:
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
         self._last: int | None = games[0].settings()["max_turns"]
+        self._at_arrivals = isinstance(movements[0], ByMetres) and movements[0].terms.decides_at_arrivals
         self._block = Block(states, self._map_of)
         self._maps = [
             GamesOnMap(game, state, self._block, of_map)
@@ -285,6 +287,11 @@ class ArrayEngine:
     def functions(self) -> list[Callable[..., object]]:
         """The functions that it calls."""
         return [function for one in self._maps for function in one.functions]
+
+    @property
+    def may_leave(self) -> bool:
+        """Whether games may leave the core: because of functions, or because actions come from outside."""
+        return self._at_arrivals or len(self.functions) > 0
 
     @property
     def calls_each(self) -> bool:
@@ -363,6 +370,8 @@ class ArrayEngine:
         self, playing: list[IntArray], given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
     ) -> None:
         """Play one turn; the games of all maps come to the end of a phase before the next begins."""
+        if self._at_arrivals and (given or numbers is not None):
+            raise NotTakenUp("actions from outside, of agents that decide at arrivals")
         self._block.part[:] = 0  # an error may have ended the last turn in another
         if any(one.before for one in self._maps):
             playing = self._call_before(playing, given)

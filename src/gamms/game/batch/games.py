@@ -108,7 +108,7 @@ class Batch(Fixed):
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
         self._engine = self._made_engine()
         self._left: str | None = None  # why the games have left the core
-        is_kept = as_bool(record, "record") or len(self._engine.functions) > 0  # which may leave the core
+        is_kept = as_bool(record, "record") or self._engine.may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
         self._steps = 0

@@ -12,6 +12,7 @@ import numpy as np
 
 from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue
+from gamms.game.arrivals import WAITS
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, decider_of
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
@@ -262,10 +263,13 @@ class Block:
         self._state.events.take(noted.those(~is_illegal))
 
     def _note_illegal(self, noted: CoreEvents, row: int) -> None:
-        """Note that an agent on an edge wanted to go to a node to which no way leads from there."""
+        """Note that an agent arrived too often, or wanted to go from an edge to a node to which no way leads."""
         edge, target, game, agent = (
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
         )
+        if edge < 0:
+            self._state.note_failure(Failure.illegal(game, agent, WAITS), int(noted.turns[row]))
+            return
         by = self._states[self._map_of[game]].movement
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
         may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
@@ -518,8 +522,8 @@ class CoreGames:
             self._parts = parts
         elif parts:
             (first,) = parts
-        walkers, travelers = (None, None) if travel is None else travel[:2]
-        return turn.Player(games, movers, walkers, travelers, first, self._until.data), making
+        walkers, travelers, at_arrivals = (None, None, None) if travel is None else travel[:3]
+        return turn.Player(games, movers, walkers, travelers, at_arrivals, first, self._until.data), making
 
     def _made_rules(self, making: Making) -> list[Any]:
         """Return functions, and the first of the rules of the core between them, each chain as one."""

@@ -41,7 +41,7 @@ class OneByOneOnMaps:
     """
 
     functions: tuple[Callable[..., object], ...] = ()  # that are called for many games at once
-    calls_each = False
+    calls_each = may_leave = False
 
     def __init__(self, engines: Sequence[OneByOneEngine], map_of: IntArray) -> None:
         self._engines = engines

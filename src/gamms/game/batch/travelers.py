@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core import by_edges, by_metres, contacts, moves, rules, strategies, travel
+from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, strategies, travel
+from gamms.game.arrivals import MOST_ARRIVALS
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
@@ -14,7 +15,7 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.conflicts import flat
-from gamms.game.travel import Memories, Reach, Trips
+from gamms.game.travel import ENDLESS, Memories, Reach, Trips
 from gamms.ir.graph import IntArray
 
 _MOST_LEGS = 1 << 17  # of the agents of a game, 500 bytes each
@@ -28,9 +29,13 @@ NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"
 
 
 def most_legs(by: ByMetres) -> int:
-    """Return how many legs an agent has in a turn at most: a way has each edge once."""
+    """Return how many legs an agent has in a turn at most: a way has each edge once, unless it decides on its way."""
+    fastest = float(by.paces.max(initial=0.0, where=~np.isnan(by.paces))) * by.terms.turn_seconds * (1.0 + _ROUNDED)
+    if by.terms.decides_at_arrivals:
+        shortest = float(by.columns.lengths.min(initial=np.inf))
+        is_limited = fastest < shortest * MOST_ARRIVALS
+        return 5 + (int(fastest // shortest) if is_limited else MOST_ARRIVALS)
     lengths = np.cumsum(np.sort(by.columns.lengths))
-    fastest = float(by.paces.max(initial=0.0)) * by.terms.turn_seconds * (1.0 + _ROUNDED)
     return 3 + min(int(np.searchsorted(lengths, fastest, side="right")), by.streets.num_nodes)
 
 
@@ -45,8 +50,6 @@ def why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
 
 
 def _why_not_by_metres(by: ByMetres, roster: Roster) -> Iterator[str]:
-    if by.terms.decides_at_arrivals:
-        yield "agents that decide at arrivals"
     if not (np.isfinite(by.terms.costs).all() and np.isfinite(by.columns.lengths).all()):
         yield "edges that are infinitely long"
     if len(roster.names) * most_legs(by) > _MOST_LEGS:
@@ -63,6 +66,7 @@ class ThreadTravel(NamedTuple):
 
     Attributes:
         walkers, travelers: agents as they go along edges, or by metres.
+        arrivals: the same as they decide where they arrive, if they do so.
         course: how they have gone.
         tracks, legs: the columns of that, as contacts take them: nodes, times and lengths of tracks.
         most: nodes that an agent passes.
@@ -71,6 +75,7 @@ class ThreadTravel(NamedTuple):
 
     walkers: by_edges.Walkers | None
     travelers: by_metres.Travelers | None
+    arrivals: arrivals.Arrivals | None
     course: rules.Steps
     tracks: tuple[Any, Any, Any]
     legs: contacts.Legs
@@ -84,7 +89,7 @@ def in_parts(movers: moves.Movers, agents: int) -> ThreadTravel:
     times: Any = np.zeros(agents * 3).data
     lengths: Any = np.zeros(agents, np.int64).data
     course = moves.StepsInParts(movers, nodes, times, lengths)
-    return ThreadTravel(None, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
+    return ThreadTravel(None, None, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
 
 
 def _remembered(rows: int) -> int:
@@ -138,7 +143,9 @@ class EdgeColumns:
         )
         if by_steps is not None:
             by_steps.go_far(self._ways.plain_ways(reach))
-        return ThreadTravel(by_edges.Walkers(movers, walks), None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
+        return ThreadTravel(
+            by_edges.Walkers(movers, walks), None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0
+        )
 
 
 class MetreColumns:
@@ -210,6 +217,7 @@ class MetreColumns:
             motion=by.motion.reshape(-1).data,
             starts=self.ends[0].reshape(-1).data,
             ends=self.ends[1].reshape(-1).data,
+            most_edges=1 if by.terms.decides_at_arrivals else ENDLESS,
             kept=kept,
         )
         legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
@@ -219,4 +227,7 @@ class MetreColumns:
         course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs, metres, kept])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
-        return ThreadTravel(None, travelers, course, tracks, of_legs, most + 1, most)
+        at_arrivals = None
+        if by.terms.decides_at_arrivals:
+            at_arrivals = arrivals.Arrivals(travelers, self._agents, MOST_ARRIVALS)
+        return ThreadTravel(None, travelers, at_arrivals, course, tracks, of_legs, most + 1, most)

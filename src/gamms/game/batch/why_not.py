@@ -60,8 +60,16 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
         yield f"{first}, with facts of single agents or teams"
     if block.has_teams or not all(is_plain(vars(agent)) for agent in roster.agents):
         yield f"{first}, with attributes of agents that cannot be compared"
+    if asked and _decides_at_arrivals(game):
+        yield f"{first}, with agents that decide at arrivals"
     if game.settings()["team_memory"] and asked and keep_in_columns(game, roster):
         yield f"{first}, among others of which the teams remember something in columns"
+
+
+def _decides_at_arrivals(game: PlayedGame) -> bool:
+    settings = game.settings()
+    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
+    return by_metres and bool(settings["decide"] == "arrival")
 
 
 def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
@@ -77,8 +85,6 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     for name, what in named.items():
         if settings[name]:
             yield what
-    if by_metres and settings["decide"] == "arrival":
-        yield "agents that decide at arrivals"
     if by_metres and not len(graph.columns().edge_ids):
         yield "a map without edges, by metres"
     if game.internals.after_observing:
@@ -153,6 +159,8 @@ def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: b
     settings, spec = game.settings(), strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
     form = core_form_of(settings, agent)
+    if _decides_at_arrivals(game) and spec.array_form is not None:
+        yield f"the {kind} {as_code(decider)}, in arrays, of agents that decide at arrivals"
     if settings["time_budget"] is not None and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
     is_called = form is None and spec.array_form is None  # with all that it remembers
