@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.game.batch.begun import Beginning
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_turns
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_threads, in_turns
 from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
@@ -17,7 +17,6 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
-from gamms.game.batch.threads import in_threads
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView

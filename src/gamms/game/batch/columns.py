@@ -1,8 +1,9 @@
-"""What a batch consists of: the game that it is made from, the seeds and agents of its games, and their logs."""
+"""What a batch consists of: the game that it is made from, seeds and agents of its games, their logs, and threads."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import chain, count, islice
+from threading import Thread
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -345,6 +346,35 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     if num_games is not None and as_count(num_games, "num_games") != len(given):
         raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
     return given
+
+
+def in_threads(play: Callable[[int, int, int], object], games: int, threads: int) -> None:
+    """Call `play(thread, begin, end)` for equal parts of the games, each part in a thread of its own.
+
+    What several raise is raised of the first one, when all have ended.
+
+    Args:
+        play: is called with the number of the thread and of the first game, and that behind the last one.
+        games: how many there are.
+        threads: how many play; the last part is played by this thread.
+    """
+    bounds = [games * part // threads for part in range(threads + 1)]
+    errors: dict[int, BaseException] = {}
+
+    def play_part(number: int) -> None:
+        try:
+            play(number, bounds[number], bounds[number + 1])
+        except BaseException as error:  # noqa: BLE001 - raised below
+            errors[number] = error
+
+    others = [Thread(target=play_part, args=(number,)) for number in range(threads - 1)]
+    for one in others:
+        one.start()
+    play_part(threads - 1)
+    for one in others:
+        one.join()
+    if errors:
+        raise errors[min(errors)]
 
 
 def in_turns(turns: IntArray, games: IntArray) -> str:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core import observe
-from gamms.game.batch.threads import in_threads
+from gamms.game.batch.columns import in_threads
 from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
