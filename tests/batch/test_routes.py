@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
-from gamms import kernels
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import routes
 from gamms.game.batch.routes import RouteTable
@@ -56,13 +55,11 @@ def test_actions_lead_to_nodes_whose_rows_are_far_apart():
     edges=EDGES,
     first=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=3),
     most=st.integers(1, 7),
-    few=st.sampled_from([0, 99]),
 )
-def test_steps_and_distances_are_those_of_strategies(edges, first, most, few):
+def test_steps_and_distances_are_those_of_strategies(edges, first, most):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         small_map(ctx, edges)
         patch.setattr(routes, "_MOST_BYTES", most * 40)
-        patch.setattr(kernels.paths, "_FEW_TIES", few)
         streets, graph = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph
         table, ids = RouteTable(streets, "length"), ctx.graph.columns().node_ids
         for one, other in first:  # tables of what is near, which later questions extend

@@ -44,6 +44,8 @@ def scenario_of(number):
         hunters["strategy"] = rng.choice([team["strategy"], "gamms.strategies:follow_belief"])
     seen = {"type": "AGENT_RANGE", "sensor_range": 10.0, "detection": 0.7}
     tag = {"taggers": "red", "tagged": "blue", "then": rng.choice(["respawn", "eliminate"])} | rng.choice(NEARNESS)
+    decide = rng.choice(["turn", "arrival"]) if is_metric else "turn"
+    allows_swaps = decide == "arrival" or rng.random() < 0.5
     return Scenario(
         max_turns=8,
         sensors={"near": {"type": "neighbor"}, "eyes": eyes, "seen": seen},
@@ -56,8 +58,8 @@ def scenario_of(number):
             {"rule": "time_limit", "with": {"turns": rng.randint(5, 9)}},
         ],
         channels={} if walks else {"radio": rng.choice(RADIOS)},
-        conflicts={"capacity": rng.randint(1, 3), "allow_swaps": rng.random() < 0.5},
-        settings={"speed_unit": "metres"} if is_metric else {},
+        conflicts={"capacity": rng.randint(1, 3), "allow_swaps": allows_swaps},
+        settings={"speed_unit": "metres", "decide": decide} if is_metric else {},
     )
 
 

@@ -102,6 +102,7 @@ CASES = {
 PLAYED = {
     *(
         "agents",
+        "arrivals",
         "ask",
         "belief",
         "by_edges",
@@ -111,6 +112,7 @@ PLAYED = {
         "messages",
         "moves",
         "observe",
+        "routes",
         "rules",
         "sight",
     ),

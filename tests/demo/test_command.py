@@ -110,7 +110,7 @@ def check_what_is_left_out(folder, printed, film, picture):
     assert sorted(path.name for path in folder.iterdir()) == sorted(
         [*film, *picture, "game.ggr", "game.html", "result.json"]
     )
-    [sentence] = [line for line in printed.splitlines() if line.startswith("Not made")]
+    [sentence] = [line for line in printed.splitlines() if line.startswith("Skipped")]
     for name, needed in (("game.mp4", ("pygame-ce", "av>=")), ("final.png", ("pygame-ce", "pillow"))):
         is_there = name in [*film, *picture]
         assert (name in sentence) is not is_there

@@ -60,7 +60,7 @@ def test_a_type_that_is_not_public_has_its_module_where_another_one_has_its_name
 
 def test_a_field_is_described_by_all_lines_of_the_text_below_it():
     _, _, entry = reference.page_of("gamms.osm").partition("{py:class} PlaceOptions")
-    assert "a node of the map with one of them\nis a node of the graph; ()." in entry
+    assert "a node of the map with one of these tags is a\nnode of the graph; ()." in entry
 
 
 def test_classes_of_fields_have_the_constructor_that_python_makes():

@@ -143,7 +143,7 @@ def test_an_unknown_host_is_named(server, settings, monkeypatch, setting):
 @pytest.mark.parametrize("setting", ["nominatim_url", "overpass_url"])
 def test_an_address_that_is_none_is_named(server, settings, monkeypatch, setting):
     monkeypatch.setattr(settings, setting, "nonsense")
-    is_refused(BadValue, rf"gamms\.osm\.settings\.{setting} is 'nonsense', which is no address")
+    is_refused(BadValue, rf"gamms\.osm\.settings\.{setting} is 'nonsense', which is not the address")
 
 
 @pytest.mark.parametrize(
@@ -179,18 +179,18 @@ MAPS = {  # nonsense in the shape of a map
     "a remark": (changes(lambda data: data.update(remark=REMARK)), "incomplete, .*Query timed out"),
     "a remark and nothing": (changes(lambda data: data.update(remark=REMARK, elements=[])), "incomplete"),
     "no elements": (changes(lambda data: data.pop("elements")), "no list of elements"),
-    "an element that is none": (changes(lambda data: data["elements"].append("way")), "is no element"),
-    "a node in space": (of_element("node", lambda node: node.update(lat=612.0)), "is no element"),
+    "an element that is none": (changes(lambda data: data["elements"].append("way")), "is not an element"),
+    "a node in space": (of_element("node", lambda node: node.update(lat=612.0)), "is not an element"),
     "a node at NaN": (of_element("node", lambda node: node.update(lat=float("nan"))), "NaN is no number"),
-    "a node as text": (of_element("node", lambda node: node.update(lon="24.9")), "is no element"),
-    "a node without an id": (of_element("node", lambda node: node.pop("id")), "is no element"),
-    "a way without nodes": (of_element("way", lambda way: way.pop("nodes")), "is no element"),
+    "a node as text": (of_element("node", lambda node: node.update(lon="24.9")), "is not an element"),
+    "a node without an id": (of_element("node", lambda node: node.pop("id")), "is not an element"),
+    "a way without nodes": (of_element("way", lambda way: way.pop("nodes")), "is not an element"),
     "a way to nowhere": (
         of_element("way", lambda way: way["nodes"].append(1)),
         r"lacks nodes of 1 of its \d+ ways, such as",
     ),
-    "tags that are a list": (of_element("way", lambda way: way.update(tags=["highway"])), "is no element"),
-    "a tag that is a number": (of_element("way", lambda way: way["tags"].update(lanes=2)), "is no element"),
+    "tags that are a list": (of_element("way", lambda way: way.update(tags=["highway"])), "is not an element"),
+    "a tag that is a number": (of_element("way", lambda way: way["tags"].update(lanes=2)), "is not an element"),
 }
 
 

@@ -332,7 +332,7 @@ DATE_LINE = shapely.MultiPolygon([shapely.box(179.99, -17, 180, -16.9), shapely.
         (lambda: graph_from_bbox(20.0, 60.0, 30.0, 70.0), ValueError, "km², and 20000 km² are the most"),
         (lambda: graph_from_point(60.0, 24.0, 0.0), ValueError, "radius_m must be more than 0"),
         (lambda: graph_from_point(60.0, 24.0, 1e6), ValueError, "radius_m .* at most 75000 metres"),
-        (lambda: graph_from_point(91.0, 24.0, 10.0), ValueError, "no position"),
+        (lambda: graph_from_point(91.0, 24.0, 10.0), ValueError, "is not a position"),
         (lambda: graph_from_point(88.0, 24.0, 10.0), ValueError, "UTM"),
         (lambda: graph_from_point(None, 24.0, 10.0), TypeError, "lat must be a number"),
         (lambda: graph_from_polygon("POLYGON ((0 0, 1 0, 0 1, 0 0))"), TypeError, "polygon must be a shapely"),

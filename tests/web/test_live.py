@@ -348,7 +348,7 @@ def test_watching_says_what_is_wrong_with_a_changed_file_and_goes_on_when_it_is_
     typo = [{"rule": "time_limit", "with": {"tuns": 2}}]
     wrong = {
         "Did you mean 'turns'?": ("hunt.json", json.dumps({**HUNT.to_dict(), "rules": typo})),
-        "this is no JSON": ("hunt.json", "{"),
+        "this is not JSON": ("hunt.json", "{"),
         "lost": ("mine.py", STAY.replace("state['curr_pos']", "lost")),
         "SyntaxError": ("mine.py", STAY[:-3]),
     }
