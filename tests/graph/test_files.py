@@ -315,7 +315,7 @@ def test_names_that_are_one_as_text_are_not_attached(any_ctx):
     graph = nx.DiGraph()
     graph.add_node(1, **{"x": 0, "1": "a"})
     graph.nodes[1][1] = "b"
-    with pytest.raises(BadValue, match="two of its attributes are called '1'"):
+    with pytest.raises(BadValue, match="two of its attributes have the name '1'"):
         any_ctx.graph.attach_networkx_graph(graph)
     assert len(any_ctx.graph.graph) == 0
 
@@ -371,7 +371,7 @@ def test_a_file_that_was_cut_off_is_named(saved):
     for size in [*range(0, len(data), 64), len(data) - 1]:
         with pytest.raises(BadFile):
             map_file.decode(data[:size])
-    with pytest.raises(BadFile, match="behind its end"):
+    with pytest.raises(BadFile, match="extra bytes at its end"):
         map_file.decode(data + b"\0")
 
 

@@ -162,9 +162,9 @@ def test_a_path_in_a_city_is_that_of_the_table(city, weight):
 def test_a_near_path_visits_few_nodes(city):
     target, source = 75 * 150 + 75, 65 * 150 + 65
     search = city._routes.search("length")
-    way = search.way(source, target, 22500, math.inf)
-    assert way.visited < 900  # of 22,500
-    assert search.way(source, target, way.visited - 1, math.inf).visited == -1
+    path = search.path(source, target, 22500, math.inf)
+    assert path.visited < 900  # of 22,500
+    assert search.path(source, target, path.visited - 1, math.inf).visited == -1
 
 
 def test_after_many_searches_for_a_goal_its_table_is_made(city):

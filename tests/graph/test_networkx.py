@@ -244,7 +244,7 @@ def test_a_graph_in_another_crs_is_refused(ctx):
     first.add_node(1, x=0.0, y=0.0)
     second.add_node(2, x=25.0, y=60.0)
     ctx.graph.attach_networkx_graph(first)
-    with pytest.raises(BadValue, match="its CRS is EPSG:4326, that of the graph is EPSG:32635"):
+    with pytest.raises(BadValue, match="its CRS is EPSG:4326, but the graph has EPSG:32635"):
         ctx.graph.attach_networkx_graph(second)
     assert (list(ctx.graph.graph.get_nodes()), ctx.graph.crs) == ([1], "EPSG:32635")
 

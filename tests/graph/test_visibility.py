@@ -299,7 +299,7 @@ def test_progress_is_shown_on_a_terminal_if_asked_for(town, monkeypatch, capsys)
     town.graph.visibility(5.0, path=False)
     assert capsys.readouterr().err == ""
     town.graph.visibility(6.0, path=False, progress=True)
-    assert "5 of 5 nodes have looked around" in capsys.readouterr().err
+    assert "5 of 5 nodes done" in capsys.readouterr().err
 
 
 # -- how long a table holds -------------------------------------------------------------------------------------
@@ -508,15 +508,15 @@ def test_a_foreign_file_is_left_alone(town, heard, tmp_path):
     theirs.write_text("do not lose this")
     assert town.graph.visibility(20.0, path=theirs).sees(50, 40)
     assert theirs.read_text() == "do not lose this"
-    assert "is no visibility table" in heard[0]
-    assert "left as it is" in heard[1]
+    assert "is not a visibility table" in heard[0]
+    assert "not overwritten" in heard[1]
 
 
 def test_where_a_table_cannot_be_written_it_is_made_nevertheless(town, tmp_path):
     long = "x" * 250  # too long for the file beside it that is written first
     with pytest.raises(OSError, match="name too long") as caught:
         town.graph.visibility(20.0, path=tmp_path / long)
-    assert "could not be kept" in caught.value.__notes__[0]
+    assert "could not be stored" in caught.value.__notes__[0]
     assert town.graph.visibility_table(20.0, 1.6).sees(50, 40)
     assert files(tmp_path) == []
 

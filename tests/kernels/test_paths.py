@@ -160,9 +160,9 @@ def test_steps_lead_along_the_best_path(edges, ids, target):
             path.append(steps[path[-1]])
         best = best_path(edges, source, target, ids)
         assert (path if path[-1] == target else None) == best
-        way = search.way(source, target, 6, math.inf)
-        assert way.rows == (best or [])
-        assert way.far == [far[row] for row in way.rows]
+        path = search.path(source, target, 6, math.inf)
+        assert path.rows == (best or [])
+        assert path.far == [far[row] for row in path.rows]
 
 
 def test_rounding_makes_no_detour_out_of_a_rest_that_could_be_shorter():

@@ -2,8 +2,8 @@
 
 Read `graph.py` first (every verb), then `store.py` and `tables.py` (where the data is), `indexes.py` (what makes
 queries fast), `routes.py`, `positions.py` and `finding.py`; for obstacles `obstacles.py`, then `visibility.py`.
-May import: typing, kernels, ir and below, never another engine. To add a format of other programs, add a function to
-`export.py`; to add a query, give `IGraph` a slow default and override it in `graph.py`.
+May import: typing, kernels, ir and below, never another engine. To add a file format, add a function to `export.py`; to
+add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
 
 import typing as _typing
@@ -17,8 +17,8 @@ from gamms.typing.memory_engine import StoreType
 if _typing.TYPE_CHECKING:
     from gamms.graph.networkx_bridge import grid
 
-SqliteGraph = Graph  # one behaviour, whatever the engine
-_IN_MEMORY = {"MemoryStore", "SqliteStore", "PathLike"}  # 1.0.0 offers these classes here, too
+SqliteGraph = Graph  # one class for both engines
+_IN_MEMORY = {"MemoryStore", "SqliteStore", "PathLike"}  # 1.0.0 also exports these classes from here
 
 __all__ = [
     "Engine",
@@ -36,7 +36,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> _typing.Any:
-    if name == "grid":  # loaded on first use: it brings the exports, too
+    if name == "grid":  # imported on first use, because it imports the exporters, too
         return import_module("gamms.graph.networkx_bridge").grid
     if name == "LineString":
         from gamms.ir import geometry

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from gamms.arguments import as_ids, as_known
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
-from gamms.graph.finding import Found, Part, StreetNames, Track, bounds, find, inside, region_of, track_of
+from gamms.graph.finding import NamedFeature, PolygonContents, StreetNames, Track, bounds, find, inside, region_of, track_of
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.graph.routes import CachedRoutes
@@ -40,7 +40,7 @@ R = TypeVar("R")
 
 
 def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenate[GraphEngine, P], R]":
-    """Return a verb of the graph as one of its engine."""
+    """Return a method that calls a method of the graph of an engine."""
 
     @wraps(verb)
     def forwarded(self: "GraphEngine", /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -54,12 +54,12 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     Args:
         ctx: the context.
-        engine: MEMORY writes nothing unless asked; SQLITE answers every call alike and keeps a database file.
-        path: of the database; an existing one is opened. None: one in memory.
+        engine: MEMORY writes no files unless asked; SQLITE gives the same answers and also keeps a database file.
+        path: path of the database; an existing database is opened. None: an in-memory database.
 
     Raises:
         UnknownType (ValueError): `engine` is no member of `Engine`.
-        BadFile (ValueError): there is something else at `path`.
+        BadFile (ValueError): the file at `path` is not a GAMMS database.
     """
 
     _called = "ctx.graph"
@@ -74,8 +74,8 @@ class GraphEngine(ContextPart, IGraphEngine):
         self._storage = MapStorage(ctx, self._store, self._obstacles, self._phase)
         self._tables: VisibilityTables | None = None
         self._database: MapDatabase | None = None
-        self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
-        self._streets: tuple[int, StreetNames] | None = None  # of one revision of the graph
+        self._saved: tuple[object, ...] | None = None  # the `_state` that was last written to the file
+        self._streets: tuple[int, StreetNames] | None = None  # (revision of the graph, its street names)
         if engine is Engine.SQLITE:
             self._open_database(path)
 
@@ -104,17 +104,17 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     @refused_while_deciding
     def add_obstacles(self, faces: Faces, ids: "ArrayLike | None" = None, types: "ArrayLike" = 0) -> list[int]:
-        """Add many quadrangles at once, all or none; returns their ids.
+        """Add many quadrangles at once and return their ids; on an error nothing is added.
 
         Args:
             faces: an array (faces, 4, 3), the corners tr, tl, br, bl of each; or dicts with `face_id`, `tr`, `tl`,
                 `br`, `bl` and `type`, as `gamms.osm.obstacle_from_file` gives them.
-            ids: one for each face of an array; None: those after the greatest.
-            types: of the faces of an array, one for all or one for each.
+            ids: one id for each face of an array; None: the ids after the greatest existing id.
+            types: the types of the faces of an array, one for all faces or one for each.
 
         Raises:
             DuplicateId (KeyError): an id is taken, or given twice.
-            BadType (TypeError), BadValue (ValueError): a number or a shape is impossible; nothing has changed.
+            BadType (TypeError), BadValue (ValueError): a number or a shape is invalid; nothing has changed.
         """
         obstacles = self._present()
         new = checked_faces(faces, ids, types, obstacles)
@@ -136,7 +136,7 @@ class GraphEngine(ContextPart, IGraphEngine):
         return self._present().near(d, x, y)
 
     def obstacle_columns(self) -> ObstacleColumns:
-        """Return all quadrangles as read-only arrays that stay as they are now."""
+        """Return all quadrangles as read-only arrays that never change."""
         return self._present().columns()
 
     @property
@@ -157,7 +157,7 @@ class GraphEngine(ContextPart, IGraphEngine):
         progress: bool = False,
         workers: int | None = None,
     ) -> "Visibility":
-        """Return which nodes within `radius` of each node no face hides; see `IGraphEngine`."""
+        """Return a table of the nodes that each node sees within `radius`; see `IGraphEngine`."""
         if self._tables is None:
             from gamms.graph.visibility import VisibilityTables
 
@@ -166,87 +166,87 @@ class GraphEngine(ContextPart, IGraphEngine):
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 
     def visibility_table(self, radius: float, observer_height: float = 1.6) -> "Visibility | None":
-        """Return a current table that `visibility` made, of that height and at least that radius, if there is one."""
+        """Return an up-to-date table of this height and at least this radius, or None."""
         return None if self._tables is None else self._tables.find(radius, observer_height)
 
     # -- parts of the map ---------------------------------------------------------------------------------------
 
-    def find(self, text: str) -> Found:
-        """Return a street by its name, or the junction of several: `find("Mannerheimintie & Kaivokatu").node`.
+    def find(self, text: str) -> NamedFeature:
+        """Return a street by name, or the junction of several streets: `find("Mannerheimintie & Kaivokatu").node`.
 
-        Capitals and accents do not count. Streets that share no node meet where they come within 30 map units.
+        The search ignores case and accents. Streets that share no node meet where they come within 30 map units.
 
         Returns:
-            Its `nodes` and `edges`, by id, its `name`, and its `node`: the one nearest to its middle.
+            The `nodes` and `edges` of the match, by id, its `name`, and its `node`: the node nearest to its center.
 
         Raises:
-            UnknownName (KeyError): there is no street of that name; the message has similar ones.
-            BadValue (ValueError): the streets do not meet, or no edge has a name. `node` raises it, too, where they
-                meet at several junctions.
+            UnknownName (KeyError): no street has this name; the message lists similar names.
+            BadValue (ValueError): the streets do not meet, or no edge has a name. `node` also raises it if the streets
+            meet at several junctions.
         """
         columns = self.graph.columns()
         if self._streets is None or self._streets[0] != columns.revision:
             self._streets = columns.revision, StreetNames(columns.edge_attributes.get("name", {}))
         return find(columns, self._streets[1], text)
 
-    def inside(self, polygon: object, *, touching: bool = False) -> Part:
-        """Return which nodes and edges lie in a polygon, or on its rim.
+    def inside(self, polygon: object, *, touching: bool = False) -> PolygonContents:
+        """Return the nodes and edges in a polygon, its border included.
 
         Args:
-            polygon: its outline as (x, y) pairs in map units; or a dict of GeoJSON, in degrees, or a polygon of
-                shapely, in map units: these may have holes and several parts.
-            touching: whether an edge counts of which a part lies in it; otherwise all of it has to.
+            polygon: the outline as (x, y) pairs in map units; a GeoJSON dict, in degrees; or a shapely polygon, in map
+            units. GeoJSON and shapely polygons may have holes and several parts.
+            touching: whether edges that are only partly inside the polygon are included.
 
         Raises:
-            BadValue (ValueError): it is no polygon, or GeoJSON on a map without a CRS.
+            BadValue (ValueError): not a polygon, or GeoJSON on a map without a CRS.
         """
         return inside(self.graph.columns(), region_of(polygon, self.crs), touching=touching)
 
     def track(self, path: str | os.PathLike[str], within: float = 50.0) -> Track:
-        """Return the way that a GPX file has recorded, as paths on the graph.
+        """Match a GPX file to the graph, and return its paths.
 
-        Each point of its tracks and routes counts for the nearest edge, and for the nearer end of that; from one to the
-        next leads the shortest path.
+        Each point of the tracks and routes is assigned to the nearest edge, and to the nearer end node of this edge.
+        Consecutive points are joined by shortest paths.
 
         Args:
-            path: of the file.
-            within: map units; points that are farther from every edge are left out.
+            path: path of the file.
+            within: map units; points farther than this from every edge are ignored.
 
         Returns:
-            Its `paths`, as ids of nodes, and the `edges` of its points.
+            The `paths`, as node ids, and the `edges` of the points.
 
         Raises:
-            FileNotFoundError: there is no such file.
-            BadFile (ValueError): it is no GPX, damaged, or too large.
+            FileNotFoundError: the file does not exist.
+            BadFile (ValueError): the file is not GPX, damaged, or too large.
             BadValue (ValueError): the graph has no CRS, or a point lies outside its projection.
         """
         return track_of(path, self.graph, self.routes, within)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """What the map covers, (xmin, ymin, xmax, ymax) of nodes and polylines (BadValue: there are no nodes)."""
+        """The bounding box (xmin, ymin, xmax, ymax) of all nodes and polylines (BadValue: the map has no nodes)."""
         return bounds(self.graph.columns())
 
     @refused_while_deciding
     def close_roads(
         self, edges: Iterable[int] | None = None, *, name: str | None = None, inside: object = None
     ) -> list[int]:
-        """Close edges: no agent goes along them, no path leads over them, until `open_roads`.
+        """Close edges until `open_roads`: agents cannot use them, and paths avoid them.
 
-        A closed edge is removed from the graph and kept beside it, in saved maps, snapshots and recordings, too. What
-        more than one argument chooses has to be chosen by all of them.
+        A closed edge is removed from the graph and stored separately, also in saved maps, snapshots and recordings. If
+        several arguments are given, only edges that match all of them are closed.
 
         Args:
-            edges: ids.
-            name: of a street, or "A & B" for the edges at a junction; see `find`.
-            inside: a polygon; edges of which a part lies in it are closed.
+            edges: ids of edges.
+            name: name of a street, or "A & B" for the edges at a junction; see `find`.
+            inside: a polygon; edges that are completely or partly inside it are closed.
 
         Returns:
             The ids of the edges that were closed, in insertion order.
 
         Raises:
-            UnknownName (KeyError): there is no such edge or street; nothing has changed then.
-            BadValue (ValueError): nothing is given, or no polygon.
+            UnknownName (KeyError): an edge or a street does not exist; nothing has changed.
+            BadValue (ValueError): no argument is given, or `inside` is not a polygon.
         """
         chosen = []
         if edges is not None:
@@ -267,13 +267,13 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     @refused_while_deciding
     def open_roads(self, edges: Iterable[int] | None = None, *, name: str | None = None) -> list[int]:
-        """Open edges that were closed: those, those of that street, or all; returns their ids.
+        """Reopen closed edges by id, by street name, or all of them; return the ids of the reopened edges.
 
-        They come after all other edges in the order of insertion.
+        Reopened edges come after all other edges in insertion order.
 
         Raises:
-            UnknownName (KeyError): no such edge or street is closed; nothing has changed then.
-            DuplicateId (KeyError): an edge was added that has its id; nothing has changed then.
+            UnknownName (KeyError): no such edge or street is closed; nothing has changed.
+            DuplicateId (KeyError): the id of a closed edge has been reused; nothing has changed.
         """
         graph, closed = self.graph, self._store.closed
         ids = list(closed) if edges is None else as_ids(edges, "edges")
@@ -293,21 +293,22 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     @property
     def closed_roads(self) -> list[int]:
-        """The ids of the edges that are closed, in the order in which they were."""
+        """The ids of the closed edges, in the order in which they were closed."""
         return [] if self._graph is None else list(self._store.closed)
 
     # -- in and out ---------------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> Graph:  # noqa: N803 - published name
-        """Add any networkx graph, or the map of a recording, to what is there, all or nothing.
+        """Add a networkx graph, or the map of a recording, to the current graph; on an error nothing is added.
 
-        Integer labels become ids; other labels get the next free integers (`networkx_labels` returns which). An
-        undirected graph gives both directions. Missing edge ids are assigned, missing lengths come from
-        `linestring` or `geometry`, all other attributes are kept. A map of a recording keeps its ids and its order.
+        Integer labels become ids; other labels get the next free integers (`networkx_labels` returns the mapping). An
+        undirected graph gives both directions. Missing edge ids are assigned, missing lengths are computed from
+        `linestring` or `geometry`, and all other attributes are kept. The map of a recording keeps its ids and its
+        order.
 
         Raises:
-            BadValue (ValueError): it cannot be attached; its cause says why, and nothing has changed.
+            BadValue (ValueError): the graph cannot be attached; `__cause__` has the reason, and nothing has changed.
         """
         graph = self.graph.attach_networkx_graph(G)
         if (
@@ -322,7 +323,7 @@ class GraphEngine(ContextPart, IGraphEngine):
         return graph
 
     def networkx_labels(self) -> dict[Any, int]:
-        """Label in networkx -> id here, for every node whose label was no integer."""
+        """Return a mapping from networkx label to id, for all nodes whose label is not an integer."""
         from gamms.graph.networkx_bridge import labels
 
         return labels(self.graph.columns())
@@ -331,13 +332,14 @@ class GraphEngine(ContextPart, IGraphEngine):
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
         """Write graph, obstacles, CRS and attributes into one file.
 
-        Args:
+        path: path of the file; None writes to the database file of `Engine.SQLITE`, which is also written
+        automatically.
             path: of the file; None writes into the database file of `Engine.SQLITE`, which is written anyway.
 
         Raises:
-            BadValue: no path and no database, or an attribute that is no plain data.
-            WriteConflict (RuntimeError): another program has saved to the database since this context read it. The
-                file at `path` is written then.
+            BadValue: no path and no database, or an attribute that is not plain data.
+            WriteConflict (RuntimeError): another program has saved to the database since this context read it. The file
+            at `path` is still written.
             OSError: the file cannot be written.
         """
         contents, saved = self._storage.contents(), self._state()
@@ -354,15 +356,15 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     @refused_while_deciding
     def load(self, path: str | os.PathLike[str] | None = None) -> Graph:
-        """Replace graph and obstacles by those in a file that `save` wrote.
+        """Replace the graph and the obstacles by the contents of a file written by `save`.
 
         Args:
-            path: of the file; None reads the database file of `Engine.SQLITE`.
+            path: path of the file; None reads the database file of `Engine.SQLITE`.
 
         Raises:
             BadFile (ValueError): the file is damaged or foreign; nothing has changed.
             BadValue: no path and no database.
-            OSError: it cannot be read.
+            OSError: the file cannot be read.
         """
         from gamms.graph import map_file
 
@@ -380,16 +382,17 @@ class GraphEngine(ContextPart, IGraphEngine):
     def export(self, path: str | os.PathLike[str]) -> "list[Path]":
         """Write nodes and edges for other programs: `.graphml`, `.geojson`, `.gpkg` or `.csv`.
 
-        On a map with a CRS places are in degrees, and nodes also have `x` and `y`; edges have their polylines.
-        `town.csv` gives `town_nodes.csv` and `town_edges.csv`. Attributes that are no number, text or bool become JSON.
+        On a map with a CRS geometries are in degrees, and nodes also have `x` and `y`; edges have their polylines.
+        `town.csv` gives `town_nodes.csv` and `town_edges.csv`. Attributes other than numbers, texts and bools become
+        JSON.
 
         Returns:
-            The files; those that were there are replaced.
+            The paths of the files; existing files are replaced.
 
         Raises:
-            UnknownType (ValueError): there is no format of this suffix.
-            BadValue (ValueError): GeoJSON is asked of a graph without a CRS.
-            MissingExtra (ImportError): the CRS is no zone of UTM, and pyproj is not installed.
+            UnknownType (ValueError): the suffix names no supported format.
+            BadValue (ValueError): GeoJSON of a graph without a CRS.
+            MissingExtra (ImportError): the CRS is not a UTM zone, and pyproj is not installed.
             OSError: a file cannot be written.
         """
         from gamms.graph import export
@@ -398,14 +401,14 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     @property
     def frames(self) -> "Frames":
-        """Nodes and edges as tables, for NumPy, pandas, polars and igraph, as they are now."""
+        """The present nodes and edges as tables, for NumPy, pandas, polars and igraph."""
         from gamms.graph.export import Frames
 
         return Frames(self.graph.columns())
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """Write what a database has to hold, and release the graph."""
+        """Write pending changes to the database, and release the graph."""
         if self._graph is None:
             return
         try:
@@ -415,7 +418,7 @@ class GraphEngine(ContextPart, IGraphEngine):
             self._store.close()
             self._graph = self._tables = None
 
-    # -- verbs of the graph --------------------------------------------------------------------------------------
+    # -- methods of the graph -----------------------------------------------------------------------------------
 
     columns = _forwarded(Graph.columns)
     add_nodes = _forwarded(Graph.add_nodes)
@@ -432,8 +435,8 @@ class GraphEngine(ContextPart, IGraphEngine):
     to_networkx = _forwarded(Graph.to_networkx)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """Return the distance by path from one node to another; infinite where there is no path."""
-        graph = self._graph  # NOTE: not by the property, which takes as long as the rest (benchmarks: Paths)
+        """Return the length of the shortest path between two nodes; infinite if there is no path."""
+        graph = self._graph  # NOTE: the property would double the time (benchmarks: Paths)
         return (self.graph if graph is None else graph).distance(source, target, weight)
 
     def place(
@@ -444,9 +447,9 @@ class GraphEngine(ContextPart, IGraphEngine):
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
     ) -> list[int]:
-        """Return ids of `n` different nodes, drawn at random; see `IGraph`.
+        """Return the ids of `n` different random nodes; see `IGraph`.
 
-        Without `rng` they come from a stream of their own, which follows from the seed of the context.
+        Without `rng` they are drawn from a separate stream, derived from the seed of the context.
         """
         if rng is None:
             self._phase.refuse("call ctx.graph.place without rng=state['rng']")
@@ -455,12 +458,12 @@ class GraphEngine(ContextPart, IGraphEngine):
 
     @property
     def routes(self) -> RouteQueries:
-        """Routing queries that ask of several paths or places: k shortest paths, isochrones, the nearest of many."""
+        """Routing queries about several paths or nodes: k shortest paths, isochrones, the nearest of many."""
         return self.graph.routes
 
     @property
     def crs(self) -> str | None:
-        """The coordinate reference system of x and y, such as 'EPSG:32635'."""
+        """The coordinate reference system of x and y, for example 'EPSG:32635'."""
         return self.graph.crs
 
     @property
@@ -469,7 +472,7 @@ class GraphEngine(ContextPart, IGraphEngine):
         return self.graph.attribution
 
     def scenery_columns(self) -> Scenery:
-        """Return what is drawn around the streets and blocks no sight, such as that of `gamms.osm.helsinki`."""
+        """Return the base map, such as water and parks, that is drawn below the streets and blocks no sight."""
         scenery = self.graph.scenery
         if isinstance(scenery, Scenery):
             return scenery
@@ -494,7 +497,7 @@ class GraphEngine(ContextPart, IGraphEngine):
         self._saved = self._state()
 
     def _write_finally(self, database: "MapDatabase") -> None:
-        """Write what can be written, beside the database if need be: what is not written now is lost."""
+        """Write the map for the last time, to a second file if the database refuses it: unwritten changes are lost."""
         if self._state() == self._saved:
             return
         contents = self._storage.contents()
@@ -504,27 +507,27 @@ class GraphEngine(ContextPart, IGraphEngine):
             except BadValue as error:
                 from gamms.graph.map_file import savable
 
-                self._ctx.logger.error(f"{error} It is left out of the database.")  # noqa: TRY400 - ILogger has no exception()
+                self._ctx.logger.error(f"{error} The attribute is not saved to the database.")  # noqa: TRY400 - ILogger has no exception()
                 contents = savable(contents)[0]
                 database.write(contents)
         except (WriteConflict, BadFile) as error:
             from gamms.graph import map_file
 
-            error.add_note(f"What this context held is in {map_file.save_beside(database.path, contents)}.")
+            error.add_note(f"The map of this context was saved to {map_file.save_beside(database.path, contents)}.")
             raise
 
     def _state(self) -> tuple[object, ...]:
-        """Return what differs after every change of graph or obstacles."""
+        """Return a key that changes with every change of the graph or the obstacles."""
         return self.graph.revision, self.obstacle_revision, self.graph.attribution, self.graph.scenery
 
 
 def share_map(target: GraphEngine, source: GraphEngine, memo: dict[int, Any]) -> None:
-    """Give an engine the map of another context, until it is changed in one of both.
+    """Share the map of another context with an engine, until one of the two contexts changes it.
 
     Args:
-        target: the engine that gets it.
-        source: the engine of that context.
-        memo: gets what takes the place of the parts of `source` in `target`; see `copy.deepcopy`.
+        target: the engine that receives the map.
+        source: the engine of the other context.
+        memo: maps parts of `source` to their counterparts in `target`; see `copy.deepcopy`.
     """
     target._store, target._obstacles = source._store.fork(), source._obstacles.fork()
     target._graph = source.graph._fork(target._store, target._phase)

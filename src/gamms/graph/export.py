@@ -1,6 +1,6 @@
-"""A graph as files of other programs: GraphML, GeoJSON, GeoPackage and CSV; and as data frames and igraph graphs.
+"""Export a graph: GraphML, GeoJSON, GeoPackage and CSV files, data frames, and igraph graphs.
 
-What is no number, text or bool becomes JSON. A file is written whole or not at all.
+Values other than numbers, texts and bools become JSON. A file is written completely or not at all.
 """
 
 import json
@@ -32,24 +32,24 @@ if TYPE_CHECKING:
 
 Scalar = str | int | float | bool | None
 Table = dict[str, list[Scalar]]
-_ESCAPED = "backslashreplace"  # of halves of surrogate pairs
+_ESCAPED = "backslashreplace"  # for unpaired surrogates
 _MOST_COLUMNS = 1_900  # SQLite allows 2,000
 _DECIMALS = 9  # of degrees: a tenth of a millimetre
 _LONG = 1 << 63
 
 
-class Layers(NamedTuple):
-    """A graph as a table of nodes and one of edges, and where these are.
+class GraphTables(NamedTuple):
+    """A graph as a table of nodes, a table of edges, and their geometries.
 
     Attributes:
-        nodes: column -> a value for each node.
-        edges: column -> a value for each edge.
+        nodes: column -> one value for each node.
+        edges: column -> one value for each edge.
         drawn: (points, 2) of each edge, in map units.
-        lines: (points, 2) of each edge, and
-        points: (nodes, 2) of the nodes; in map units, too, or
-        in_degrees: in longitude and latitude.
+        lines: (points, 2) of each edge, in longitude and latitude if `in_degrees`, else in map units.
+        points: (nodes, 2) of the nodes, in the same unit as `lines`.
+        in_degrees: whether the map has a CRS.
         attribution: the authors of the data.
-        crs: of the columns x and y.
+        crs: the CRS of the columns x and y.
     """
 
     nodes: Table
@@ -63,24 +63,24 @@ class Layers(NamedTuple):
 
 
 def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str | None) -> list[Path]:
-    """Write a graph in the format that the suffix names, and return the files.
+    """Write a graph in the format named by the suffix, and return the files.
 
     Raises:
-        UnknownType (ValueError): no format has this suffix.
+        UnknownType (ValueError): the suffix names no supported format.
         BadValue (ValueError): the format cannot hold this graph.
-        MissingExtra (ImportError): its CRS is no zone of UTM, and pyproj is not installed.
+        MissingExtra (ImportError): the CRS is not a UTM zone, and pyproj is not installed.
         OSError: a file cannot be written.
     """
     target = as_target(path)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
-        raise UnknownType(f"No graph can be written as {target.suffix or 'a file without a suffix'!r}.{hint}")
+        raise UnknownType(f"Cannot write a graph as {target.suffix or 'a file without a suffix'!r}.{hint}")
     return write(target, layers_of(columns, attribution))
 
 
-def layers_of(columns: GraphColumns, attribution: str | None) -> Layers:
-    """Return a graph as tables; on a map with a CRS, places are in degrees, and nodes have `lat` and `lon`."""
+def layers_of(columns: GraphColumns, attribution: str | None) -> GraphTables:
+    """Return a graph as tables; on a map with a CRS, geometries are in degrees, and nodes have `lat` and `lon`."""
     ids, (sources, targets) = columns.node_ids, (columns.sources, columns.targets)
     drawn = shapes_of(columns)
     points, lines, in_degrees = columns.xy, drawn, columns.crs is not None
@@ -99,11 +99,11 @@ def layers_of(columns: GraphColumns, attribution: str | None) -> Layers:
     }
     _add_attributes(nodes, columns.node_attributes, len(ids))
     _add_attributes(edges, columns.edge_attributes, len(columns.edge_ids))
-    return Layers(nodes, edges, drawn, lines, points, in_degrees, attribution, columns.crs)
+    return GraphTables(nodes, edges, drawn, lines, points, in_degrees, attribution, columns.crs)
 
 
 def plain_cell(value: object) -> Scalar:
-    """Return a value of an attribute as a number, a text, a bool or None; other values as JSON."""
+    """Return an attribute value as a number, a text, a bool or None; other values as JSON."""
     if value is None or type(value) in (str, int, float, bool):
         return value  # type: ignore[return-value] # as the line before says
     plain = to_plain(value)
@@ -116,7 +116,7 @@ def plain_cell(value: object) -> Scalar:
 
 
 def shapes_of(columns: GraphColumns) -> list[FloatArray]:
-    """Return the points (points, 2) of every edge."""
+    """Return the polyline (points, 2) of every edge."""
     pairs = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
     return [columns.polylines.get(row, pair) for row, pair in enumerate(pairs)]
 
@@ -127,7 +127,7 @@ def wkt_of(line: FloatArray) -> str:
 
 
 def _add_attributes(table: Table, attributes: Mapping[str, Mapping[int, object]], count: int) -> None:
-    """Add a column for each attribute; with a number where it is called like another one, but for capital letters."""
+    """Add a column for each attribute; a name that equals another one, ignoring case, gets a number."""
     taken = {name.lower() for name in (*table, "fid", "geom", "geometry")}
     for name, values in sorted(attributes.items()):
         column: list[Scalar] = [None] * count
@@ -148,7 +148,7 @@ def _rows(table: Table) -> Iterator[dict[str, Scalar]]:
 # -- CSV ----------------------------------------------------------------------------------------------------------
 
 
-def _write_csv(target: Path, layers: Layers) -> list[Path]:
+def _write_csv(target: Path, layers: GraphTables) -> list[Path]:
     files = [target.with_name(f"{target.stem}_{part}.csv") for part in ("nodes", "edges")]
     shapes: list[Scalar] = [wkt_of(line) for line in layers.lines]
     with ExitStack() as all_or_none:
@@ -161,10 +161,10 @@ def _write_csv(target: Path, layers: Layers) -> list[Path]:
 # -- GeoJSON ------------------------------------------------------------------------------------------------------
 
 
-def _write_geojson(target: Path, layers: Layers) -> list[Path]:
+def _write_geojson(target: Path, layers: GraphTables) -> list[Path]:
     if not layers.in_degrees:
         raise BadValue(
-            "GeoJSON counts in degrees, and this graph has no CRS: set ctx.graph.graph.crs, such as to 'EPSG:32635', "
+            "GeoJSON needs degrees, and this graph has no CRS: set ctx.graph.graph.crs, for example to 'EPSG:32635', "
             "or write .gpkg, .graphml or .csv."
         )
     nodes = (("Point", point, row) for point, row in zip(layers.points.tolist(), _rows(layers.nodes), strict=True))
@@ -194,7 +194,7 @@ def _features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iter
 # -- GraphML ------------------------------------------------------------------------------------------------------
 
 
-def _write_graphml(target: Path, layers: Layers) -> list[Path]:
+def _write_graphml(target: Path, layers: GraphTables) -> list[Path]:
     shapes: list[Scalar] = [wkt_of(line) for line in layers.drawn]
     tables: dict[str, Table] = {"node": layers.nodes, "edge": {**layers.edges, "geometry": shapes}}
     with whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
@@ -271,8 +271,8 @@ CREATE TABLE gpkg_geometry_columns (table_name TEXT NOT NULL, column_name TEXT N
 _SQL_TYPES = {"boolean": "BOOLEAN", "long": "INTEGER", "double": "REAL", "string": "TEXT"}
 
 
-def _write_geopackage(target: Path, layers: Layers) -> list[Path]:
-    """Write a GeoPackage (OGC 12-128r18): a database of SQLite with geometries in well-known binary."""
+def _write_geopackage(target: Path, layers: GraphTables) -> list[Path]:
+    """Write a GeoPackage (OGC 12-128r18): an SQLite database with geometries in well-known binary."""
     import sqlite3
 
     srs = 4326 if layers.in_degrees else -1
@@ -324,7 +324,7 @@ def _bounds(parts: list[FloatArray]) -> list[float | None]:
     return [None] * 4 if not len(points) else np.concatenate((points.min(axis=0), points.max(axis=0))).tolist()
 
 
-_FORMATS: dict[str, Callable[[Path, Layers], list[Path]]] = {
+_FORMATS: dict[str, Callable[[Path, GraphTables], list[Path]]] = {
     ".graphml": _write_graphml,
     ".geojson": _write_geojson,
     ".gpkg": _write_geopackage,
@@ -339,7 +339,7 @@ class Frames:
     """The nodes and edges of a graph as tables of other libraries: `ctx.graph.frames`.
 
     Nodes have `id`, `x`, `y` and their attributes, on a map with a CRS also `lat` and `lon`; edges have `id`, `source`,
-    `target`, `length` and their attributes. What is no number, text or bool is JSON.
+    `target`, `length` and their attributes. Values other than numbers, texts and bools are JSON.
 
     Args:
         columns: the graph.
@@ -349,7 +349,7 @@ class Frames:
         self._columns = columns
 
     @cached_property
-    def _layers(self) -> Layers:
+    def _layers(self) -> GraphTables:
         return layers_of(self._columns, None)
 
     def arrays(self, part: Literal["nodes", "edges"]) -> "dict[str, np.ndarray[Any, Any]]":
@@ -359,18 +359,18 @@ class Frames:
         return table_of(self._layers.nodes if part == "nodes" else self._layers.edges)
 
     def to_pandas(self) -> "tuple[pd.DataFrame, pd.DataFrame]":
-        """Return nodes and edges as data frames of pandas (MissingExtra: it is not installed)."""
+        """Return nodes and edges as pandas data frames (MissingExtra: pandas is not installed)."""
         return frame_of(self.arrays("nodes")), frame_of(self.arrays("edges"))
 
     def to_polars(self) -> "tuple[pl.DataFrame, pl.DataFrame]":
-        """Return nodes and edges as data frames of polars (MissingExtra: it is not installed)."""
+        """Return nodes and edges as polars data frames (MissingExtra: polars is not installed)."""
         with needing("A table for polars", "frames"):
             import polars as pl
         nodes, edges = (pl.DataFrame(part, strict=False) for part in (self._layers.nodes, self._layers.edges))
         return nodes, edges
 
     def to_igraph(self) -> "igraph.Graph":
-        """Return a directed graph of igraph; vertex `i` is the i-th node (MissingExtra: igraph is not installed)."""
+        """Return a directed igraph graph; vertex `i` is the i-th node (MissingExtra: igraph is not installed)."""
         with needing("A graph for igraph", "frames"):
             import igraph
         ends = np.column_stack((self._columns.sources, self._columns.targets)).tolist()

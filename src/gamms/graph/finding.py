@@ -1,4 +1,4 @@
-"""Parts of a graph: streets and junctions by name, what lies in a polygon, and the paths of GPX tracks."""
+"""Find parts of a graph: streets and junctions by name, nodes and edges in a polygon, paths of GPX tracks."""
 
 import unicodedata
 from collections.abc import Iterable, Mapping
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
 
     from shapely import Polygon
 
-_LONG = 200  # characters of what is looked for
-_MANY = 20_000  # names that are compared with one that is not there
+_LONG = 200  # most characters of a searched name
+_MANY = 20_000  # names that are compared with an unknown name for suggestions
 _MOST_LISTED = 8
-_ONE_JUNCTION = 50.0  # metres: nodes of one junction are less apart from the next one
-_NEAR = 30.0  # metres: streets whose ends are joined by a piece without a name, or with another one
+_ONE_JUNCTION = 50.0  # metres: nodes of one junction are at most this far from the next node
+_NEAR = 30.0  # metres: gap between streets that are joined by a piece with no name or another name
 _AT_ONCE = 256  # nodes
 _MOST_LAT = 90.0  # degrees
 
 
-class Found(NamedTuple):
-    """A part of a graph that has a name.
+class NamedFeature(NamedTuple):
+    """A named part of a graph: a street or a junction.
 
     Attributes:
-        name: as the map has it.
+        name: name on the map.
         nodes: ids of its nodes, in insertion order.
         edges: ids of its edges, in insertion order.
-        xy: (nodes, 2) the places of the nodes.
-        is_junction: whether it is where streets meet.
+        xy: (nodes, 2) coordinates of the nodes.
+        is_junction: whether this is a junction of streets.
     """
 
     name: str
@@ -53,22 +53,22 @@ class Found(NamedTuple):
 
     @property
     def node(self) -> int:
-        """The node that is nearest to its middle.
+        """The node nearest to the center.
 
         Raises:
-            BadValue (ValueError): the streets meet at several junctions; the message names a node of each.
+            BadValue (ValueError): the streets meet at several junctions; the message names one node of each.
         """
         clusters = _clusters(self.xy) if self.is_junction else [np.arange(len(self.xy))]
         off = (np.hypot(*(self.xy[rows] - self.xy[rows].mean(axis=0)).T) for rows in clusters)
         middles = [rows.item(far.argmin()) for rows, far in zip(clusters, off, strict=True)]
         if len(middles) > 1:
             places = [f"node {self.nodes[row]} at ({self.xy[row, 0]:.0f}, {self.xy[row, 1]:.0f})" for row in middles]
-            raise BadValue(f"{self.name} is at {len(middles)} places: {_listed(places)}. Take one of them.")
+            raise BadValue(f"{self.name} is at {len(middles)} places: {_listed(places)}. Use one of these nodes.")
         return self.nodes[middles[0]]
 
 
-class Part(NamedTuple):
-    """What lies in a polygon.
+class PolygonContents(NamedTuple):
+    """The nodes and edges in a polygon.
 
     Attributes:
         nodes: ids, in insertion order.
@@ -80,10 +80,10 @@ class Part(NamedTuple):
 
 
 class StreetNames:
-    """The streets of a graph by name; spelt in capitals or not, with accents or without.
+    """The streets of a graph by name, ignoring case and accents.
 
     Args:
-        names: row of an edge -> its `name`: a text, or a list of texts.
+        names: edge row -> its `name`: a text, or a list of texts.
     """
 
     def __init__(self, names: Mapping[int, object]) -> None:
@@ -98,21 +98,21 @@ class StreetNames:
                     self._spelling.setdefault(key, name)
 
     def __contains__(self, name: object) -> bool:
-        """Return whether there is a street of that name."""
+        """Return whether a street has this name."""
         return isinstance(name, str) and _folded(name) in self._rows
 
     def rows(self, name: str) -> IntArray:
         """Return the rows of the edges of a street, in insertion order.
 
         Raises:
-            UnknownName (KeyError): there is none of that name; the message has those that are spelt alike.
+            UnknownName (KeyError): no street has this name; the message lists similar names.
             BadValue (ValueError): no edge has a name.
         """
         if not self._rows:
             raise BadValue("No edge of this graph has a name. Streets of OpenStreetMap have the attribute 'name'.")
         key = _folded(name)
         if key not in self._rows:
-            from difflib import get_close_matches  # which few programs need
+            from difflib import get_close_matches  # imported here because few programs need it
 
             known = list(islice(self._rows, _MANY))
             alike = get_close_matches(key, known, n=3) or [one for one in known if key and key in one]
@@ -120,20 +120,20 @@ class StreetNames:
         return np.unique(np.array(self._rows[key], np.int64))
 
     def spelling(self, name: str) -> str:
-        """Return a name as the map has it."""
+        """Return a name as the map spells it."""
         return self._spelling[_folded(name)]
 
     def of_rows(self, rows: Iterable[int]) -> list[str]:
-        """Return the names of the streets that have one of some edges."""
+        """Return the names of the streets of some edges."""
         wanted = set(rows)
         return [self._spelling[key] for key, own in self._rows.items() if not wanted.isdisjoint(own)]
 
 
-def find(columns: GraphColumns, streets: StreetNames, text: str) -> Found:
+def find(columns: GraphColumns, streets: StreetNames, text: str) -> NamedFeature:
     """Return a street, or the junction of the streets in "A & B"."""
-    text = as_text(text, "What is looked for", "the name of a street, or 'A & B'")
+    text = as_text(text, "The name to find", "the name of a street, or 'A & B'")
     if len(text) > _LONG:
-        raise BadValue(f"A name of a street has at most {_LONG} characters, not {len(text)}.")
+        raise BadValue(f"The name of a street has at most {_LONG} characters, not {len(text)}.")
     if text in streets or "&" not in text:
         rows = streets.rows(text)
         return _found(columns, streets.spelling(text), _nodes_of(columns, rows), rows, is_junction=False)
@@ -152,19 +152,19 @@ def find(columns: GraphColumns, streets: StreetNames, text: str) -> Found:
     return _found(columns, title, shared, rows, is_junction=True)
 
 
-def inside(columns: GraphColumns, region: "Polygon", *, touching: bool) -> Part:
-    """Return the nodes in a region, and the edges that lie in it, or of which a part does."""
+def inside(columns: GraphColumns, region: "Polygon", *, touching: bool) -> PolygonContents:
+    """Return the nodes in a region, and the edges that lie in it completely or partly."""
     nodes = columns.node_ids[geometry.are_inside(region, columns.xy)]
     ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
     rows = geometry.lines_inside(region, ends, columns.polylines, touching=touching)
-    return Part(nodes.tolist(), columns.edge_ids[rows].tolist())
+    return PolygonContents(nodes.tolist(), columns.edge_ids[rows].tolist())
 
 
 def region_of(polygon: object, crs: str | None) -> "Polygon":
-    """Return a polygon of the caller's in map units.
+    """Return a polygon passed by a caller, in map units.
 
     Raises:
-        BadValue (ValueError): it is none, or GeoJSON on a map without a CRS.
+        BadValue (ValueError): not a polygon, or GeoJSON on a map without a CRS.
     """
 
     def from_lonlat(lonlat: FloatArray) -> FloatArray:
@@ -187,14 +187,14 @@ def bounds(columns: GraphColumns) -> tuple[float, float, float, float]:
 
 
 def _folded(name: str) -> str:
-    """Return a name in small letters, without accents and needless spaces."""
+    """Return a name in lower case, without accents and extra spaces."""
     plain = unicodedata.normalize("NFKD", name.casefold())
     return " ".join("".join(one for one in plain if not unicodedata.combining(one)).split())
 
 
-def _found(columns: GraphColumns, name: str, nodes: IntArray, edges: IntArray, *, is_junction: bool) -> Found:
+def _found(columns: GraphColumns, name: str, nodes: IntArray, edges: IntArray, *, is_junction: bool) -> NamedFeature:
     ids = columns.node_ids[nodes].tolist(), columns.edge_ids[edges].tolist()
-    return Found(name, *ids, columns.xy[nodes], is_junction)
+    return NamedFeature(name, *ids, columns.xy[nodes], is_junction)
 
 
 def _nodes_of(columns: GraphColumns, rows: IntArray) -> IntArray:
@@ -202,7 +202,7 @@ def _nodes_of(columns: GraphColumns, rows: IntArray) -> IntArray:
 
 
 def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str], sides: list[IntArray]) -> IntArray:
-    """Return the two nodes at which two streets come so near to each other that it is one junction."""
+    """Return the two nearest nodes of two streets, if they are close enough to form one junction."""
     first, second = names[:2]
     if len(names) == 2:
         xy, other = columns.xy[sides[0]], columns.xy[sides[1]]
@@ -226,7 +226,7 @@ def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str]
 
 
 def _clusters(xy: FloatArray) -> list[IntArray]:
-    """Return the rows of places, those together that a chain of short steps joins."""
+    """Group the rows of places: places that a chain of short steps connects are in one group."""
     left, clusters = np.arange(len(xy)), []
     while len(left):
         cluster, left = left[:1], left[1:]
@@ -247,19 +247,19 @@ def _listed(names: list[Any]) -> str:
 # -- tracks of GPX ------------------------------------------------------------------------------------------------
 
 _CHUNK = 1 << 16  # bytes
-_PER_BYTE = 12  # of memory, of a file that is nothing but points
+_PER_BYTE = 12  # bytes of memory for each byte of a file that holds only points
 _MOST_POINTS = 1_000_000
 _TRACKS, _POINTS, _PARTS = ("trk", "rte"), ("trkpt", "rtept"), ("trkseg", "rte")
-_DEEPEST = 100  # elements within elements
+_DEEPEST = 100  # most nested elements
 
 
 class Track(NamedTuple):
-    """The way that a GPX file has recorded, on the graph.
+    """A GPX track, matched to the graph.
 
     Attributes:
-        paths: ids of the nodes along each part of the way; a new one begins where the file begins one, where points are
-            too far from every edge, and where no path leads on.
-        edges: id of the nearest edge of each point; None where all are too far away.
+        paths: node ids of each part of the track; a new part begins where the file begins one, where points are too far
+        from every edge, and where no path leads on.
+        edges: id of the nearest edge of each point; None for points too far from every edge.
     """
 
     paths: list[list[int]]
@@ -267,7 +267,7 @@ class Track(NamedTuple):
 
 
 def track_of(path: object, graph: IGraph, routes: RouteQueries, within: float) -> Track:
-    """Return the way of a GPX file on a graph; see `GraphEngine.track`."""
+    """Match a GPX file to a graph; see `GraphEngine.track`."""
     paths: list[list[int]] = []
     edges: list[int | None] = []
     for part in read_gpx(as_path(path, "path")):
@@ -295,9 +295,9 @@ class GpxPart(NamedTuple):
     """A segment or a route of a GPX file.
 
     Attributes:
-        name: of its track; empty without one.
+        name: name of the track; empty if it has none.
         latlon: (points, 2) degrees.
-        times: (points,) seconds since 1970; NaN where there is none.
+        times: (points,) seconds since 1970; NaN for points without a time.
     """
 
     name: str
@@ -306,11 +306,11 @@ class GpxPart(NamedTuple):
 
 
 def read_gpx(file: "Path") -> list[GpxPart]:
-    """Return each segment and route of a GPX file that has points.
+    """Return all segments and routes of a GPX file that have points.
 
     Raises:
-        MissingFile (FileNotFoundError): there is no such file.
-        BadFile (ValueError): it is no GPX, damaged, or too large.
+        MissingFile (FileNotFoundError): the file does not exist.
+        BadFile (ValueError): the file is not GPX, damaged, or too large.
     """
     if not file.is_file():
         raise MissingFile("a GPX track", file)
@@ -331,7 +331,7 @@ class _GpxReader:
     """Collects the points of a GPX file while it is parsed."""
 
     def __init__(self) -> None:
-        self.parts: list[tuple[list[str], list[list[float]]]] = [([], [])]  # (parts of the name, points) of each
+        self.parts: list[tuple[list[str], list[list[float]]]] = [([], [])]  # (name as text pieces, points) of each part
         self.count = 0
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
@@ -339,7 +339,7 @@ class _GpxReader:
         self.parser.CharacterDataHandler = self._read
         self.parser.StartDoctypeDeclHandler = self._refuse
         self._is_first = True
-        self._open: list[str] = []  # the elements around what is read
+        self._open: list[str] = []  # names of the enclosing elements
         self._name: list[str] = []  # of the track
         self._time: list[str] = []  # of the point
 
@@ -366,7 +366,7 @@ class _GpxReader:
 
     def _end(self, _: str) -> None:
         if self._open.pop() == "time" and self._open[-1:] and self._open[-1] in _POINTS:
-            with suppress(ValueError):  # its place counts, whatever its time is
+            with suppress(ValueError):  # a point with an invalid time is kept
                 self.parts[-1][1][-1][2] = seconds_of("".join(self._time).strip())
         self._time = []
 
@@ -378,14 +378,14 @@ class _GpxReader:
             self._name.append(text[:_LONG])
 
     def _refuse(self, *_: object) -> None:
-        raise ValueError("it declares a document type, which GPX has none of")
+        raise ValueError("it declares a document type, which GPX does not allow")
 
 
 def seconds_of(text: str) -> float:
-    """Return the seconds since 1970 of a time such as 2025-06-15T15:06:40Z; one without a zone is UTC.
+    """Return a time like 2025-06-15T15:06:40Z as seconds since 1970; a time without a zone is UTC.
 
     Raises:
-        ValueError: it is none.
+        ValueError: `text` is not a time.
     """
     if len(text) > _LONG:
         raise ValueError(f"{text[:40]!r} is no time")

@@ -13,7 +13,7 @@ from gamms.arguments import as_bool, as_float, as_numbers, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
-from gamms.graph.indexes import Discs
+from gamms.graph.indexes import DiscContents
 from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import Cache, GraphStore, Neighborhoods
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
@@ -40,15 +40,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-_DISC_BYTES = 1 << 27  # of what was seen all around some nodes
+_DISC_BYTES = 1 << 27  # most memory of the surroundings that one call computes at once
 
 
 class Graph(Guarded, IGraph):
-    """A graph over columns; see `IGraph` for what each call promises.
+    """A graph over columns; `IGraph` documents each call.
 
     Args:
-        store: the rows of the graph; None: none yet.
-        phase: of the context.
+        store: the rows of the graph; None: an empty graph.
+        phase: the phase of the context.
     """
 
     _called = "ctx.graph.graph"
@@ -59,7 +59,7 @@ class Graph(Guarded, IGraph):
         self._routes = CachedRoutes(self._store)
         self._discs = Cache(_DISC_BYTES)
         self._queries = RouteQueries(self._routes, self.columns)
-        self._shown: GraphColumns | None = None  # read-only all the way down, for strategies
+        self._shown: GraphColumns | None = None  # read-only including all attributes, for strategies
 
     @property
     def revision(self) -> int:
@@ -68,7 +68,7 @@ class Graph(Guarded, IGraph):
 
     @property
     def crs(self) -> str | None:
-        """The coordinate reference system of x and y, such as 'EPSG:32635'; None when unknown."""
+        """The coordinate reference system of x and y, for example 'EPSG:32635'; None if unknown."""
         return self._store.crs
 
     @crs.setter
@@ -78,7 +78,7 @@ class Graph(Guarded, IGraph):
 
     @property
     def attribution(self) -> str | None:
-        """The authors of the data, to be shown where the graph is shown; None if they do not ask for it."""
+        """The authors of the data, to be shown with the graph; None if they do not require it."""
         return self._store.attribution
 
     @attribution.setter
@@ -88,7 +88,7 @@ class Graph(Guarded, IGraph):
 
     @property
     def scenery(self) -> str | Scenery | None:
-        """What is drawn with the graph and blocks no sight, or the name of a scenery that comes with GAMMS."""
+        """The base map, which is drawn and blocks no sight, or the name of a base map included in GAMMS."""
         return self._store.scenery
 
     @scenery.setter
@@ -105,29 +105,29 @@ class Graph(Guarded, IGraph):
         return f"{type(self).__name__}({len(self._store.nodes)} nodes, {len(self._store.edges)} edges)"
 
     def __bool__(self) -> bool:
-        """Return True: an empty graph is one, too."""
+        """Return True, even for an empty graph."""
         return True
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle by what the graph holds: while a strategy runs, by a copy of it."""
+        """Pickle the contents of the graph; while a strategy runs, pickle a copy."""
         return type(self), (self._store if self._phase.agent is None else deepcopy(self._store),)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Copy, for a look ahead into a game that goes on elsewhere."""
+        """Copy the graph, for simulations by a strategy."""
         copied = memo[id(self)] = type(self)(deepcopy(self._store, memo), deepcopy(self._phase, memo))
         return copied
 
     def _fork(self, store: GraphStore, phase: DecidePhase) -> "Graph":
-        """Return this graph for another context, with the fork of its store."""
+        """Return a graph for another context, on a fork of the store."""
         graph = Graph(store, phase)
         graph._routes.cache.take_over(self._routes.cache)
         return graph
 
-    # -- one by one ---------------------------------------------------------------------------------------------
+    # -- single changes -----------------------------------------------------------------------------------------
 
     def add_node(self, node_data: dict[str, Any]) -> None:
         """Add a node."""
-        if self._phase.agent is not None:  # NOTE: a decorator costs a fifth of the rest (w1, one by one)
+        if self._phase.agent is not None:  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
             self._phase.refuse("call ctx.graph.graph.add_node")
         self._store.own()
         id = records.as_id(records.required(node_data, "id", "A node"), "a node")
@@ -146,7 +146,7 @@ class Graph(Guarded, IGraph):
 
     def add_edge(self, edge_data: dict[str, Any]) -> None:
         """Add an edge."""
-        if self._phase.agent is not None:  # NOTE: a decorator costs a fifth of the rest (w1, one by one)
+        if self._phase.agent is not None:  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
             self._phase.refuse("call ctx.graph.graph.add_edge")
         self._store.own()
         id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
@@ -171,7 +171,7 @@ class Graph(Guarded, IGraph):
     def get_node(self, node_id: int) -> Node:
         """Return the node with that id."""
         nodes = self._store.nodes
-        row = nodes.index.row(node_id) if type(node_id) is int else -1  # NOTE: 1.3 us instead of 1.9, for each look-up
+        row = nodes.index.row(node_id) if type(node_id) is int else -1  # NOTE: saves 0.6 of 1.9 us for each look-up
         if row < 0:
             row = nodes.find(records.as_id(node_id, "a node"))
         xy = nodes.xy
@@ -220,7 +220,7 @@ class Graph(Guarded, IGraph):
         edges.own()
         edges.lengths[row] = length
         edges.sources[row], edges.targets[row] = ends
-        if "linestring" in edge_data or ends != old_ends:  # an old polyline does not lead to a new end
+        if "linestring" in edge_data or ends != old_ends:  # the old polyline does not end at the new node
             edges.straighten(row)
         if polyline is not None:
             edges.bend(row, polyline)
@@ -230,7 +230,7 @@ class Graph(Guarded, IGraph):
 
     @refused_while_deciding
     def remove_node(self, node_id: int) -> None:
-        """Remove a node and the edges at it."""
+        """Remove a node and its edges."""
         self._store.remove_node(records.as_id(node_id, "a node"))
 
     @refused_while_deciding
@@ -256,7 +256,7 @@ class Graph(Guarded, IGraph):
 
     @property
     def neighborhoods(self) -> Neighborhoods:
-        """Live and read-only: node id -> the node itself, then its neighbours."""
+        """A live read-only mapping: node id -> the node itself, then its neighbors."""
         found = self._store.neighborhoods
         return found if self._phase.agent is None else ReadOnlyMapping(found)  # type: ignore[return-value] # it reads like them
 
@@ -267,7 +267,7 @@ class Graph(Guarded, IGraph):
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
     ) -> Surroundings:
-        """Return what lies within `radius` of a node and inside its field of view."""
+        """Return the nodes and edges within `radius` of a node and inside its field of view."""
         nodes = self._store.nodes
         row = nodes.find(records.as_id(node_id, "a node"))
         x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
@@ -284,14 +284,15 @@ class Graph(Guarded, IGraph):
         return self._of_rows(*self._discs.get(self._store.revision, (row, radius), lambda: self._disc(x, y, radius)))
 
     def within_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any], radius: float) -> list[Surroundings]:
-        """Return what lies within `radius` of each of several nodes, all around."""
+        """Return the nodes and edges within `radius` of each of several nodes, in all directions."""
         rows = self._rows(node_ids)
-        order = np.argsort(rows)  # NOTE: neighbours one after the other, for caches (benchmarks: looks of many agents)
+        # NOTE: neighboring nodes in sequence use the CPU cache (benchmarks: looks of many agents).
+        order = np.argsort(rows)
         parts = self._store.indexes.discs(rows[order], as_range(radius, "The radius"))
         if parts is None:
             return super().within_many(node_ids, radius)
-        # NOTE: with collections of garbage, which find none here, it takes twice as long (benchmarks: looks of many
-        # agents).
+        # NOTE: the garbage collector, which finds nothing here, would double the time (benchmarks: looks of
+        # many agents).
         with GarbagePause():
             seen = [disc for part in parts for disc in self._surroundings(part)]
         return [seen[i] for i in np.argsort(order).tolist()]
@@ -306,11 +307,11 @@ class Graph(Guarded, IGraph):
         return self._among(np.unique(self._rows(node_ids)))
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
-        """Return coordinates (nodes, 2) of several nodes."""
+        """Return the coordinates (nodes, 2) of several nodes."""
         return self._store.nodes.array("xy")[self._rows(node_ids)]
 
     def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
-        """Return the ground at several nodes, by their `z` and `underground`; None for a map that has neither."""
+        """Return the ground at several nodes, from their attributes `z` and `underground`; None for a flat map."""
         ground = self._store.ground()
         if ground is None:
             return None
@@ -330,29 +331,29 @@ class Graph(Guarded, IGraph):
     # -- routing ------------------------------------------------------------------------------------------------
 
     def weights(self, weight: str | None = "length") -> FloatArray:
-        """Return what each edge costs, (edges,) in insertion order."""
+        """Return the weight of each edge, (edges,) in insertion order."""
         return edge_weights(self._store.columns(), weight)
 
     @property
     def routes(self) -> RouteQueries:
-        """Routing queries that ask of several paths or places."""
+        """Routing queries about several paths or nodes."""
         return self._queries
 
     def shortest_path(
         self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
     ) -> list[int]:
-        """Return ids of the nodes on the shortest path from one node to another, both included."""
-        # NOTE: without another call, for strategies that ask in each turn (benchmarks: Paths).
+        """Return the ids of the nodes on the shortest path between two nodes, both included."""
+        # NOTE: no further call, because strategies ask this every turn (benchmarks: Paths).
         return self._routes.shortest_path(source, target, weight, most_edges)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """Return the distance by path from one node to another; infinite where there is no path."""
-        # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks: Paths).
+        """Return the length of the shortest path between two nodes; infinite if there is no path."""
+        # NOTE: many strategies ask this every turn about the same targets (benchmarks: Paths).
         cache, store = self._routes.cache, self._store
         if cache.revision == store.revision and type(source) is int and type(target) is int:
             try:
                 known = cache.entries.get((weight, target))
-            except TypeError:  # a weight that is not hashable
+            except TypeError:  # the weight is not hashable
                 known = None
             if known is not None and (row := store.nodes.index.row(source)) >= 0:
                 far: float = known[0][row]
@@ -362,14 +363,14 @@ class Graph(Guarded, IGraph):
     def _routes_now(self) -> CachedRoutes:
         return self._routes
 
-    # -- places -------------------------------------------------------------------------------------------------
+    # -- coordinates --------------------------------------------------------------------------------------------
 
     def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-        """Return degrees of latitude and longitude of (x, y)."""
+        """Return the latitude and longitude of (x, y), in degrees."""
         return positions.to_latlon(self.crs, x, y)
 
     def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-        """Return (x, y) of degrees of latitude and longitude."""
+        """Return (x, y) of a latitude and longitude in degrees."""
         return positions.from_latlon(self.crs, lat, lon)
 
     def nearest_node(
@@ -381,7 +382,7 @@ class Graph(Guarded, IGraph):
         lon: Numbers | None = None,
         within: float | None = None,
     ) -> Any:
-        """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
+        """Return the id of the node nearest to a place, or the nearest ids (places,) for several places."""
         return positions.nearest_node(self._store, (x, y), (lat, lon), within)
 
     def place(
@@ -392,22 +393,22 @@ class Graph(Guarded, IGraph):
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
     ) -> list[int]:
-        """Return ids of `n` different nodes, drawn at random."""
+        """Return the ids of `n` different random nodes."""
         return positions.place(self._store, n, near, radius, apart, rng)
 
-    # -- many at once -------------------------------------------------------------------------------------------
+    # -- bulk operations ----------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def add_nodes(self, ids: "ArrayLike", x: "ArrayLike", y: "ArrayLike") -> None:
         """Add many nodes at once.
 
         Args:
-            ids: (nodes,) integers, none of them taken.
+            ids: (nodes,) new integers.
             x: (nodes,) finite, map units.
             y: (nodes,) finite, map units.
 
         Raises:
-            DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
+            DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed.
         """
         new_ids = records.id_array(ids, "ids")
         xy = np.column_stack([records.number_array(axis, len(new_ids), name) for axis, name in ((x, "x"), (y, "y"))])
@@ -422,20 +423,20 @@ class Graph(Guarded, IGraph):
         """Add many straight edges at once.
 
         Args:
-            ids: (edges,) integers, none of them taken.
+            ids: (edges,) new integers.
             sources: (edges,) ids of nodes.
             targets: (edges,) ids of nodes.
-            lengths: (edges,) in map units, not negative; None measures the straight lines.
+            lengths: (edges,) in map units, not negative; None: the straight-line distances.
 
         Raises:
-            UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed then.
+            UnknownName, DuplicateId (KeyError), BadValue (ValueError), BadType (TypeError): nothing has changed.
         """
         self._store.own()
         self._store.edges.extend(**records.checked_edges(self._store.nodes, ids, sources, targets, lengths))
         self._store.rows_added()
 
     def columns(self) -> GraphColumns:
-        """Return the graph as read-only arrays that stay as they are now."""
+        """Return the graph as read-only arrays that never change."""
         columns = self._store.columns()
         if self._phase.agent is None:
             return columns
@@ -452,7 +453,7 @@ class Graph(Guarded, IGraph):
 
     @refused_while_deciding
     def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> "Graph":  # noqa: N803 - published name
-        """Add any networkx graph, or the map of a recording, to what is there, all or nothing."""
+        """Add a networkx graph, or the map of a recording, to the current graph; on an error nothing is added."""
         if not isinstance(G, IGraphSource):
             from gamms.graph.networkx_bridge import attach
 
@@ -466,11 +467,11 @@ class Graph(Guarded, IGraph):
         return self
 
     def to_networkx(self, *, plain: bool = False) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel.
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph if there are parallel edges.
 
         Args:
-            plain: whether attributes are numbers, texts and bools only, for networkx's writers of files: polylines are
-                well-known text, and other values JSON.
+            plain: whether to convert all attributes to numbers, texts and bools, for networkx's file writers: polylines
+            become well-known text, other values JSON.
         """
         from gamms.graph.networkx_bridge import export
 
@@ -492,7 +493,7 @@ class Graph(Guarded, IGraph):
         indexes = self._store.indexes
         return Surroundings({node[0]: node for node in indexes.node_values(rows)}, indexes.edge_values(edges))
 
-    def _surroundings(self, discs: Discs) -> Iterator[Surroundings]:
+    def _surroundings(self, discs: DiscContents) -> Iterator[Surroundings]:
         indexes = self._store.indexes
         nodes, edges = indexes.node_values(discs.nodes), indexes.edge_values(discs.edges)
         starts, ends = discs.node_offsets.tolist(), discs.edge_offsets.tolist()
@@ -508,7 +509,7 @@ class Graph(Guarded, IGraph):
         row_of = self._store.nodes.index.row
         try:
             source, target = edge["source"], edge["target"]
-        except KeyError as error:  # as 1.0.0 has it; for what else is missing it has a ValueError
+        except KeyError as error:  # 1.0.0 raises KeyError here, and ValueError for other missing values
             raise MissingKey(f"Edge {id} needs the key {error}; got only {', '.join(map(shown, edge))}.") from None
         ends = row_of(records.as_id(source, "a node")), row_of(records.as_id(target, "a node"))
         if ends[0] < 0 or ends[1] < 0:

@@ -1,6 +1,6 @@
-"""What a graph can work out again from its tables: nodes by place, edges by end, values by row.
+"""Indexes that are rebuilt from the tables of a graph: nodes by place, edges by end, values by row.
 
-Each index is built when first asked for; a change is noted, or discards what it touches.
+Each index is built on first use; a change is noted in it, or discards the affected part.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,13 +19,13 @@ from gamms.typing.graph_values import Node, OSMEdge
 
 _LATE_EDGES = 1024
 _LATE_NODES = 256
-_WIDER = 8  # how often a search grows before it looks through all nodes
-_REACHES = (1, 3)  # cells to each side of its own in which a node is looked for one by one
-_REACHES_OF_EACH = (0.5, 1.0, 3.0, 9.0)  # likewise, of several places at once
-_SURE = 1.0 - 1e-9  # of a radius: on the rim, rounding may have lost a node that is as near
-_LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
-_TINY = 5e-324  # for a square that would be zero
-_MOST_EAGER = 1 << 19  # rows of a table whose values are made in one go; a larger one's as they are asked for
+_WIDER = 8  # how often a search radius grows before all nodes are searched
+_REACHES = (1, 3)  # half widths in cells, of the squares searched for one place
+_REACHES_OF_EACH = (0.5, 1.0, 3.0, 9.0)  # half widths in cells, of the squares searched for several places at once
+_SURE = 1.0 - 1e-9  # share of a radius; nodes nearer than this are certainly found in spite of rounding
+_LEAST, _MOST = 1e-150, 1e150  # distances whose squares neither vanish nor overflow
+_TINY = 5e-324  # replaces a square that would be zero
+_MOST_EAGER = 1 << 19  # rows up to which all values of a table are made at once
 _MOST_KEPT = 1 << 21
 
 # NOTE: skips the checking constructors; the tables hold checked values (benchmarks: sense).
@@ -34,12 +34,12 @@ _edge: Callable[[Any], OSMEdge] = partial(tuple.__new__, OSMEdge)
 
 
 class NodeGrid:
-    """A cell grid that finds the node rows in a disc at a cost that does not grow with the graph."""
+    """A cell grid that finds the node rows in a disc in time independent of the size of the graph."""
 
     def __init__(self, nodes: NodeTable) -> None:
         self._nodes = nodes
         self._cells = kernels.build_cells(nodes.array("xy"))
-        self._late: set[int] = set()  # rows that were added or moved since
+        self._late: set[int] = set()  # rows added or moved since the grid was built
 
     def note(self, row: int) -> None:
         """Note that a node was added or moved."""
@@ -47,11 +47,11 @@ class NodeGrid:
 
     @property
     def is_outdated(self) -> bool:
-        """Whether so much was noted that a new grid is cheaper."""
+        """Whether the list of changes is so long that a new grid is cheaper."""
         return len(self._late) > _LATE_NODES + 2 * isqrt(len(self._cells.rows))
 
     def within(self, x: float, y: float, d: float) -> IntArray:
-        """Living node rows whose distance to (x, y) is <= d, ascending."""
+        """Return the living node rows with distance <= d to (x, y), ascending."""
         rows = kernels.candidate_rows(self._cells, x, y, d)
         if rows is None:
             rows = np.arange(self._nodes.count)
@@ -64,11 +64,11 @@ class NodeGrid:
         return np.sort(rows)
 
     def within_each(self, rows: IntArray, d: float) -> Iterator[tuple[int, int, IntArray, IntArray]] | None:
-        """Find the living node rows at most `d` from each of several nodes, of some of these at a time.
+        """Find the living node rows at most `d` from each of several nodes, in chunks that bound the memory.
 
         Returns:
-            Of each part the first place in `rows` and the one behind the last, and pairs of a place, from 0 for the
-            first, and a row, in no order; a pair may be there twice. None: they are to be asked for one by one.
+            For each chunk: its first index in `rows`, one past its last index, and pairs of an index, counted from the
+            first of the chunk, and a row, in no order; a pair may occur twice. None: query the nodes one by one.
         """
         xy = self._nodes.array("xy")
         x, y = xy[rows].T
@@ -90,15 +90,15 @@ class NodeGrid:
             yield begin, end, at[is_near], found[is_near]
 
     def around(self, x: float, y: float, reach: int) -> list[int]:
-        """Return the node rows, dead ones too, in the cells around (x, y), so many to each side, and those noted."""
+        """Return the node rows, including dead ones, in the cells around (x, y), and the rows changed since."""
         return [*kernels.rows_around(self._cells, x, y, reach), *self._late]
 
     def nearest(self, x: float, y: float) -> int:
-        """Return the living node row nearest to (x, y), the first of several; there must be one.
+        """Return the living node row nearest to (x, y), the first of several; the grid must have one.
 
-        Squares of distances are compared, or where these are too small or too large for floats, distances.
+        Compares squares of distances; distances themselves if squares would vanish or overflow.
         """
-        # NOTE: at first in plain Python; NumPy takes ten times as long for so few nodes (benchmarks: flyers).
+        # NOTE: first in plain Python; NumPy takes ten times as long for so few nodes (benchmarks: flyers).
         for reach in _REACHES:
             found, square = self._nearest_around(x, y, reach)
             if square == 0.0 or _LEAST**2 < square < min((reach - 0.1) * self._cells.size, _MOST) ** 2:
@@ -113,7 +113,7 @@ class NodeGrid:
         return self._nearest_of(self._nodes.living(), x, y)[0]
 
     def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
-        """Return what `nearest` does for each of several places, (places,)."""
+        """Return the nearest row for each of several places, (places,); see `nearest`."""
         found, open_ = np.full(len(x), -1), np.arange(len(x))
         for reach in () if self._late else _REACHES_OF_EACH:
             d = reach * self._cells.size
@@ -129,13 +129,13 @@ class NodeGrid:
     def _first_near(
         self, x: FloatArray, y: FloatArray, pairs: tuple[IntArray, IntArray], d: float
     ) -> tuple[IntArray, IntArray]:
-        """Return places, by their numbers, and the living rows nearest to them, if these are nearer than d for sure.
+        """Return indices of places and their nearest living rows, if these are certainly closer than d.
 
         Args:
             x: (places,)
-            y: likewise.
-            pairs: numbers of places, ascending, and rows.
-            d: so far around each place, all rows are among the pairs.
+            y: (places,)
+            pairs: indices of places, ascending, and candidate rows.
+            d: radius around each place within which all rows are among the pairs.
         """
         at, rows = pairs
         if self._nodes.dead:
@@ -143,7 +143,7 @@ class NodeGrid:
         xy = self._nodes.array("xy").take(rows, axis=0)
         dx, dy = xy[:, 0] - x[at], xy[:, 1] - y[at]
         squares = dx * dx + dy * dy
-        squares[(squares <= _LEAST**2) & ((dx != 0.0) | (dy != 0.0))] = np.nan  # those are not compared here
+        squares[(squares <= _LEAST**2) & ((dx != 0.0) | (dy != 0.0))] = np.nan  # too small to compare by squares
         begins = np.flatnonzero(np.diff(at, prepend=-1))
         if not len(begins):
             return begins, begins
@@ -154,7 +154,7 @@ class NodeGrid:
         return at[begins[is_sure]], row[is_sure]
 
     def _nearest_around(self, x: float, y: float, reach: int) -> tuple[int, float]:
-        """Return the first living row at the least distance from (x, y) in the cells around it, and its square."""
+        """Return the first living row at the least distance from (x, y) in the cells around it, and the square."""
         xy, alive, least, found = self._nodes.xy, self._nodes.alive, inf, -1
         for row in self.around(x, y, reach):
             dx, dy = xy[2 * row] - x, xy[2 * row + 1] - y
@@ -166,10 +166,10 @@ class NodeGrid:
         return found, least
 
     def _nearest_of(self, rows: IntArray, x: float, y: float) -> tuple[int, float]:
-        """Return the first of those rows at the least distance from (x, y), and this; infinite where there is none."""
+        """Return the row nearest to (x, y), the first of equals, and its distance; infinite if there are no rows."""
         if not len(rows):
             return -1, inf
-        with np.errstate(over="ignore", under="ignore"):  # infinitely far away is far away
+        with np.errstate(over="ignore", under="ignore"):  # an infinite distance is a valid result
             dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
             squares = dx * dx + dy * dy
             if not _LEAST**2 < squares.min() < _MOST**2:
@@ -181,8 +181,8 @@ class NodeGrid:
 class Adjacency:
     """Edge rows grouped by source (or target) row.
 
-    A grouping is made once; edges that change later are noted beside it. What the grouping says is checked against
-    the table when read, so a removed edge needs no note.
+    A grouping is computed once; later changes of edges are noted in addition. Rows from the grouping are checked
+    against the table when they are read, so a removed edge needs no note.
     """
 
     def __init__(self, edges: EdgeTable, end: str, nodes: int) -> None:
@@ -190,9 +190,9 @@ class Adjacency:
         self._nodes = nodes
         self._offsets, self._rows = kernels.group_rows(edges.array(end), nodes)
         self._offset_view, self._row_view = self._offsets.data, self._rows.data
-        self._late: dict[int, list[int]] = {}  # node row -> edge rows noted since
+        self._late: dict[int, list[int]] = {}  # node row -> edge rows added later
         self._late_count = 0
-        self._is_exact = edges.dead == 0  # whether every grouped edge is alive and still where it was
+        self._is_exact = edges.dead == 0  # whether all grouped edges are alive and unmoved
 
     def note_added(self, node: int, edge: int) -> None:
         """Note that an edge now has this end at `node`."""
@@ -200,16 +200,16 @@ class Adjacency:
         self._late_count += 1
 
     def note_changed(self) -> None:
-        """Note that some edge was removed or has moved away from its node."""
+        """Note that an edge was removed or moved away from its node."""
         self._is_exact = False
 
     @property
     def is_outdated(self) -> bool:
-        """Whether so much was noted that a new grouping is cheaper."""
+        """Whether the list of changes is so long that a new grouping is cheaper."""
         return self._late_count > _LATE_EDGES + len(self._rows) // 4
 
     def at_one(self, node: int) -> list[int]:
-        """Living edge rows whose end is this node row, ascending."""
+        """Return the living edge rows whose end is this node row, ascending."""
         rows: list[int] = []
         if node < self._nodes:
             rows = self._row_view[self._offset_view[node] : self._offset_view[node + 1]].tolist()
@@ -222,7 +222,7 @@ class Adjacency:
         return rows
 
     def at_each(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return living edge rows whose end is one of `nodes`, and at which of them, in no order; some may be twice."""
+        """Return living edge rows whose end is one of `nodes`, and the index of this node; unordered, may repeat."""
         known = np.minimum(nodes, self._nodes)
         at, places = kernels.expand_ranges(self._offsets[known], self._offsets[np.minimum(nodes + 1, self._nodes)])
         rows = self._rows[places]
@@ -236,7 +236,7 @@ class Adjacency:
         return at, rows
 
     def at(self, nodes: IntArray) -> IntArray:
-        """Living edge rows whose end is one of `nodes` (unique rows), ascending."""
+        """Return the living edge rows whose end is one of `nodes` (unique rows), ascending."""
         rows = kernels.ragged_rows(self._offsets, self._rows, nodes[nodes < self._nodes])
         if self._late:
             late = [edge for node in nodes.tolist() for edge in self._late.get(node, ())]
@@ -250,28 +250,28 @@ class Adjacency:
 
 
 def is_within(x: FloatArray, y: FloatArray, at_x: FloatArray | float, at_y: FloatArray | float, d: float) -> BoolArray:
-    """Return whether points are at most `d` from a place, or from each of several (places, 1)."""
-    with np.errstate(over="ignore"):  # infinitely far away is far away
+    """Return whether points are at most `d` from a place, or from each of several places (places, 1)."""
+    with np.errstate(over="ignore"):  # an infinite distance is a valid result
         dx, dy = x - at_x, y - at_y
         is_near: BoolArray = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
     return is_near
 
 
 def are_within(xy: FloatArray, places: FloatArray, d: float) -> BoolArray:
-    """Return whether points (points, 2) are at most `d` from places (points, 2); no square is zero or infinite."""
-    with np.errstate(over="ignore"):  # infinitely far away is far away
+    """Return whether points (points, 2) are at most `d` from places (points, 2); squares must not overflow."""
+    with np.errstate(over="ignore"):  # an infinite distance is a valid result
         off = xy - places
         off *= off
         is_near: BoolArray = off[:, 0] + off[:, 1] <= d * d
     return is_near
 
 
-class Values:
-    """Values by row; `make(rows)` makes those of some rows."""
+class RowValueCache:
+    """A cache of values by row; `make(rows)` computes missing values."""
 
     def __init__(self, make: Callable[[RowArray], list[Any]]) -> None:
         self._make = make
-        self._values = np.empty(0, object)  # (rows,)  None where it is not made yet
+        self._values = np.empty(0, object)  # (rows,)  None if not computed yet
         self._is_complete = True
         self._made = 0
 
@@ -283,19 +283,19 @@ class Values:
         if not self._is_complete and None in taken:
             self._fill(rows[np.fromiter((value is None for value in taken), np.bool_, len(taken))])
             taken = self._values[rows].tolist()
-            if None in taken:  # making room for the missing ones has dropped the others
+            if None in taken:  # growing the cache dropped the other values
                 taken = self._make(rows)
         return taken
 
     def forget(self, rows: IntArray) -> None:
-        """These rows have changed."""
+        """Drop the values of changed rows."""
         self._values[rows[rows < len(self._values)]] = None
         self._is_complete = False
 
     def _grow(self, count: int) -> None:
         before = len(self._values)
         is_eager = count <= _MOST_EAGER
-        # Room to spare, so that a graph that grows between two looks is not copied at each of them.
+        # Spare room, so that a graph that grows between two reads is not copied at each read.
         values = np.empty(count if is_eager else count + count // 4, object)
         values[:before] = self._values
         if is_eager:
@@ -304,7 +304,7 @@ class Values:
             self._made += len(rows)
         else:
             self._is_complete = False
-        self._values = values  # now, for games in other threads may ask, too
+        self._values = values  # assigned first, because other threads may read it
 
     def _fill(self, rows: RowArray) -> None:
         if self._made + len(rows) > _MOST_KEPT:
@@ -323,7 +323,7 @@ def node_values(nodes: NodeTable, rows: RowArray) -> list[Node]:
 def edge_values(
     edges: EdgeTable, nodes: NodeTable, rows: RowArray, take_nodes: Callable[[RowArray], list[Node]]
 ) -> list[OSMEdge]:
-    """Return the values of edge rows; `take_nodes` gives those of node rows."""
+    """Return the values of edge rows; use `take_nodes` for node rows."""
     sources, targets = edges.array("sources")[rows], edges.array("targets")[rows]
     ids = nodes.array("ids")
     first: list[Any] = take_nodes(sources)
@@ -335,8 +335,8 @@ def edge_values(
     return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
 
 
-class Discs(NamedTuple):
-    """What lies around several places: of place i the rows from `offsets[i]` to `offsets[i + 1]`, in insertion order.
+class DiscContents(NamedTuple):
+    """The rows around several places: those of place i are at `offsets[i]:offsets[i + 1]`, in insertion order.
 
     Attributes:
         node_offsets: (places + 1,)
@@ -352,9 +352,10 @@ class Discs(NamedTuple):
 
 
 def _by_place(at: IntArray, rows: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Return pairs of a place and one of `count` rows by place, then by row, each once."""
+    """Return unique pairs of a place and one of `count` rows, sorted by place, then by row."""
     keys = at * count + rows
-    keys.sort(kind="stable")  # NOTE: a sixth of the time of the default, as rows come in runs (benchmarks: looks)
+    # NOTE: a sixth of the time of the default sort, because rows come in runs (benchmarks: looks).
+    keys.sort(kind="stable")
     if len(keys):
         keys = keys[np.concatenate(([True], keys[1:] != keys[:-1]))]
     at = keys // max(count, 1)
@@ -365,38 +366,39 @@ class Indexes:
     """The indexes of one graph's tables."""
 
     def __init__(self, nodes: NodeTable, edges: EdgeTable, forget: Callable[[int], None]) -> None:
-        self.is_built = False  # whether there is anything to note a change in
-        self.forget = forget  # called with the id of a node whose neighbours have changed
+        self.is_built = False  # whether any index exists that changes must be noted in
+        self.forget = forget  # called with the id of a node whose neighbors have changed
         self._nodes, self._edges = nodes, edges
         self._grid: NodeGrid | None = None
         self._by_end: dict[str, Adjacency] = {}
-        self._node_values = Values(lambda rows: node_values(nodes, rows))
-        self._edge_values = Values(lambda rows: edge_values(edges, nodes, rows, self.node_values))
-        self._unused: list[BoolArray] = []  # by node row, all False; none while it is used
+        self._node_values = RowValueCache(lambda rows: node_values(nodes, rows))
+        self._edge_values = RowValueCache(lambda rows: edge_values(edges, nodes, rows, self.node_values))
+        self._unused: list[BoolArray] = []  # arrays by node row, all False; empty while the array is in use
 
-    # -- questions ----------------------------------------------------------------------------------------------
+    # -- queries ------------------------------------------------------------------------------------------------
 
     def nodes_within(self, x: float, y: float, d: float) -> IntArray:
-        """Return node rows whose distance to (x, y) is <= d, ascending."""
-        return self._node_grid().within(float(x), float(y), float(d))  # a NumPy float32 would round the rim away
+        """Return the node rows with distance <= d to (x, y), ascending."""
+        # A NumPy float32 would exclude nodes at distance d by rounding.
+        return self._node_grid().within(float(x), float(y), float(d))
 
     def nearest(self, x: float, y: float) -> int:
-        """Return the node row nearest to (x, y), the first of several; there must be a node."""
+        """Return the node row nearest to (x, y), the first of several; the graph must have a node."""
         return self._node_grid().nearest(x, y)
 
     def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
-        """Return the node rows nearest to places, (places,), of each the first of several; there must be a node."""
+        """Return the nearest node row for each of several places, (places,); the graph must have a node."""
         return self._node_grid().nearest_each(x, y)
 
     def edges_at(self, nodes: IntArray) -> IntArray:
-        """Edge rows with at least one end among the node rows, ascending."""
+        """Return the edge rows with at least one end among the node rows, ascending."""
         return np.union1d(self._adjacency("sources").at(nodes), self._adjacency("targets").at(nodes))
 
     def edges_among(self, nodes: IntArray) -> IntArray:
         """Return the rows of the edges with both ends among the node rows, in insertion order."""
         rows = self._adjacency("sources").at(nodes)
         try:
-            is_seen = self._unused.pop()  # for one at a time: games in other threads may ask, too
+            is_seen = self._unused.pop()  # taken from the list, because other threads may run the same query
         except IndexError:
             is_seen = np.zeros(0, np.bool_)
         if len(is_seen) < self._nodes.count:
@@ -407,15 +409,15 @@ class Indexes:
         self._unused[:] = [is_seen]
         return among
 
-    def discs(self, rows: IntArray, d: float) -> Iterator[Discs] | None:
-        """Find what lies around each of several node rows, some of them at a time.
+    def discs(self, rows: IntArray, d: float) -> Iterator[DiscContents] | None:
+        """Find the rows around each of several node rows, in chunks that bound the memory.
 
-        None: it is to be asked for one by one.
+        None: query the nodes one by one.
         """
         parts = self._node_grid().within_each(rows, d)
         return None if parts is None else (self._discs_of(*part, rows, d) for part in parts)
 
-    def _discs_of(self, begin: int, end: int, at: IntArray, nodes: IntArray, rows: IntArray, d: float) -> Discs:
+    def _discs_of(self, begin: int, end: int, at: IntArray, nodes: IntArray, rows: IntArray, d: float) -> DiscContents:
         xy, places = self._nodes.array("xy"), np.arange(end - begin + 1)
         at, nodes = _by_place(at, nodes, self._nodes.count)
         where, edges = self._adjacency("sources").at_each(nodes)
@@ -423,20 +425,20 @@ class Indexes:
         targets = self._edges.array("targets")[edges]
         is_inside = are_within(xy.take(targets, axis=0), xy[rows[begin:end]].take(where, axis=0), d)
         where, edges = _by_place(where[is_inside], edges[is_inside], self._edges.count)
-        return Discs(np.searchsorted(at, places), nodes, np.searchsorted(where, places), edges)
+        return DiscContents(np.searchsorted(at, places), nodes, np.searchsorted(where, places), edges)
 
     def edge_values(self, rows: RowArray) -> list[OSMEdge]:
-        """Return the edges in these rows."""
+        """Return the edges of these rows."""
         return self._edge_values.take(rows, self._edges.count)
 
     def node_values(self, rows: RowArray) -> list[Node]:
-        """Return the nodes in these rows."""
+        """Return the nodes of these rows."""
         self.is_built = True
         return self._node_values.take(rows, self._nodes.count)
 
     def edge_value(self, row: int) -> OSMEdge:
-        """Return the edge in a row."""
-        # NOTE: without arrays, because agents on edges ask one by one (benchmarks: travel).
+        """Return the edge of a row."""
+        # NOTE: without arrays, because agents on edges ask for single edges (benchmarks: travel).
         edges, nodes = self._edges, self._nodes
         source, target, polyline = edges.sources[row], edges.targets[row], edges.polylines.get(row)
         if polyline is None:
@@ -447,10 +449,10 @@ class Indexes:
         return _edge((edges.ids[row], nodes.ids[source], nodes.ids[target], edges.lengths[row], *shape))
 
     def neighbors(self, id: int) -> list[int]:
-        """Return unique targets of the edges leaving a node, in edge insertion order.
+        """Return the unique targets of the edges leaving a node, in edge insertion order.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): the node does not exist.
         """
         row = self._nodes.index.row(id)
         if row < 0:
@@ -460,11 +462,11 @@ class Indexes:
         return list(dict.fromkeys(ids[targets[edge]] for edge in edges))
 
     def all_neighborhoods(self, most: int) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """Every node's neighbourhood, for a graph of at most `most` nodes; nothing for a larger one."""
+        """Yield (id, neighborhood) of every node, for a graph of at most `most` nodes; nothing for a larger graph."""
         nodes, edges = self._nodes.living(), self._edges.living()
         if len(nodes) > most:
             return
-        # NOTE: one int object per id, so that looking one up compares no values (benchmarks: the loop).
+        # NOTE: one int object per id, so that dict look-ups compare by identity (benchmarks: the loop).
         ids = self._nodes.array("ids").astype(object)
         offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
         targets = ids[self._edges.array("targets")[edges][order]].tolist()
@@ -473,13 +475,13 @@ class Indexes:
             yield id, tuple(dict.fromkeys((id, *targets[start:end])))
 
     def targets_by_row(self) -> tuple[memoryview, memoryview]:
-        """Return where the targets of the edges leaving each node row begin in a list of ids, and that list."""
+        """Return the start, by node row, of the targets of its edges in a list of ids, and this list."""
         edges = self._edges.living()
         offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
         ids = self._nodes.array("ids")[self._edges.array("targets")[edges][order]]
         return offsets.data, ids.data
 
-    # -- notes --------------------------------------------------------------------------------------------------
+    # -- changes ------------------------------------------------------------------------------------------------
 
     def node_added(self, row: int) -> None:
         """Note that a node was appended."""
@@ -487,7 +489,7 @@ class Indexes:
             self._grid.note(row)
 
     def node_moved(self, row: int) -> None:
-        """Note that a node has other coordinates; straight edges at it have another shape."""
+        """Note that the coordinates of a node changed; straight edges at it changed their shape."""
         if not self.is_built:
             return
         self.node_added(row)
@@ -496,18 +498,18 @@ class Indexes:
         self._edge_values.forget(self.edges_at(nodes))
 
     def node_removed(self, row: int) -> None:
-        """Note that a node and its edges are dead."""
+        """Note that a node and its edges were removed."""
         self.forget(self._nodes.ids[row])
 
     def edge_added(self, row: int, source: int, target: int) -> None:
-        """Note that an edge was appended, or has these ends now."""
+        """Note that an edge was appended, or now has these ends."""
         for end, node in (("sources", source), ("targets", target)):
             if end in self._by_end:
                 self._by_end[end].note_added(node, row)
         self.forget(self._nodes.ids[source])
 
     def edge_changed(self, row: int, old_ends: tuple[int, int], ends: tuple[int, int]) -> None:
-        """Note that an edge has another length, shape or ends."""
+        """Note that the length, shape or ends of an edge changed."""
         if not self.is_built:
             return
         self._edge_values.forget(np.array([row]))
@@ -516,7 +518,7 @@ class Indexes:
             self.edge_added(row, *ends)
 
     def edge_removed(self, ends: tuple[int, int]) -> None:
-        """Note that an edge is dead, or has left these ends."""
+        """Note that an edge was removed, or moved away from these ends."""
         for adjacency in self._by_end.values():
             adjacency.note_changed()
         self.forget(self._nodes.ids[ends[0]])

@@ -1,7 +1,7 @@
-"""The save format: one file that holds a graph completely, and that is safe to open.
+"""The file format of saved maps: one file that holds a complete graph and is safe to open.
 
-Layout: 8 bytes `GAMMSMAP`; three little-endian uint32: format version, size and CRC-32 of what follows; then a dict of
-arrays and plain values, as `ir/packing.py` packs it. Nothing in a file is ever evaluated or imported.
+Layout: 8 bytes `GAMMSMAP`; three little-endian uint32: format version, size and CRC-32 of the rest; then a dict of
+arrays and plain values, packed by `ir/packing.py`. Nothing in a file is ever evaluated or imported.
 """
 
 import os
@@ -40,12 +40,12 @@ from gamms.typing.map_storage import LeftOut
 from gamms.typing.memory_engine import IPathLike, Row, Schema
 
 MAGIC = b"GAMMSMAP"
-VERSION = 2  # of development versions, 1 was; it is not read
+VERSION = 2  # version 1 was used by development versions; it is not supported
 _SCENERIES: dict[str | None, Path] = {"helsinki": Path(__file__).parent.parent / "data" / "helsinki.gamms"}
 _HEAD = Struct("<8sIII")
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
-_SIMPLE = {str, int, bool, bytes, type(None)}  # values of one of them that are equal are the same
+_SIMPLE = {str, int, bool, bytes, type(None)}  # types whose equal values are interchangeable
 _Attributes = dict[str, CodedValues]  # by name
 
 
@@ -60,7 +60,7 @@ class SavedMap(NamedTuple):
 
 
 def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
-    """Return the same without the attributes that are no plain data, and which these are."""
+    """Return the columns without attributes that are not plain data, and the names of these attributes."""
     columns, left_out = contents.columns, LeftOut()
     given = {"node": (columns.node_attributes, columns.node_ids), "edge": (columns.edge_attributes, columns.edge_ids)}
     kept: dict[str, dict[str, dict[int, Plain]]] = {"node": {}, "edge": {}}
@@ -82,20 +82,20 @@ def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
 
 
 def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
-    """Return the value of an attribute as bytes, the same bytes for the same value.
+    """Return an attribute value as bytes; equal values give equal bytes.
 
     Args:
-        value: what is saved.
+        value: the value to save.
         kind: "Node" or "Edge", for the message.
-        name: of the attribute.
+        name: name of the attribute.
 
     Raises:
-        BadValue: it is no plain value.
+        BadValue: not a plain value.
     """
     if flaw := why_not_plain(value):
         raise BadValue(
-            f"{kind} attribute {name!r} cannot be saved: {shown(value)} (it{flaw}). Only None, bool, int, float, "
-            f"str, bytes, arrays of numbers, and list, tuple, set and dict of these can; convert it, or remove the "
+            f"{kind} attribute {name!r} cannot be saved: {shown(value)} (it{flaw}). Only None, bool, int, float, str, "
+            f"bytes, arrays of numbers, and list, tuple, set and dict of these can be saved; convert it, or remove the "
             f"attribute before saving."
         )
     return packing.to_bytes(value, f"{kind} attribute {name!r}")
@@ -107,16 +107,16 @@ def checked_columns(
     attributes: tuple[_Attributes, _Attributes],
     crs: str | None,
 ) -> GraphColumns:
-    """Return columns from the arrays of a file, which may hold anything.
+    """Check untrusted arrays from a file, and return them as columns.
 
     Args:
         arrays: `node_ids`, `xy`, `edge_ids`, `sources` and `targets` (node rows), `lengths`.
-        polylines: of edge rows.
-        attributes: of nodes and of edges, name -> row -> value.
+        polylines: polylines by edge row.
+        attributes: attributes of nodes and of edges, name -> row -> value.
         crs: the coordinate reference system.
 
     Raises:
-        BadFile: they do not make a graph.
+        BadFile: the arrays do not describe a valid graph.
     """
     nodes, edges = len(arrays["node_ids"]), len(arrays["edge_ids"])
     for name, shape in (
@@ -133,7 +133,7 @@ def checked_columns(
         try:
             RowIndex().refuse_duplicates(ids, kind)
         except GammsError as error:
-            raise BadFile(f"an id is there twice: {error}") from error
+            raise BadFile(f"an id occurs twice: {error}") from error
     _check_rows(arrays["sources"], nodes, "source")
     _check_rows(arrays["targets"], nodes, "target")
     _check_rows(polylines.rows, edges, "polyline")
@@ -160,14 +160,14 @@ def checked_columns(
 
 def _check_rows(rows: IntArray, count: int, what: str) -> None:
     if len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < count:
-        raise BadFile(f"a {what} belongs to a row that is not there")
+        raise BadFile(f"a {what} belongs to a row that does not exist")
 
 
 def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
-    """Write a graph; the file appears complete or not at all.
+    """Write a graph to a file; the file appears complete or not at all.
 
     Raises:
-        BadValue: an attribute is no plain data.
+        BadValue: an attribute is not plain data.
         MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
     data = encode(contents)
@@ -175,7 +175,7 @@ def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
 
 
 def save_beside(path: str, contents: SavedMap) -> str:
-    """Write a graph that cannot be written to `path` into a new file next to it; returns the path of that."""
+    """Write a graph to a new file next to `path`, which cannot be written; return the path of the new file."""
     for number in count(1):
         beside = f"{path}.unsaved-{number}.gamms"
         try:
@@ -192,7 +192,7 @@ def load(path: str | os.PathLike[str]) -> SavedMap:
 
     Raises:
         BadFile (ValueError): the file is damaged, foreign, too new or absurdly large.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     data = as_path(path, "path").read_bytes()
     try:
@@ -203,7 +203,7 @@ def load(path: str | os.PathLike[str]) -> SavedMap:
 
 @lru_cache(maxsize=4)
 def scenery_called(name: str | None) -> Scenery:
-    """Return the scenery of that name, which comes with GAMMS; an empty one of any other name."""
+    """Return a base map included in GAMMS by name; an empty one for unknown names."""
     if name not in _SCENERIES:
         return no_scenery()
     contents, buildings = load(_SCENERIES[name]), Obstacles()
@@ -216,7 +216,7 @@ def encode(contents: SavedMap) -> bytes:
     """Return a graph as the bytes of a file; the same graph gives the same bytes.
 
     Raises:
-        BadValue: an attribute is no plain data.
+        BadValue: an attribute is not plain data.
     """
     graph = contents.columns
     state = {
@@ -237,7 +237,7 @@ def decode(data: bytes) -> SavedMap:
     Raises:
         BadFile: see `load`.
     """
-    with refusing_damages():
+    with reporting_damage():
         state = unframed(data, MAGIC, VERSION)
         arrays, others = ({name: _array_of(state, name) for name in names} for names in (_GRAPH, _OTHERS))
         attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
@@ -247,30 +247,30 @@ def decode(data: bytes) -> SavedMap:
         return SavedMap(graph, list(_faces_of(others)), attribution, _scenery_of(state), closed)
 
 
-# -- any file of columns and plain values -------------------------------------------------------------------------
+# -- files of columns and plain values ----------------------------------------------------------------------------
 
 
 def framed(state: dict[str, Plain], magic: bytes, version: int, level: int = BEST) -> bytes:
-    """Return a dict of arrays and plain values as the bytes of a file that begins with `magic`; `level` of zlib."""
+    """Return a dict of arrays and plain values as the bytes of a file that begins with `magic`; zlib level `level`."""
     body = packing.pack(state, "A file", level)
     return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body
 
 
 def unframed(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
-    """Return what `framed` got.
+    """Return the contents of a file framed by `framed`.
 
     Raises:
-        BadFile: these are no such bytes.
+        BadFile: the bytes are not such a file.
     """
     if len(data) < _HEAD.size or not data.startswith(magic):
-        raise BadFile("it does not begin like one")
+        raise BadFile("it does not begin with the right bytes")
     _, found, size, crc = _HEAD.unpack_from(data)
     if found > version:
-        raise BadFile(f"it has format version {found}, this GAMMS reads {version}; install a newer one")
+        raise BadFile(f"it has format version {found}, but this GAMMS reads version {version}; install a newer GAMMS")
     if found < version:
         raise BadFile(f"it has format version {found}, which was never released; save it again")
     if len(data) > _HEAD.size + size:
-        raise BadFile("there is something behind its end")
+        raise BadFile("it has extra bytes at its end")
     body = data[_HEAD.size :]
     if len(body) < size or zlib.crc32(body) != crc:
         raise BadFile("it is damaged or cut off")
@@ -279,8 +279,8 @@ def unframed(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
 
 
 @contextmanager
-def refusing_damages() -> Iterator[None]:
-    """Turn what goes wrong with the contents of a file into a `BadFile`."""
+def reporting_damage() -> Iterator[None]:
+    """Turn errors about the contents of a file into `BadFile`."""
     try:
         yield
     except BadFile:
@@ -307,7 +307,7 @@ def _arrays_of(contents: SavedMap) -> dict[str, Array]:
 
 
 def _bends_of(polylines: Mapping[int, FloatArray]) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return rows, ascending, and the number of points of each polyline, and the points of all."""
+    """Return the edge rows, ascending, the number of points of each polyline, and the points of all polylines."""
     if isinstance(polylines, Polylines):
         _, taken = kernels.expand_ranges(polylines.starts, polylines.ends)
         return polylines.rows, polylines.ends - polylines.starts, polylines.points[taken]
@@ -325,7 +325,7 @@ def _closed_of(closed: ClosedEdges) -> list[Plain]:
 
 
 def _checked_edge(edge: Plain) -> dict[str, Any]:
-    """Return an edge that was closed; it is checked here as far as that needs no graph, and when it is opened."""
+    """Check a closed edge as far as possible without the graph; `open_roads` checks the rest."""
     id, line = records.as_id(edge["id"], "an edge"), edge.get("linestring")
     records.as_length(edge["length"], id)
     for end in ("source", "target"):
@@ -339,12 +339,12 @@ def _array_of(state: dict[str, Plain], name: str) -> Array:
     array = state[name]
     is_float = name in ("xy", "lengths", "bend_points", "face_corners", "points")
     if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
-        raise BadFile(f"{name!r} is no array of the right type")
+        raise BadFile(f"{name!r} is not an array of the right type")
     return array
 
 
 def _columns_of(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dict[str, list[Plain]]:
-    """Return of each attribute the rows that have it, which value each has, and the distinct values."""
+    """Return for each attribute the rows that have it, the index of the value of each row, and the distinct values."""
     columns: dict[str, list[Plain]] = {}
     for name, by_row in sorted(attributes.items()):
         rows, codes, values = _coded(by_row)
@@ -356,7 +356,7 @@ def _columns_of(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dic
 
 
 def _coded(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]]:
-    """Return the rows, ascending, which value each has, and the values in the order in which they first appear."""
+    """Return the rows, ascending, the index of the value of each, and the distinct values by first appearance."""
     if isinstance(by_row, CodedValues):
         codes, firsts = kernels.first_seen(by_row.codes)
         return by_row.rows, codes, [by_row.choices[code] for code in by_row.codes[firsts].tolist()]
@@ -365,7 +365,7 @@ def _coded(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]
 
 
 def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
-    """Return keys that are equal where the bytes of values are."""
+    """Return keys that are equal if and only if the values have equal bytes."""
     # NOTE: a city has a million values of a few kinds, often one object for many edges (benchmarks: Files).
     kinds = set(map(type, values))
     if kinds == {float}:
@@ -379,7 +379,7 @@ def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
 
 
 def _attributes_of(columns: Plain) -> _Attributes:
-    """Return attributes by name; rows of one value share it."""
+    """Return attributes by name; rows with equal values share one object."""
     found: _Attributes = {}
     for name, (rows, codes, values) in columns.items():
         if type(name) is not str or type(values) is not list or not len(rows) == len(codes) > 0:
@@ -413,20 +413,20 @@ def _faces_of(columns: dict[str, Array]) -> Iterable[ObsFace]:
     corners = columns["face_corners"].reshape(-1, 4, 3).tolist()
     ids, types = columns["face_ids"].tolist(), columns["face_types"].tolist()
     if len(set(ids)) < len(ids):
-        raise BadFile("an obstacle face is there twice")
+        raise BadFile("an obstacle face occurs twice")
     for id, type, (tr, tl, br, bl) in zip(ids, types, corners, strict=True):
         yield checked_face(id, tr, tl, br, bl, type)
 
 
 def _scenery_state(scenery: str | Scenery | None) -> dict[str, Plain]:
-    """Return what a file says of a scenery: its name, or all of it."""
+    """Return the base map as a file stores it: its name, or its columns."""
     if not isinstance(scenery, Scenery):
         return {} if scenery is None else {"scenery": scenery}
     return {"base_map": base_map_of(scenery)}
 
 
 def base_map_of(scenery: Scenery) -> dict[str, Plain]:
-    """Return the columns of a scenery, as a file holds them."""
+    """Return the columns of a base map, as stored in a file."""
     return {
         "kinds": scenery.kinds,
         "sizes": np.diff(scenery.offsets),
@@ -455,7 +455,7 @@ def _scenery_of(state: dict[str, Plain]) -> str | Scenery | None:
 # -- a map in a database file: the bytes of a saved map in one row of a store of `ctx.ictx.memory` ------------------
 
 
-STORE = ".graph"  # the dot: no store of the program's, and not listed among those
+STORE = ".graph"  # the dot marks a store that does not belong to the program and is not listed
 _MAP, _KEY = "saved_map", 0
 _SCHEMA: Schema = {"id": int, "saves": int, "map": bytes}
 
@@ -464,38 +464,38 @@ class NoFile(IPathLike):
     """The path of a database in memory."""
 
     def as_str(self) -> str:
-        """Return what SQLite calls it."""
+        """Return the path as SQLite takes it."""
         return ":memory:"
 
     def exists(self) -> bool:
-        """Return False: there is no file."""
+        """Return False: an in-memory database has no file."""
         return False
 
 
 class MapDatabase:
-    """Writes a map into a store and reads it again; counts the saves, so that no program overwrites an unread one.
+    """Writes a map to a store and reads it back; counts saves, so that no program overwrites a map it has not read.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
     """
 
-    def __init__(self, store: Any) -> None:  # Any: a DATABASE store, which has more than `IStore`
+    def __init__(self, store: Any) -> None:  # Any: a DATABASE store, which has more methods than `IStore`
         self._store = store
         self.path: str = store.path().as_str()
-        self._saves = 0  # that had been made when the map was read
+        self._saves = 0  # number of saves when the map was read
         if store.is_foreign:
-            raise BadFile(f"{self.path} is a database of something else, not of a graph.")
+            raise BadFile(f"{self.path} is a database, but not of a graph.")
         try:
             store.create_map(_MAP, _SCHEMA, "id")
         except GammsError as error:
-            raise BadFile(f"{self.path} cannot be opened as the database of a graph: {error}") from error
+            raise BadFile(f"{self.path} cannot be opened as a graph database: {error}") from error
         store.flush()
 
     def read(self) -> SavedMap:
-        """Return the map that was written last, or an empty one.
+        """Return the map that was written last, or an empty map.
 
         Raises:
-            BadFile: what is in the file is damaged.
+            BadFile: the contents of the file are damaged.
         """
         try:
             row = self._row()
@@ -507,12 +507,12 @@ class MapDatabase:
         return contents
 
     def write(self, contents: SavedMap) -> None:
-        """Replace what the database holds.
+        """Replace the contents of the database.
 
         Raises:
-            BadValue: an attribute is no plain value; the database keeps the map it had.
-            WriteConflict: another program has saved since the map was read; the database keeps what that saved.
-            BadFile: the file cannot be written; it keeps the map it had.
+            BadValue: an attribute is not a plain value; the database keeps its previous map.
+            WriteConflict: another program has saved since the map was read; the database keeps that program's map.
+            BadFile: the file cannot be written; it keeps its previous map.
         """
         data = encode(contents)
         with self._store.transaction():
@@ -520,15 +520,15 @@ class MapDatabase:
             if saves != self._saves:
                 raise WriteConflict(
                     f"Another program has saved to {self.path} since this context read it, and saving now would undo "
-                    "that. Keep this graph in another file with ctx.graph.save('mine.gamms'), or drop it and read "
-                    "what is in the database with ctx.graph.load()."
+                    "that. Save this graph to another file with ctx.graph.save('mine.gamms'), or discard it and read "
+                    "the database with ctx.graph.load()."
                 )
             write = self._store.update_data if saves else self._store.insert_data
             write(_MAP, {"id": _KEY, "saves": saves + 1, "map": data})
         self._saves += 1
 
     def _row(self) -> Row:
-        keys = list(self._store.query_keys(_MAP))  # in a file that was cut off, the index of the keys may be missing
+        keys = list(self._store.query_keys(_MAP))  # in a truncated file, the key index may be missing
         if not keys:
             return {"id": _KEY, "saves": 0, "map": b""}
         row: Row = self._store.get_data(_MAP, _KEY)

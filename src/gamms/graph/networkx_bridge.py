@@ -1,4 +1,4 @@
-"""The bridge to networkx: any of its graphs in, ours out, and street grids as networkx graphs."""
+"""Convert networkx graphs to GAMMS and back, and make street grids."""
 
 from collections import defaultdict
 from collections.abc import Hashable, Iterable
@@ -24,34 +24,34 @@ if TYPE_CHECKING:
     import networkx as nx
     from shapely import LineString
 
-LABEL = "networkx_label"  # the attribute that keeps a node's label where it could not be its id
+LABEL = "networkx_label"  # attribute with the networkx label of a node, if the label could not be its id
 
-_NODE_COLUMNS = frozenset(("x", "y"))  # what becomes columns; all other data are attributes
+_NODE_COLUMNS = frozenset(("x", "y"))  # node data that become columns; all other data become attributes
 _EDGE_COLUMNS = frozenset(("id", "length", "linestring", "geometry"))
-_NODE_BYTES = 1_000  # with its edges: 430 measured as they are attached, and what games derive from them
-_NETWORKX_BYTES = 5_000  # measured: 2,600 in networkx, and 2,200 as they are attached
+_NODE_BYTES = 1_000  # bytes per node with its edges: 430 measured when attached, plus data that games derive
+_NETWORKX_BYTES = 5_000  # bytes per node, measured: 2,600 in networkx, and 2,200 when attached
 
 
 def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
-    """Add a networkx graph to a graph, all or nothing.
+    """Add a networkx graph to a graph; on an error nothing is added.
 
     Raises:
         BadValue (ValueError): "Failed to attach NetworkX graph: …", with the reason as its cause.
     """
     try:
-        made = _Import(store, G)
+        made = _NetworkxImport(store, G)
         store.append(made.columns(), made.attribution)
     except Exception as error:
-        # Labels and attributes are of any class, and so are the errors of looking at them.
+        # Labels and attributes may be of any class, so reading them may raise any error.
         raise BadValue(f"Failed to attach NetworkX graph: {error}") from error
 
 
 def export(
     columns: GraphColumns, attribution: str | None, *, plain: bool = False
 ) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-    """Return a DiGraph with our ids as labels; a MultiDiGraph, keyed by edge id, where edges are parallel.
+    """Return a DiGraph with ids as labels; a MultiDiGraph, keyed by edge id, if there are parallel edges.
 
-    `plain` makes all attributes numbers, texts and bools.
+    With `plain`, all attributes become numbers, texts and bools.
     """
     import networkx as nx
 
@@ -87,24 +87,24 @@ def _lines(columns: GraphColumns) -> "list[LineString]":
 
 
 def labels(columns: GraphColumns) -> dict[Hashable, int]:
-    """Return label in networkx -> id here, for every node whose label could not be its id."""
+    """Return networkx label -> id, for every node whose label could not be its id."""
     return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
 
 
 def grid(rows: int, columns: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
-    """Make a grid of nodes; neighbors in a row or column are joined both ways.
+    """Return a street grid; neighbors in a row or column are connected in both directions.
 
     Args:
-        rows: how many rows.
-        columns: nodes in each row.
-        spacing: map units between neighbours.
+        rows: number of rows.
+        columns: number of nodes in each row.
+        spacing: map units between neighbors.
 
     Returns:
         A networkx DiGraph. Node `i * columns + j` is at `x = j * spacing, y = i * spacing`; edges have a `length`.
 
     Raises:
-        BadValue (ValueError), BadType (TypeError): an impossible number.
-        TooLarge (BadValue): it would take more memory than is allowed.
+        BadValue (ValueError), BadType (TypeError): a number is invalid.
+        TooLarge (BadValue): it would exceed the memory limit.
     """
     _refuse_too_many(_side(rows, "rows"), _side(columns, "columns"), _NETWORKX_BYTES)
     arrays, _ = Grid(rows, columns, spacing).as_columns()
@@ -118,11 +118,11 @@ def grid(rows: int, columns: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
 
 
 class Grid(IGraphSource):
-    """A street grid as `grid` describes it, in columns: attached without networkx.
+    """A street grid as `grid` describes it, as columns: attached without networkx.
 
     Raises:
-        BadValue (ValueError), BadType (TypeError): an impossible number.
-        TooLarge (BadValue): it would take more memory than is allowed.
+        BadValue (ValueError), BadType (TypeError): a number is invalid.
+        TooLarge (BadValue): it would exceed the memory limit.
     """
 
     def __init__(self, rows: int, columns: int, spacing: float = 10.0) -> None:
@@ -131,7 +131,7 @@ class Grid(IGraphSource):
         _refuse_too_many(self._rows, self._columns, _NODE_BYTES)
 
     def as_columns(self) -> tuple[GraphColumns, None]:
-        """Return the nodes row by row, and the edges by the nodes at their ends."""
+        """Return the nodes row by row, and the edges sorted by their end nodes."""
         ids = np.arange(self._rows * self._columns).reshape(self._rows, self._columns)
         y, x = np.indices(ids.shape).astype(np.float64) * self._step
         one = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
@@ -158,7 +158,7 @@ class Grid(IGraphSource):
 
 
 def _refuse_too_many(rows: int, columns: int, node_bytes: int) -> None:
-    """Refuse a grid that takes more memory than is allowed, at so many bytes for each node."""
+    """Raise `TooLarge` if a grid would exceed the memory limit at this many bytes per node."""
     refuse_above(rows * columns * node_bytes, f"A grid of {rows} x {columns} nodes")
 
 
@@ -169,8 +169,8 @@ def _side(value: int, name: str) -> int:
     return side
 
 
-class _Import:
-    """A networkx graph as columns, whose rows count from 0; the graph that it is added to gives the free ids."""
+class _NetworkxImport:
+    """A networkx graph as columns, with rows counted from 0; the target graph supplies free ids."""
 
     def __init__(self, store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
@@ -190,7 +190,7 @@ class _Import:
         ends = np.array([[row_of[u] for u, _, _ in self.edges], [row_of[v] for _, v, _ in self.edges]], np.int64)
         shapes = ((data.get("linestring"), data.get("geometry")) for data in self.edge_data)
         given = {i: b if a is None else a for i, (a, b) in enumerate(shapes) if a is not None or b is not None}
-        polylines = _not_straight(
+        polylines = _bent_polylines(
             geometry.polylines_of(given, lambda i: f"The linestring of edge {self.edge_ids[i]}"), xy[ends.T]
         )
         node_attributes = _by_name(self.node_data, _NODE_COLUMNS)
@@ -222,7 +222,7 @@ class _Import:
         return np.array([records.as_coordinate(one, axis, id) for id, one in zip(ids, given, strict=True)], np.float64)
 
     def _lengths(self, polylines: dict[int, FloatArray], straight: FloatArray) -> FloatArray:
-        """Every edge's length: the one given, or else that of its polyline or of the straight line."""
+        """Return the length of every edge: as given, or the length of its polyline or of the straight line."""
         given = [data.get("length") for data in self.edge_data]
         if set(map(type, given)) <= {float}:
             lengths = np.array(given, np.float64)
@@ -235,8 +235,8 @@ class _Import:
         return np.array([records.as_length(length, id) for length, id in zip(given, ids, strict=True)], np.float64)
 
 
-def _not_straight(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
-    """Return the polylines that are more than the straight line between the ends (edges, 2, 2) of their edge."""
+def _bent_polylines(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, FloatArray]:
+    """Return the polylines that differ from the straight line between the ends (edges, 2, 2) of their edge."""
     pairs = [i for i, shape in shapes.items() if len(shape) == 2]
     if pairs:
         is_straight = (np.stack([shapes[i] for i in pairs]) == ends[pairs]).all(axis=(1, 2))
@@ -246,7 +246,7 @@ def _not_straight(shapes: dict[int, FloatArray], ends: FloatArray) -> dict[int, 
 
 
 def _ids_of_labels(store: GraphStore, labels: list[Hashable]) -> dict[Hashable, int]:
-    """Integer labels are ids; any other label gets the next free integer."""
+    """Use integer labels as ids; give other labels the next free integers."""
     ids = {label: _as_label_id(label) for label in labels}
     if None not in ids.values():
         return ids  # type: ignore[return-value] # as the line before says
@@ -266,7 +266,7 @@ def _as_label_id(label: Hashable) -> int | None:
 
 
 def _both_directions(G: "nx.Graph[Any]") -> Iterable[tuple[Any, Any, dict[str, Any]]]:  # noqa: N803 - networkx's name
-    """Each edge once per direction; the way back has no id yet and the reversed shape."""
+    """Yield each edge once per direction; the reverse edge has no id yet and the reversed shape."""
     for u, v, data in G.edges(data=True):
         yield u, v, data
         if u != v:
@@ -286,7 +286,7 @@ def _edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
 
 
 def _by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
-    """Return the attributes of rows but for `ours`, name -> row -> value."""
+    """Return the attributes of rows except `ours`, name -> row -> value."""
     columns: defaultdict[Any, dict[int, Any]] = defaultdict(dict)
     for row, data in enumerate(rows):
         if data.keys() <= ours:
@@ -299,6 +299,6 @@ def _by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict
         others = named.setdefault(str(name), values)
         if others is not values:
             if not others.keys().isdisjoint(values):
-                raise BadValue(f"two of its attributes are called {str(name)!r}")
+                raise BadValue(f"two of its attributes have the name {str(name)!r}")
             others.update(values)
     return named

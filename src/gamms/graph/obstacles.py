@@ -1,4 +1,4 @@
-"""Obstacle faces: quadrangles in space by id, kept as columns."""
+"""Obstacle faces: quadrangles in space by id, stored as columns."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
@@ -22,38 +22,38 @@ from gamms.typing.graph_values import Corner, ObsFace
 from gamms.typing.obstacles import Faces, face_columns
 
 _AT_ONCE = 4096  # faces
-_FEW = 256  # faces that are looked through one by one
+_FEW = 256  # number of faces below which they are scanned one by one
 _KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
 _MOST = 2**63 - 1
 _LATE = 256
-_type_of = type  # the contract calls an argument of faces `type`
+_type_of = type  # the built-in, because the contract calls an argument of faces `type`
 
 Corner2D = tuple[float, float]
 
 
 class _FaceTable(Table):
-    """All faces; a removed one has a box of NaN, which meets no square."""
+    """All faces; a removed face has a box of NaN, which meets no square."""
 
     kind = "an obstacle face"
     columns: ClassVar = {
         "ids": (np.int64, 1),
         "types": (np.int64, 1),
         "corners": (np.float64, 12),
-        "boxes": (np.float64, 6),  # least x, y, z, greatest x, y, z
+        "boxes": (np.float64, 6),  # minimum x, y, z, maximum x, y, z
         "alive": (np.uint8, 1),
     }
 
     def __init__(self) -> None:
         super().__init__()
-        self.grid: FaceGrid | None = None  # of the boxes, once there are many
+        self.grid: FaceGrid | None = None  # grid of the boxes, once there are many
 
 
 class Obstacles:
     """The faces of one graph, in insertion order."""
 
     def __init__(self) -> None:
-        self.revision = 0  # changes with every change
-        self._sharers: WeakSet[Obstacles] | None = None  # itself, and those that have the same table
+        self.revision = 0  # increases with every change
+        self._sharers: WeakSet[Obstacles] | None = None  # this object, and all others that share its table
         self._reset()
 
     def __len__(self) -> int:
@@ -65,7 +65,7 @@ class Obstacles:
         return iter([_face(id, corners, type) for id, corners, type in listed])
 
     def columns(self) -> ObstacleColumns:
-        """Return all faces as read-only arrays that stay as they are now."""
+        """Return all faces as read-only arrays that never change."""
         table = self._written()
         rows = table.living()
         arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
@@ -77,7 +77,7 @@ class Obstacles:
         """Add a face.
 
         Raises:
-            DuplicateId (KeyError): its id is taken.
+            DuplicateId (KeyError): the id is taken.
         """
         if face.id in self._new or self._faces.index.row(face.id) >= 0:
             raise DuplicateId("an obstacle face", face.id)
@@ -85,10 +85,10 @@ class Obstacles:
         self.revision += 1
 
     def add_many(self, new: ObstacleColumns) -> None:
-        """Add many faces, all or none.
+        """Add many faces; on an error nothing is added.
 
         Raises:
-            DuplicateId (KeyError): an id is taken, or twice among the new ones.
+            DuplicateId (KeyError): an id is taken, or occurs twice among the new faces.
         """
         self._own()
         _write(self._written(), new)
@@ -109,16 +109,16 @@ class Obstacles:
         table.remove(row)
         table.array("boxes")[row] = np.nan
         self.revision += 1
-        if table.dead > len(table) + _FEW:  # so a long loop of adding and removing takes time in proportion
+        if table.dead > len(table) + _FEW:  # so that alternating adds and removes take linear time
             table.compact()
             table.grid = None
 
     def replace(self, faces: Iterable[ObsFace]) -> None:
-        """Hold `faces` and no others."""
+        """Replace all faces by `faces`."""
         self.put(face_columns(list(faces)))
 
     def put(self, columns: ObstacleColumns) -> None:
-        """Hold the faces of these columns and no others."""
+        """Replace all faces by the faces in these columns."""
         self._reset()
         self.add_many(columns)
 
@@ -140,14 +140,14 @@ class Obstacles:
         return kernels.visible(self._corners_around(origin, targets), origin, targets)
 
     def visible_from_each(self, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
-        """Return which lines (origins, targets), of at least one, are asked for and blocked by no face."""
+        """Return a mask (origins, targets) of the requested lines, of at least one, that no face blocks."""
         if not len(self):
             return is_asked
         corners = self._corners_around(origins[0], np.concatenate((origins, targets)))
         return kernels.visible_from_each(corners, origins, targets, is_asked)
 
     def _corners_around(self, origin: FloatArray, targets: FloatArray) -> FloatArray:
-        """Return the corners (faces, 4, 3) of all faces that may block lines between these places, and of some more."""
+        """Return the corners (faces, 4, 3) of a superset of the faces that may block lines between these places."""
         table = self._written()
         rows = self._between(*surroundings(origin, targets))
         if table.dead:
@@ -156,10 +156,10 @@ class Obstacles:
         return corners
 
     def free_ids(self, count: int) -> IntArray:
-        """So many ids after the greatest.
+        """Return `count` ids after the greatest id.
 
         Raises:
-            BadValue: there are not so many.
+            BadValue: the ids would exceed 64 bits.
         """
         first = max(self._written().iter_ids(), default=-1) + 1
         if first + count - 1 > _MOST:
@@ -171,10 +171,10 @@ class Obstacles:
     def _reset(self) -> None:
         self._stop_sharing()
         self._faces = _FaceTable()
-        self._new: dict[int, ObsFace] = {}  # added one by one, and not in the table yet
+        self._new: dict[int, ObsFace] = {}  # faces added one by one, not yet in the table
 
     def _written(self) -> _FaceTable:
-        """Return the table, with the faces in it that were added one by one."""
+        """Move faces that were added one by one to the table, and return the table."""
         if self._new:
             self._own()
             faces, self._new = self._new, {}
@@ -182,7 +182,7 @@ class Obstacles:
         return self._faces
 
     def _between(self, low: tuple[float, float], high: tuple[float, float]) -> IntArray:
-        """Rows, in any order, of a superset of the faces whose box meets a rectangle; dead ones may be among them."""
+        """Return the rows, unordered, of a superset of the faces whose box meets a rectangle, maybe dead ones too."""
         table = self._faces
         if table.count > _FEW:
             grid = table.grid
@@ -196,14 +196,14 @@ class Obstacles:
     # -- sharing ------------------------------------------------------------------------------------------------
 
     def fork(self) -> "Obstacles":
-        """Return the same faces for another context; both have the same table until one of them changes."""
+        """Return the same faces for another context; both share the table until one of them changes."""
         obstacles = Obstacles()
         obstacles.share(self)
         obstacles.revision = self.revision
         return obstacles
 
     def share(self, other: "Obstacles") -> None:
-        """Hold the faces of another context and no others; both have the same table until one of them changes."""
+        """Replace all faces by those of another context; both share the table until one of them changes."""
         self._reset()
         self._faces = other._written()
         if other._sharers is None:
@@ -213,14 +213,14 @@ class Obstacles:
         self.revision = max(self.revision + 1, other.revision)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Obstacles":
-        """Copy, for a look ahead into a game that goes on elsewhere."""
+        """Copy the faces, for simulations by a strategy."""
         obstacles = memo[id(self)] = Obstacles()
         obstacles.put(self.columns())
         obstacles.revision = self.revision
         return obstacles
 
     def _own(self) -> None:
-        """Share nothing any longer; called before every change of the table."""
+        """Stop sharing the table; called before every change."""
         if self._sharers is not None and self._stop_sharing():
             new, self._new = self._new, {}
             columns = self.columns()
@@ -228,7 +228,7 @@ class Obstacles:
             _write(self._faces, columns)
 
     def _stop_sharing(self) -> bool:
-        """Leave the table to the others that have it; return whether there are such."""
+        """Leave the shared table to its other owners; return whether it was shared."""
         sharers, self._sharers = self._sharers, None
         if sharers is not None:
             sharers.discard(self)
@@ -241,13 +241,13 @@ def _write(table: _FaceTable, new: ObstacleColumns) -> None:
 
 
 class FaceGrid:
-    """A cell grid that finds the rows of faces near a rectangle at a cost that hardly grows with the number of faces.
+    """A cell grid that finds the faces near a rectangle, in time nearly independent of the number of faces.
 
-    A few faces, the largest, are in no cell and always found; so they do not make every search a wide one. So are
-    those that were appended since. A face that is removed may go on being found.
+    The few largest faces are in no cell and are always returned, so that they do not widen every search. The same holds
+    for faces appended later. A removed face may still be returned.
 
     Args:
-        boxes: (rows, 6) least x, y, z and greatest x, y, z of each face; NaN for a removed one.
+        boxes: (rows, 6) minimum x, y, z and maximum x, y, z of each face; NaN for a removed face.
     """
 
     def __init__(self, boxes: FloatArray) -> None:
@@ -265,11 +265,11 @@ class FaceGrid:
         self._count = len(boxes)
 
     def is_outdated(self, count: int) -> bool:
-        """Return whether so many rows, of `count` now, were appended since that a new grid is cheaper."""
+        """Return whether so many of now `count` rows were appended later that a new grid is cheaper."""
         return count - self._count > _LATE + 2 * isqrt(self._count)
 
     def between(self, low: Corner2D, high: Corner2D, count: int) -> IntArray | None:
-        """Rows, of `count`, of a superset of the faces whose box meets a rectangle; None: all."""
+        """Return the rows below `count` of a superset of the faces whose box meets a rectangle; None: all rows."""
         reach = self._reach
         found = kernels.rows_between(self._cells, (low[0] - reach, low[1] - reach), (high[0] + reach, high[1] + reach))
         if found is None:
@@ -278,7 +278,7 @@ class FaceGrid:
 
 
 def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Corner2D]:
-    """Return the corners of a rectangle that has all faces which may block lines from `origin` to `targets`."""
+    """Return the corners of a rectangle that contains all faces that may block lines from `origin` to `targets`."""
     low, high = np.minimum(targets.min(axis=0), origin), np.maximum(targets.max(axis=0), origin)
     with np.errstate(over="ignore"):
         margin = kernels.MARGIN * float((high - low).sum())
@@ -289,14 +289,15 @@ def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Cor
 def checked_face(
     face_id: int, tr: Sequence[float], tl: Sequence[float], br: Sequence[float], bl: Sequence[float], type: int
 ) -> ObsFace:
-    """Return a face from what a caller passed.
+    """Check one face passed by a caller, and return it.
 
     Raises:
-        BadType: an id or type that is no integer, a coordinate that is no number.
-        BadValue: a corner that is not three finite numbers.
+        BadType: an id or type is not an integer, or a coordinate is not a number.
+        BadValue: a corner is not three finite numbers.
     """
     id = records.as_id(face_id, "an obstacle face")
-    # NOTE: most faces have four tuples of three floats; one look at all of them halves the time (w1, faces one by one).
+    # NOTE: most faces have four tuples of three floats; one check for all of them halves the time (w1, faces one
+    # by one).
     if tr.__class__ is tl.__class__ is br.__class__ is bl.__class__ is tuple and type.__class__ is int:
         numbers = (*tr, *tl, *br, *bl)
         are_three = len(tr) == len(tl) == len(br) == len(bl) == 3
@@ -313,10 +314,10 @@ def checked_face(
 
 
 def checked_faces(faces: Faces, ids: ArrayLike | None, types: ArrayLike, obstacles: Obstacles) -> ObstacleColumns:
-    """Faces from what a caller of `add_obstacles` passed; without ids they get those after the greatest.
+    """Check faces passed to `add_obstacles`; faces without ids are numbered after the greatest id.
 
     Raises:
-        BadType, BadValue: see `checked_face`; or arrays whose shapes do not fit.
+        BadType, BadValue: see `checked_face`; or the shapes of the arrays do not fit.
     """
     if not isinstance(faces, np.ndarray):
         given = _iterator(faces)
@@ -336,7 +337,8 @@ def _columns_of_records(given: Iterator[Any], ids: object, types: object) -> Obs
     if ids is not None or not (isinstance(types, int) and types == 0):
         raise BadValue("Records of faces have their own face_id and type: leave out ids and types.")
     parts = []
-    while batch := list(islice(given, _AT_ONCE)):  # a generator may make more dicts than there is memory for
+    # In batches, because a generator may make more dicts than fit in memory.
+    while batch := list(islice(given, _AT_ONCE)):
         parts.append(face_columns([_face_of_record(record) for record in batch]))
     return ObstacleColumns(*map(np.concatenate, zip(*parts, strict=True)))
 

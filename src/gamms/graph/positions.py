@@ -1,4 +1,4 @@
-"""Places on a map: from x and y to degrees and back, the node nearest to a place, and nodes drawn at random."""
+"""Positions on a map: projection to degrees and back, nearest nodes, and random nodes."""
 
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,19 +18,19 @@ from gamms.typing.graph_values import Numbers
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-_NEAR_M = 1_000.0  # from which a place is never too far
+_NEAR_M = 1_000.0  # within this distance no place counts as too far
 _MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for the same meridian
-_TRIES = 20  # how often to begin again when nodes that must be apart do not fit
+_TRIES = 20  # attempts to place nodes with a minimum distance
 
 
 def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any], within: float | None) -> Any:
-    """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
+    """Return the id of the node nearest to a place, or the nearest ids (places,) for several places."""
     if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
     nearest, (x, y) = store.indexes.nearest, xy
     is_one = type(x) is type(y) is float and isfinite(x) and isfinite(y)
     if is_one and within is None and latlon[0] is None and latlon[1] is None:
-        return store.nodes.ids[nearest(x, y)]  # NOTE: for flyers, in every turn (benchmarks: flyers)
+        return store.nodes.ids[nearest(x, y)]  # NOTE: flying agents ask this every turn (benchmarks: flyers)
     limit = None if within is None else as_range(within, "within")
     places = places_of(store.crs, xy, latlon)
     rows = store.indexes.nearest_each(*places.reshape(-1, 2).T)
@@ -51,8 +51,8 @@ def place(
     apart: float,
     rng: "Generator | int | None",
 ) -> list[int]:
-    """Return ids of `n` different nodes, drawn at random."""
-    demand = _Demand(_count(n), as_range(apart, "apart"), _disc(store, near, radius))
+    """Return the ids of `n` different random nodes."""
+    demand = _PlacementRequest(_count(n), as_range(apart, "apart"), _disc(store, near, radius))
     stream = _generator(rng)
     candidates = _candidates(store, demand)
     best: list[int] = []
@@ -102,16 +102,16 @@ def _refuse_beyond(limit: float, places: FloatArray, nearest: FloatArray) -> Non
 
 
 def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatArray) -> None:
-    """Refuse places that are meant to be on a map, and are not.
+    """Refuse places that lie off the map.
 
     Args:
-        crs: of the map.
-        nodes: (nodes, 2) of the map; one at least.
+        crs: the CRS of the map.
+        nodes: (nodes, 2) at least one node of the map.
         places: (places, 2)
-        nearest: (places, 2) the nodes nearest to them.
+        nearest: (places, 2) their nearest nodes.
 
     Raises:
-        BadValue: a place is farther from the map than the map is wide, and farther than a kilometre.
+        BadValue: the distance of a place from the map exceeds the width of the map and 1 km.
     """
     bounds = np.stack((nodes.min(axis=0), nodes.max(axis=0)))
     south_west, north_east = projection.project(bounds, crs, projection.WGS84)
@@ -128,11 +128,11 @@ def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatAr
 
 
 def pairs(first: Numbers, second: Numbers, names: tuple[str, str]) -> FloatArray:
-    """Return two numbers as (2,), two arrays of one length as (places, 2); all finite.
+    """Return two numbers as (2,), or two arrays of equal length as (places, 2); all finite.
 
     Raises:
-        BadType: they are not numbers.
-        BadValue: they have different shapes, or one is not finite.
+        BadType: the values are not numbers.
+        BadValue: the shapes differ, or a number is not finite.
     """
     arrays = [_numbers(value, name) for value, name in zip((first, second), names, strict=True)]
     if arrays[0].shape != arrays[1].shape or arrays[0].ndim > 1:
@@ -182,15 +182,15 @@ def _column(pairs: FloatArray, which: int) -> Any:
     return float(pairs[which]) if pairs.ndim == 1 else pairs[:, which].copy()
 
 
-class _Demand(NamedTuple):
-    """What was asked for, checked."""
+class _PlacementRequest(NamedTuple):
+    """The checked arguments of `place`."""
 
     n: int
     apart: float
     disc: tuple[float, float, float] | None  # x, y, radius
 
     def refusal(self, placed: int) -> str:
-        """Return the message for more nodes than fit."""
+        """Return the message for a request of more nodes than fit."""
         words, ways_out = f"Only {placed} of {self.n} nodes could be placed", ["ask for fewer"]
         if self.disc is not None:
             words += " within {2:g} of ({0:g}, {1:g})".format(*self.disc)
@@ -201,14 +201,14 @@ class _Demand(NamedTuple):
         return f"{words}; {' or '.join(ways_out)}."
 
 
-def _candidates(store: GraphStore, demand: _Demand) -> IntArray:
+def _candidates(store: GraphStore, demand: _PlacementRequest) -> IntArray:
     if demand.disc is None or demand.disc[2] == np.inf:
         return store.nodes.living()
     return store.indexes.nodes_within(*demand.disc)
 
 
-def _drawn(store: GraphStore, rows: IntArray, demand: _Demand) -> list[int]:
-    """Return the first rows that keep apart from those before them, as many as are asked for."""
+def _drawn(store: GraphStore, rows: IntArray, demand: _PlacementRequest) -> list[int]:
+    """Return the first rows, as many as requested, that are far enough from all rows chosen before."""
     if demand.apart == 0.0:
         drawn: list[int] = rows[: demand.n].tolist()
         return drawn
@@ -227,7 +227,7 @@ def _drawn(store: GraphStore, rows: IntArray, demand: _Demand) -> list[int]:
 def _closer_than(store: GraphStore, xy: FloatArray, row: int, apart: float) -> IntArray:
     x, y = xy[row].tolist()
     around = store.nodes.living() if apart == np.inf else store.indexes.nodes_within(x, y, apart)
-    with np.errstate(over="ignore"):  # infinitely far away is far enough
+    with np.errstate(over="ignore"):  # an infinite distance is a valid result
         found: IntArray = around[np.hypot(*(xy[around] - (x, y)).T) < apart]
     return found
 
@@ -271,6 +271,6 @@ def _generator(rng: "Generator | int | None") -> "Generator":
     if rng is None:
         raise BadType(
             "place(…) draws at random and needs rng=, a numpy Generator or a seed, such as rng=ctx.rng; "
-            "ctx.graph.place(…) has a stream of its own."
+            "ctx.graph.place(…) has its own stream."
         )
     return kernels.stream(as_int(rng, "rng"), "graph", "place")

@@ -1,4 +1,4 @@
-"""Nodes and edges as callers give them, one or many: checked, and split into columns and attributes."""
+"""Check nodes and edges passed by callers, one or many, and split them into columns and attributes."""
 
 from collections.abc import Mapping, Sequence
 from math import inf, isfinite, isnan
@@ -23,14 +23,14 @@ def required(record: Mapping[str, Any], key: str, kind: str) -> Any:
     """Return `record[key]`.
 
     Raises:
-        BadType: the record is no dict.
-        BadValue: it has no such key.
+        BadType: the record is not a dict.
+        BadValue: the key is missing.
     """
     try:
         return record[key]
     except KeyError:
         raise BadValue(f"{kind} needs the key {key!r}; got only {', '.join(sorted(map(shown, record)))}.") from None
-    except (TypeError, IndexError, ValueError):  # as lists and arrays raise them
+    except (TypeError, IndexError, ValueError):  # errors that lists and arrays raise
         raise BadType(f"{kind} must be given as a dict, not {shown(record)}.") from None
 
 
@@ -58,10 +58,10 @@ def as_length(value: object, id: int) -> float:
 
 
 def polyline_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArray | None:
-    """Return the polyline (points, 2) of an edge; None when it is the straight line between `ends` (x0, y0, x1, y1).
+    """Return the polyline (points, 2) of an edge; None if it is the straight line between `ends` (x0, y0, x1, y1).
 
     Raises:
-        BadValue: it is no polyline.
+        BadValue: not a valid polyline.
     """
     if linestring is None:
         return None
@@ -70,11 +70,11 @@ def polyline_of(linestring: object, id: int, ends: Sequence[float]) -> FloatArra
 
 
 def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
-    """Return the keys that are not ours: the caller's attributes.
+    """Return the items of a record except `keys`: the caller's attributes.
 
     Raises:
-        BadType: a key is no string.
-        BadValue: a value is nested too deeply, or holds itself.
+        BadType: a key is not a string.
+        BadValue: a value is nested too deeply, or contains itself.
     """
     given = {}
     for key, value in record.items():
@@ -89,8 +89,8 @@ def id_array(values: ArrayLike, name: str) -> IntArray:
     """Return ids as an array (ids,).
 
     Raises:
-        BadType: they are not integers.
-        BadValue: they are not one-dimensional.
+        BadType: the values are not integers.
+        BadValue: the array is not one-dimensional.
     """
     array = as_array(values, name, "integers")
     if array.ndim != 1:
@@ -104,8 +104,8 @@ def number_array(values: ArrayLike, count: int, name: str) -> FloatArray:
     """Return numbers as an array (count,) of finite floats.
 
     Raises:
-        BadType: they are not numbers.
-        BadValue: their count is another, or one of them is not finite.
+        BadType: the values are not numbers.
+        BadValue: the length differs from `count`, or a number is not finite.
     """
     try:
         array = np.asarray(values)
@@ -123,11 +123,11 @@ def number_array(values: ArrayLike, count: int, name: str) -> FloatArray:
 
 
 def is_everywhere(d: float, x: float, y: float) -> bool:
-    """Return whether the disc of radius d around (x, y) is meant to be the whole plane.
+    """Return whether a query covers the whole plane, because `d` is negative or infinite.
 
     Raises:
-        BadType: one of them is no number.
-        BadValue: one of them is NaN, or a finite disc has no finite middle.
+        BadType: an argument is not a number.
+        BadValue: an argument is NaN, or a finite disc has a center that is not finite.
     """
     try:
         has_nan = isnan(d) | isnan(x) | isnan(y)
@@ -144,11 +144,11 @@ def is_everywhere(d: float, x: float, y: float) -> bool:
 def checked_edges(
     nodes: NodeTable, ids: ArrayLike, sources: ArrayLike, targets: ArrayLike, lengths: ArrayLike | None
 ) -> dict[str, Any]:
-    """Ids, node rows of both ends, and lengths, (edges,) each.
+    """Return checked ids, node rows of both ends, and lengths, (edges,) each.
 
     Raises:
-        UnknownName (KeyError): an end is no node.
-        BadValue, BadType: they are none.
+        UnknownName (KeyError): an end is not a node.
+        BadValue, BadType: a value is invalid.
     """
     ids = id_array(ids, "ids")
     ends = [id_array(end, name) for end, name in ((sources, "sources"), (targets, "targets"))]

@@ -1,8 +1,8 @@
 """Routing: shortest paths and distances by edge weights, cached for one revision of a graph.
 
-Strategies ask every turn, of goals that stay or move. So a path is searched for near its ends first. Once the searches
-for one goal have visited as many nodes as a table has, the distances to it, and from every node the next step on the
-way, are computed once; then a path from anywhere is a walk.
+Strategies ask every turn, about fixed and moving goals. So paths are first found by searches near their ends. Once the
+searches for one goal have visited as many nodes as the graph has, a table of the distances and next steps from all
+nodes to this goal is computed; after that a path from anywhere is read from the table.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -22,15 +22,15 @@ from gamms.typing.graph_values import NodeIds
 from gamms.typing.routes import RememberedT, Routes
 
 _MANY = 1 << 62  # nodes: more than any graph has
-_MOST_STEPS = 1 << 18  # on paths that were found, about 200 bytes each
-_MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
+_MOST_STEPS = 1 << 18  # total length of stored paths, about 200 bytes per step
+_MOST_BYTES = 256 * 2**20  # of tables, 12 bytes per node and goal
 
 
-class Goal:
-    """What searches have found of the ways to one node.
+class GoalDistances:
+    """Distances to one node that searches have found so far.
 
     Attributes:
-        steps: row -> next row; -1 where there is no path.
+        steps: row -> next row; -1 if there is no path.
         distances: row -> distance.
         visited: how many nodes the searches have visited.
     """
@@ -43,28 +43,28 @@ class Goal:
         self.visited = 0
 
     def has_visited(self, nodes: int) -> bool:
-        """Count the nodes that a search has visited; return whether they were enough, which -1 says they were not."""
+        """Count visited nodes; return whether the search completed, as -1 means that it needed more nodes."""
         self.visited = _MANY if nodes < 0 else self.visited + nodes
         return nodes >= 0
 
 
 class CachedRoutes(Routes):
-    """The routes of a store.
+    """The routes of a graph store.
 
     Attributes:
-        cache: among others (weight, id of a node) -> how far that node is, and the next node on the way, by row.
+        cache: results by key; for (weight, node id): distances to the node and next nodes on the path, by row.
     """
 
     def __init__(self, store: GraphStore) -> None:
         self._store = store
         self.cache = Cache(_MOST_BYTES)
-        self._searches: dict[tuple[str | None, bool], kernels.Search] = {}  # by weight; reversed or not
-        self._goals: dict[tuple[str | None, int], Goal] = {}  # by weight and row
+        self._searches: dict[tuple[str | None, bool], kernels.Search] = {}  # by weight, and reversed or not
+        self._goals: dict[tuple[str | None, int], GoalDistances] = {}  # by weight and row
         self._searched_revision: int | None = None
         self._steps_kept = 0
 
     def ids(self) -> IntArray:
-        """Return the ids of all nodes (nodes,), by row, without those of nodes that were removed."""
+        """Return the ids of all existing nodes, (nodes,), by row."""
         return self._store.columns().node_ids
 
     def ends(self) -> tuple[IntArray, IntArray]:
@@ -73,11 +73,11 @@ class CachedRoutes(Routes):
         return columns.sources, columns.targets
 
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
         return edge_weights(self._store.columns(), weight)
 
     def rows(self, nodes: NodeIds, name: str) -> IntArray:
-        """Return the rows of one node or of several (KeyError)."""
+        """Return the rows of one or several nodes (KeyError)."""
         self._store.columns()
         if not isinstance(nodes, Iterable):
             return np.array([self.row(nodes)])
@@ -89,17 +89,17 @@ class CachedRoutes(Routes):
         return self._store.nodes.find(records.as_id(node_id, "a node"))
 
     def next_rows(self, row: int, end: int, weight: str | None) -> Mapping[int, int] | memoryview:
-        """Return the row of the next node on the path to row `end`, by row; of the whole graph, or of this path."""
+        """Return a mapping row -> next row on the path to row `end`, for the whole graph or for this path only."""
         goal = self._goal(row, end, weight)
         return super().next_rows(row, end, weight) if goal is None else goal.steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
-        """Return the distance from a row to row `end`; perhaps infinite, if it is greater than `within`."""
+        """Return the distance from a row to row `end`; may be infinite if it is greater than `within`."""
         goal = self._goal(row, end, weight, within)
         return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
 
     def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
-        """Return the distances (rows,) from some rows to row `end`; those that are not nearest may be infinite."""
+        """Return the distances (rows,) from rows to row `end`; with `is_nearest`, all but the least may be infinite."""
         if not self._has_table(end, weight):
             search, goal = self.search(weight), self._known(end, weight)
             far, visited = search.far(np.array([end]), rows, most=self._left(goal), is_nearest=is_nearest)
@@ -111,36 +111,36 @@ class CachedRoutes(Routes):
         check_weight(weight)
         return self.cache.revision == self._store.revision and (weight, self.ids().item(end)) in self.cache.entries
 
-    def _goal(self, row: int, end: int, weight: str | None, within: float = inf) -> Goal | None:
-        """Return what is known of a goal, this row among it unless it is farther away; None: a table is cheaper."""
+    def _goal(self, row: int, end: int, weight: str | None, within: float = inf) -> GoalDistances | None:
+        """Return the known distances to a goal, searched as far as this row; None if a table is cheaper."""
         if self._has_table(end, weight):
             return None
         search, goal = self.search(weight), self._known(end, weight)
         if row in goal.distances:
             return goal
-        way = search.way(row, end, self._left(goal), kernels.widened(within))
-        if not goal.has_visited(way.visited):
+        path = search.path(row, end, self._left(goal), kernels.widened(within))
+        if not goal.has_visited(path.visited):
             return None
-        goal.steps.update(pairwise(way.rows))
-        goal.distances.update(zip(way.rows, way.far, strict=True))
-        if within == inf and not way.rows:
+        goal.steps.update(pairwise(path.rows))
+        goal.distances.update(zip(path.rows, path.far, strict=True))
+        if within == inf and not path.rows:
             goal.steps[row] = -1
             goal.distances[row] = inf
-        self._steps_kept += len(way.rows) + 1
+        self._steps_kept += len(path.rows) + 1
         return goal
 
-    def _known(self, end: int, weight: str | None) -> Goal:
+    def _known(self, end: int, weight: str | None) -> GoalDistances:
         if (weight, end) not in self._goals:
-            self._goals[weight, end] = Goal()
+            self._goals[weight, end] = GoalDistances()
             self._steps_kept += 1
         return self._goals[weight, end]
 
-    def _left(self, goal: Goal) -> int:
-        """Return how many nodes may be visited for a goal until its table has cost as much."""
+    def _left(self, goal: GoalDistances) -> int:
+        """Return how many more nodes searches for a goal may visit before a table is cheaper."""
         return len(self.ids()) - goal.visited
 
     def search(self, weight: str | None, *, reverse: bool = True) -> kernels.Search:
-        """Return the search for near nodes at this revision of the graph; what was found at another is discarded."""
+        """Return the search for near nodes of this revision of the graph; results of other revisions are dropped."""
         check_weight(weight)
         revision = self._store.revision
         if revision != self._searched_revision:
@@ -156,12 +156,12 @@ class CachedRoutes(Routes):
         return found
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
-        """Return what `make` gave for this revision of the graph."""
+        """Return the result of `make`, cached for this revision of the graph."""
         return self.cache.get(self._store.revision, key, make)
 
 
 def check_weight(weight: str | None) -> None:
-    """Refuse what cannot name a weight (BadType)."""
+    """Refuse a value that cannot name a weight (BadType)."""
     if weight is not None and not isinstance(weight, str):
         raise BadType(
             f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
@@ -169,19 +169,19 @@ def check_weight(weight: str | None) -> None:
 
 
 def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
-    """Return the weight of every edge: its length, one step, or one of its attributes.
+    """Return the weight of every edge: its length, 1, or one of its attributes.
 
     Args:
         columns: a graph.
-        weight: "length", the name of an attribute (an edge without it counts 1), or None (every edge counts 1).
+        weight: "length", the name of an attribute (1 for edges without it), or None (1 for every edge).
 
     Returns:
-        (edges,) not negative; infinite where an edge is closed.
+        (edges,) not negative; infinite for closed edges.
 
     Raises:
-        BadType: `weight` is no name, or the attribute of an edge no number.
-        BadValue: it is negative or NaN.
-        UnknownName (KeyError): no edge has such an attribute.
+        BadType: `weight` is not a name, or an attribute value is not a number.
+        BadValue: an attribute value is negative or NaN.
+        UnknownName (KeyError): no edge has this attribute.
     """
     check_weight(weight)
     if weight == "length":

@@ -1,4 +1,4 @@
-"""A map, which is a graph and its obstacles, as bytes and as snapshots.
+"""Store a map, which is a graph and its obstacles, as bytes and as snapshots.
 
 Programs use `ctx.graph.save` and `ctx.graph.load`; `ctx.graph.storage` is for engines and clients.
 """
@@ -28,7 +28,7 @@ _VISIBILITY_BYTES = 256 << 20
 
 
 class MapSnapshot(NamedTuple):
-    """Graph and obstacles at one moment."""
+    """The graph and the obstacles at one moment."""
 
     columns: GraphColumns
     obstacles: ObstacleColumns
@@ -38,12 +38,12 @@ class MapSnapshot(NamedTuple):
     revision: int
     obstacle_revision: int
     visibility_rows: Cache
-    packed: list[bytes]  # of this map, once one of the contexts that share this list has packed it
-    place_state: Any  # the state of the stream that `place` draws from; None: nothing was drawn
-    shared: "list[tuple[GraphStore, Obstacles]]"  # what contexts share that have this map, once there is such a one
+    packed: list[bytes]  # the packed map, once one of the contexts that share this list has packed it
+    place_state: Any  # state of the random stream of `place`; None: nothing was drawn
+    shared: "list[tuple[GraphStore, Obstacles]]"  # tables shared by all contexts with this map, once created
 
     def tables(self) -> "tuple[GraphStore, Obstacles]":
-        """Return what contexts share that have this map, made when it is asked for first; not to be changed."""
+        """Return the read-only tables that all contexts with this map share; made on the first call."""
         if not self.shared:
             store, obstacles = GraphStore(), Obstacles()
             store.replace(self.columns, self.attribution, self.scenery, self.closed)
@@ -56,7 +56,7 @@ class MapStorage(Guarded, IMapStorage):
     """Packs, unpacks, snapshots and restores the graph and the obstacles of one context.
 
     Attributes:
-        visibility_rows: the rows of visibility tables by what they were computed from; contexts may share them.
+        visibility_rows: rows of visibility tables by a key of their inputs; contexts may share them.
     """
 
     _called = "ctx.graph.storage"
@@ -66,25 +66,25 @@ class MapStorage(Guarded, IMapStorage):
         self._ctx, self._store, self._obstacles = ctx, store, obstacles
         self.visibility_rows = Cache(_VISIBILITY_BYTES)
         self._place_stream: Generator | None = None
-        self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
+        self._restored: dict[int, int] = {}  # revision of a snapshot -> equal revision after it was restored
         self._restored_obstacles: dict[int, int] = {}  # likewise
         self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_now` and `_packed_map`
-        self._last_snapshot: tuple[tuple[Any, ...], MapSnapshot] | None = None  # and what it was made of
+        self._last_snapshot: tuple[tuple[Any, ...], MapSnapshot] | None = None  # (key of its inputs, snapshot)
 
     def contents(self) -> "SavedMap":
-        """Return all that a file holds."""
+        """Return the complete contents of a map file."""
         from gamms.graph.map_file import SavedMap
 
         store = self._store
         return SavedMap(store.columns(), list(self._obstacles), store.attribution, store.scenery, store.closed)
 
     def put(self, contents: "SavedMap") -> None:
-        """Replace graph and obstacles by those of a file."""
+        """Replace the graph and the obstacles by those of a file."""
         self._store.replace(contents.columns, contents.attribution, contents.scenery, contents.closed)
         self._obstacles.replace(contents.faces)
 
     def pack(self) -> bytes:
-        """Return graph, obstacles, CRS and attributes as the bytes that `save` writes; they are made once for a map."""
+        """Return graph, obstacles, CRS and attributes as the bytes that `save` writes; cached until the map changes."""
         from gamms.graph import map_file
 
         packed = self._packed_map()
@@ -93,17 +93,17 @@ class MapStorage(Guarded, IMapStorage):
         return packed[0]
 
     def _packed_map(self) -> list[bytes]:
-        """Return the list of what `pack` has returned for the map as it is now: none or one."""
+        """Return a list with the packed current map, or an empty list if it has not been packed."""
         if self._packed[0] != (now := self._now()):
             self._packed = now, []
         return self._packed[1]
 
     def _now(self) -> tuple[int, int]:
-        """Return what differs after every change of the map."""
+        """Return a key that changes with every change of the map."""
         return self._store.revision, self._obstacles.revision
 
     def pack_savable(self) -> tuple[bytes, LeftOut]:
-        """Return what `pack` returns, without the attributes that are no plain values, and which these are."""
+        """Pack the map without attributes that are not plain values; also return the names of these attributes."""
         try:
             return self.pack(), {}
         except BadValue:
@@ -113,7 +113,7 @@ class MapStorage(Guarded, IMapStorage):
             return map_file.encode(contents), left_out
 
     def unpack(self, data: bytes) -> None:
-        """Replace graph and obstacles by those that `pack` has packed."""
+        """Replace the graph and the obstacles by a map that `pack` packed."""
         from gamms.graph import map_file
 
         if not isinstance(data, (bytes, bytearray, memoryview)):
@@ -121,7 +121,7 @@ class MapStorage(Guarded, IMapStorage):
         self.put(map_file.decode(data))
 
     def snapshot(self) -> MapSnapshot:
-        """Return graph and obstacles as they are now, for `restore` and `copy_from`."""
+        """Return the present graph and obstacles, for `restore` and `copy_from`."""
         store, stream, packed = self._store, self._place_stream, self._packed_map()
         of = (*self._now(), id(store.closed), store.attribution, store.scenery, id(self.visibility_rows), id(packed))
         if stream is None and self._last_snapshot is not None and self._last_snapshot[0] == of:
@@ -144,7 +144,7 @@ class MapStorage(Guarded, IMapStorage):
         return snapshot
 
     def restore(self, before: MapSnapshot) -> None:
-        """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
+        """Restore a snapshot of this context; unchanged parts keep their indexes."""
         store, obstacles = self._store, self._obstacles
         if store.revision not in (before.revision, self._restored.get(before.revision)):
             store.share(before.tables()[0])
@@ -159,7 +159,7 @@ class MapStorage(Guarded, IMapStorage):
             self.place_stream().bit_generator.state = before.place_state
 
     def copy_from(self, snapshot: MapSnapshot) -> None:
-        """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
+        """Share the graph and the obstacles of another context's snapshot, until one of the contexts changes them."""
         store, obstacles = snapshot.tables()
         self._store.share(store)
         self._obstacles.share(obstacles)
@@ -167,24 +167,24 @@ class MapStorage(Guarded, IMapStorage):
         self._packed = self._now(), snapshot.packed
 
     def roads(self) -> tuple[IntArray, ClosedEdges]:
-        """Return the ids of the edges, in their order, and those that are closed."""
+        """Return the ids of all edges in insertion order, and the ids of closed edges."""
         edges = self._store.edges
         return edges.array("ids")[edges.living()], self._store.closed
 
     @property
     def road_changes(self) -> int:
-        """How many changes of the graph have only closed, opened or removed edges."""
+        """The number of graph changes that only closed, opened or removed edges."""
         return self._store.road_changes
 
     def detached(self) -> tuple[GraphColumns, RouteQueries]:
-        """Return the graph as it is now and its routes, which stay so when this graph changes."""
+        """Return the present graph and its routes; both stay the same when this graph changes."""
         from gamms.graph.graph import Graph
 
         graph = Graph(self._store.fork())
         return graph.columns(), graph.routes
 
     def reopened(self) -> tuple[GraphColumns, RouteQueries]:
-        """Return the graph on which closed roads are open, behind all other edges, and its routes."""
+        """Return the graph with all closed roads opened, after all other edges, and its routes."""
         from gamms.graph.graph import Graph
 
         graph, closed = Graph(self._store.fork()), self._store.closed
@@ -193,26 +193,26 @@ class MapStorage(Guarded, IMapStorage):
         return graph.columns(), graph.routes
 
     def place_stream(self) -> "Generator":
-        """Return the random stream that `ctx.graph.place` draws from."""
+        """Return the random stream of `ctx.graph.place`."""
         self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
         return self._place_stream
 
     @property
     def has_placed(self) -> bool:
-        """Whether `ctx.graph.place` has drawn since its stream began."""
+        """Whether `ctx.graph.place` has drawn random numbers since its stream began."""
         return self._place_stream is not None
 
     def restart_stream(self) -> None:
-        """Restart the random stream that `ctx.graph.place` draws from."""
+        """Restart the random stream of `ctx.graph.place`."""
         if self._place_stream is not None:
             self._place_stream = None
 
 
 @packed_graphs.register("gamms")
 class PackedGraph(IPackedGraph):
-    """A graph and its obstacles in the bytes that `MapStorage.pack` returned; they are opened when first asked for.
+    """A graph and its obstacles as bytes from `MapStorage.pack`; unpacked on first use.
 
-    Every call raises BadFile (ValueError) where the bytes are damaged.
+    Every method raises BadFile (ValueError) if the bytes are damaged.
 
     Args:
         packed: the bytes.
@@ -238,19 +238,19 @@ class PackedGraph(IPackedGraph):
         return obstacles.columns()
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph if there are parallel edges."""
         from gamms.graph.networkx_bridge import export
 
         return export(self._contents.columns, self._contents.attribution)
 
     @property
     def crs(self) -> str | None:
-        """The coordinate reference system of x and y, such as 'EPSG:32635'."""
+        """The coordinate reference system of x and y, for example 'EPSG:32635'."""
         return self._contents.columns.crs
 
     @property
     def attribution(self) -> str | None:
-        """Whom the data is by."""
+        """The authors of the data."""
         return self._contents.attribution
 
     @cached_property

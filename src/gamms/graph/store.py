@@ -1,6 +1,6 @@
-"""The nodes and edges of one graph: its tables, what is derived from them, and a number that changes with both.
+"""The nodes and edges of one graph: tables, derived indexes, and a revision number.
 
-`Cache` holds what others derive from one revision of it.
+`Cache` stores arrays that other parts derive from one revision.
 """
 
 import dataclasses
@@ -18,46 +18,47 @@ from gamms import kernels
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
-from gamms.graph.tables import Closed, EdgeTable, NodeTable, joined, kept
+from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, joined, kept
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given, read_only
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
-_FEW, _MANY = 32, 4096  # neighbourhoods that are asked for before they are read from arrays, and of large graphs
-_ENTRY_BYTES = 512  # about: of a cache, besides what the arrays hold
-_SHARE = 8  # when one node in so many was asked for, the neighbourhoods of all are made
-_GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
+_FEW = 32  # neighborhoods computed one by one before arrays are used
+_MANY = 4096  # cached neighborhoods of a large graph
+_ENTRY_BYTES = 512  # bytes per cache entry in addition to the arrays, estimated
+_SHARE = 8  # once one node in this many was requested, all neighborhoods are computed
+_GROUND = ("z", "underground")  # node attributes: height of the ground, and number of a tunnel
 
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
 
 class Neighborhoods(dict[int, tuple[int, ...]]):
-    """Node id -> the node itself, then its neighbours; filled when asked.
+    """A mapping from node id to the node itself, then its neighbors; computed on demand.
 
-    The first are looked up one by one, the next are read from arrays of all edges, and when a share of the nodes was
-    asked for, those of all are made at once. Of a large graph the last ones are kept.
+    The first neighborhoods are computed one by one, the next are read from arrays of all edges, and once a share of the
+    nodes was requested, all are computed at once. For a large graph only the latest are cached.
     """
 
-    # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks: the loop).
+    # NOTE: a dict with __missing__ looks up a known node without a Python call (benchmarks: the loop).
 
     def __init__(self, store: "GraphStore") -> None:
         self._store = store
         self._misses = 0
         self._runs: tuple[memoryview, memoryview] | None = None  # see `targets_by_row`
-        self._changed: set[int] = set()  # ids of nodes whose neighbours have changed since
-        self.source: Neighborhoods | None = None  # of a store with the same graph, which is asked instead
+        self._changed: set[int] = set()  # ids of nodes whose neighbors changed since the arrays were made
+        self.source: Neighborhoods | None = None  # of a store with the same graph, used instead of its own
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
         return deepcopy(self._store, memo).neighborhoods
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Drop all neighborhoods."""
         super().clear()
         self._misses, self._runs = 0, None
         self._changed.clear()
 
     def forget(self, id: int) -> None:
-        """Forget the neighbours of a node, which have changed."""
+        """Drop the neighborhood of a node whose neighbors have changed."""
         self.pop(id, None)
         if self._runs is not None:
             self._changed.add(id)
@@ -68,7 +69,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
             made = source[id]
             if len(self) >= _MOST_NEIGHBORHOODS:
                 return self._keep(id, made)
-            self[id] = made  # NOTE: without a call (benchmarks: 5 against 5 by play)
+            self[id] = made  # NOTE: inline, without a call (benchmarks: 5 against 5 by play)
             return made
         self._misses += 1
         nodes = len(self._store.nodes)
@@ -79,7 +80,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         elif self._runs is None and self._misses == (_MANY if is_large else _FEW):
             self._runs = self._store.indexes.targets_by_row()
             self._changed.clear()
-        runs = self._runs  # once: games in other threads may ask, too
+        runs = self._runs  # read once, because other threads may change it
         if runs is not None and id not in self._changed and type(id) is int:
             (offsets, ids), row = runs, self._store.nodes.index.row(id)
             if 0 <= row < len(offsets) - 1:
@@ -89,7 +90,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         return self._keep(id, made)
 
     def _keep(self, id: int, made: tuple[int, ...]) -> tuple[int, ...]:
-        """Keep a neighbourhood; where there are too many, an eighth of them goes, those that were asked for first."""
+        """Cache a neighborhood; when the cache is full, drop the oldest eighth."""
         if len(self) >= _MOST_NEIGHBORHOODS:
             for first in list(islice(self, max(_MOST_NEIGHBORHOODS // 8, 1))):
                 del self[first]
@@ -98,19 +99,19 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
 
 class GraphStore:
-    """Holds a graph for `Graph` and for the parts that fill or read it; arguments are checked by these.
+    """The data of a graph, for `Graph` and for modules that fill or read it; callers check the arguments.
 
     Attributes:
         nodes: the table of nodes.
         edges: the table of edges.
-        indexes: of both tables.
-        neighborhoods: node id -> the node itself, then its neighbours.
+        indexes: indexes of both tables.
+        neighborhoods: node id -> the node itself, then its neighbors.
         revision: a number that changes with every change of the graph.
-        road_changes: how many of these changes have only closed, opened or removed edges.
+        road_changes: the number of these changes that only closed, opened or removed edges.
         crs: the coordinate reference system of x and y.
-        attribution: whom the data is by.
-        scenery: what is drawn and blocks no sight, or its name; None: there is none.
-        closed: id -> edge that was closed, as `add_edge` takes it; never changed, but replaced by another dict.
+        attribution: the authors of the data.
+        scenery: the base map, which blocks no sight, or its name; None: no base map.
+        closed: id -> closed edge, as `add_edge` takes it; replaced, never mutated.
     """
 
     edges: EdgeTable
@@ -122,8 +123,8 @@ class GraphStore:
     def __init__(self) -> None:
         self.revision = -1
         self.road_changes = 0
-        self._sharers: WeakSet[GraphStore] | None = None  # itself, and the stores that have the same tables
-        self._askers: WeakSet[GraphStore] = WeakSet()  # of these, those that ask for neighbourhoods here
+        self._sharers: WeakSet[GraphStore] | None = None  # this store and all stores that share its tables
+        self._askers: WeakSet[GraphStore] = WeakSet()  # the sharing stores that use the neighborhoods of this one
         self.neighborhoods = Neighborhoods(self)
         self.clear()
 
@@ -140,7 +141,7 @@ class GraphStore:
         self.rows_added()
 
     def columns(self) -> GraphColumns:
-        """Return the graph as columns that stay as they are now; their attributes are not copied."""
+        """Return the graph as columns that never change; attribute values are not copied."""
         known = self._columns
         if known is None or known.revision != self.revision:
             self._compact(fully=True)
@@ -148,13 +149,13 @@ class GraphStore:
         return known
 
     def ground(self) -> FloatArray | None:
-        """Return the height of each row of the nodes, dead ones too, and its tunnel (rows, 2); None where all are 0."""
+        """Return height and tunnel number of each node row, removed nodes included, (rows, 2); None if all are 0."""
         key = self.revision, self.nodes.count, self.nodes.dead
         if key != self._ground_key:
             attributes, ground = self.nodes.attributes, np.zeros((self.nodes.count, 2))
             for column, name in enumerate(_GROUND):
                 for row, value in attributes.get(name, {}).items():
-                    # An attribute of the user's may be anything.
+                    # Attributes set by users may have any type.
                     if type(value) in (int, float) and isfinite(value):
                         ground[row, column] = value
             ground[self.nodes.array("alive") == 0] = 0.0
@@ -164,22 +165,22 @@ class GraphStore:
     def replace(
         self, columns: GraphColumns, attribution: str | None, scenery: str | Scenery | None, closed: ClosedEdges
     ) -> None:
-        """Become the graph that columns describe."""
+        """Replace the graph by the one described by columns."""
         self.clear()
         self.append(columns, attribution)
         self.scenery, self.closed = scenery, closed
 
     def append(self, columns: GraphColumns, attribution: str | None) -> None:
-        """Add nodes and edges after those that are there, all or none.
+        """Append nodes and edges; on an error nothing is added.
 
         Raises:
-            DuplicateId (KeyError): an id is taken, or given twice.
-            BadValue: they have another CRS.
+            DuplicateId (KeyError): an id is taken, or occurs twice.
+            BadValue: the CRS differs.
         """
         self.own()
         nodes, edges = self.nodes, self.edges
         if len(nodes) and None not in (columns.crs, self.crs) and columns.crs != self.crs:
-            raise BadValue(f"its CRS is {columns.crs}, that of the graph is {self.crs}; project it first")
+            raise BadValue(f"its CRS is {columns.crs}, but the graph has {self.crs}; project it first")
         nodes.index.refuse_duplicates(columns.node_ids, nodes.kind)
         edges.index.refuse_duplicates(columns.edge_ids, edges.kind)
         first = nodes.extend(columns.node_ids, xy=columns.xy)
@@ -197,7 +198,7 @@ class GraphStore:
         self.revision += 1
 
     def remove_node(self, node_id: int) -> None:
-        """Remove a node and the edges at it; a missing node is no error."""
+        """Remove a node and its edges; a missing node is ignored."""
         self.own()
         row = self.nodes.index.row(node_id)
         if row < 0:
@@ -218,7 +219,7 @@ class GraphStore:
         self._compact()
 
     def close_edges(self, ids: Iterable[int]) -> None:
-        """Remove edges, and keep them as closed ones."""
+        """Remove edges, and store them as closed edges."""
         self.own()
         edges, node_ids, closed = self.edges, self.nodes.ids, dict(self.closed)
         for id in ids:
@@ -235,22 +236,22 @@ class GraphStore:
         self.road_changes += 1
 
     def close(self) -> None:
-        """Release everything; whatever is asked of the graph from now on raises ContextTerminated."""
+        """Release all data; later calls on the graph raise ContextTerminated."""
         self._stop_sharing()
         self.neighborhoods.clear()
-        closed: Any = Closed()
+        closed: Any = ClosedTable()
         self.nodes = self.edges = self.indexes = self._columns = closed
 
     def fork(self) -> "GraphStore":
-        """Return another store of this graph; both have the same tables until one of them changes."""
+        """Return another store of this graph; both share the tables until one of them changes."""
         store = GraphStore()
         store.share(self)
         store.revision, store._columns = self.revision, self._columns
         return store
 
     def share(self, other: "GraphStore") -> None:
-        """Become the graph of another store; both have the same tables until one of them changes."""
-        columns = other.columns()  # which leaves no dead rows
+        """Replace the graph by that of another store; both share the tables until one of them changes."""
+        columns = other.columns()  # this call removes dead rows
         self._stop_sharing()
         self.nodes, self.edges, self.indexes = other.nodes, other.edges, other.indexes
         self.crs, self.attribution = other.crs, other.attribution
@@ -267,7 +268,7 @@ class GraphStore:
         other._askers.add(self)
 
     def own(self) -> None:
-        """Share nothing any longer; called before every change."""
+        """Stop sharing the tables; called before every change."""
         if self._sharers is None:
             return
         if self._stop_sharing():
@@ -277,7 +278,7 @@ class GraphStore:
         self.indexes.forget = self.neighborhoods.forget
 
     def _stop_sharing(self) -> bool:
-        """Leave the tables to the other stores that have them; return whether there are such."""
+        """Leave the shared tables to their other owners; return whether they were shared."""
         sharers, self._sharers, self.neighborhoods.source = self._sharers, None, None
         if sharers is None:
             return False
@@ -289,11 +290,11 @@ class GraphStore:
         return bool(sharers)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the graph; its indexes are made again."""
+        """Pickle the graph; its indexes are rebuilt on loading."""
         return _rebuilt, (self.columns(), self.attribution, self.scenery, self.closed)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
-        """Copy the graph, for a look ahead into a game that goes on elsewhere."""
+        """Copy the graph, for simulations by a strategy."""
         copied = memo[id(self)] = GraphStore()
         copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery, deepcopy(self.closed, memo))
         return copied
@@ -308,7 +309,7 @@ class GraphStore:
         self.indexes.edge_removed(ends)
 
     def _compact(self, *, fully: bool = False) -> None:
-        """Drop the dead rows, as a rule once they outnumber the living: so each costs its share only once."""
+        """Drop dead rows, by default only if they outnumber the living, so that the cost per removal is constant."""
         nodes, edges = self.nodes, self.edges
         if nodes.dead > (0 if fully else len(nodes)):
             edges.rename_ends(nodes.compact())
@@ -318,7 +319,7 @@ class GraphStore:
             self._discard_indexes()
 
     def _frozen(self) -> GraphColumns:
-        """Return the tables, which have no dead rows, as columns."""
+        """Return the tables, which must not have dead rows, as columns."""
         nodes, edges = self.nodes, self.edges
         offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
         return GraphColumns(
@@ -350,11 +351,11 @@ class Cache:
     """Caches tuples of arrays by key; the least recently used one is dropped first.
 
     Args:
-        most_bytes: what all of them may take together; a larger one is computed each time.
+        most_bytes: limit of the total size; a larger entry is not cached.
 
     Attributes:
-        revision: of the graph that they are of.
-        entries: key -> arrays, to look up without `get`; not to be changed.
+        revision: the graph revision of the entries.
+        entries: key -> arrays, for look-ups without `get`; read-only.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -364,13 +365,13 @@ class Cache:
         self.bytes = 0
 
     def get(self, revision: int, key: Hashable, make: Callable[[], Arrays]) -> Arrays:
-        """Return what `make` gives at this revision; entries of another one are discarded."""
+        """Return the result of `make`, cached for this revision; entries of other revisions are dropped."""
         if revision != self.revision:
             self.clear()
             self.revision = revision
         try:
             known: Arrays | None = self.entries.get(key)
-        except TypeError:  # a weight that is not hashable: `make` says what is wrong with it
+        except TypeError:  # the weight is not hashable: `make` raises a clear error
             return make()
         if known is not None:
             self.entries.move_to_end(key)
@@ -380,7 +381,7 @@ class Cache:
         return made
 
     def take_over(self, other: "Cache") -> None:
-        """Hold the entries of another cache."""
+        """Replace the entries by those of another cache."""
         self.revision, self.entries, self.bytes = other.revision, other.entries.copy(), other.bytes
 
     def clear(self) -> None:

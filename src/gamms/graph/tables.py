@@ -1,4 +1,4 @@
-"""Growing columns with an id per row: the one home of the nodes and edges of a graph."""
+"""Growable columns with one id per row: the storage of nodes and edges."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
@@ -14,16 +14,16 @@ from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines, RowArray, rea
 T = TypeVar("T")
 
 _START = 16
-_CHUNK = 4096  # ids that are made Python ints at a time, for callers who want only the first
-MOST_DEPTH = 100  # far below what the recursion limit allows, so that what is accepted can be read anywhere
-_MANY = 4096  # ascending ids from here on take an array instead of a dict
+_CHUNK = 4096  # ids converted to Python ints at a time, for callers that read only the first few
+MOST_DEPTH = 100  # far below the recursion limit, so that accepted values can be read everywhere
+_MANY = 4096  # number of ascending ids from which an array replaces the dict
 
 
 class RowIndex:
     """Finds the row of an id.
 
-    The usual ids `first, first + 1, …` in row order take no memory, many ascending ones take an array, and only
-    what fits neither takes a dict.
+    The usual ids `first, first + 1, …` in row order take no memory, many ascending ids take an array, and all other ids
+    take a dict.
     """
 
     __slots__ = ("_ascending", "_ascending_row", "_first", "_gone", "_others", "_run")
@@ -31,10 +31,10 @@ class RowIndex:
     def __init__(self) -> None:
         self._first = 0  # rows 0 … _run - 1 have the ids _first, _first + 1, …
         self._run = 0
-        self._ascending: memoryview | None = None  # the ids of the rows from _ascending_row on
+        self._ascending: memoryview | None = None  # ids of the rows from _ascending_row on
         self._ascending_row = 0
-        self._gone: set[int] = set()  # removed rows of these two
-        self._others: dict[int, int] = {}  # id -> row, for every other row
+        self._gone: set[int] = set()  # removed rows among these two kinds
+        self._others: dict[int, int] = {}  # id -> row, for all other rows
 
     def row(self, id: int) -> int:
         """Return the row of `id`, or -1."""
@@ -48,11 +48,12 @@ class RowIndex:
         """Return the rows (ids,) of many ids.
 
         Raises:
-            UnknownName (KeyError): one of them is not there.
+            UnknownName (KeyError): an id is unknown.
         """
         if self._ascending is None and not self._others and not self._gone:
             rows = ids - self._first
-            # NOTE: as unsigned numbers, those before the first are large: one pass (benchmarks: peers).
+            # NOTE: as unsigned numbers, ids before the first are large: one comparison (benchmarks:
+            # peers).
             if not len(rows) or int(rows.view(np.uint64).max()) < self._run:
                 return rows
         rows = self._look_up(ids)
@@ -62,7 +63,7 @@ class RowIndex:
         return rows
 
     def add(self, id: int, row: int) -> None:
-        """Remember that `id`, which is not there, is in the next row."""
+        """Assign a new `id` to the next row."""
         if row == 0:
             self._first = id
         if row == self._run and id == self._first + row:
@@ -71,10 +72,10 @@ class RowIndex:
             self._others[id] = row
 
     def extend(self, ids: IntArray, row: int, kind: str) -> None:
-        """Remember that `ids` are in the rows from `row` on.
+        """Assign `ids` to the rows from `row` on.
 
         Raises:
-            DuplicateId (KeyError): one of them is there already, or twice in `ids`; nothing has changed then.
+            DuplicateId (KeyError): an id is taken, or occurs twice in `ids`; nothing has changed.
         """
         if not len(ids):
             return
@@ -88,15 +89,15 @@ class RowIndex:
             self._others.update(zip(ids.tolist(), range(row, row + len(ids)), strict=True))
 
     def remove(self, id: int) -> None:
-        """Forget an id that is there."""
+        """Remove an existing id."""
         if self._others.pop(id, None) is None:
             self._gone.add(self.row(id))
 
     def refuse_duplicates(self, ids: IntArray, kind: str) -> None:
-        """Check that new ids are neither there already nor twice in `ids`.
+        """Check that new ids are neither taken nor repeated.
 
         Raises:
-            DuplicateId (KeyError): one of them is.
+            DuplicateId (KeyError): an id is taken or repeated.
         """
         if not (ids[1:] > ids[:-1]).all():
             unique, counts = np.unique(ids, return_counts=True)
@@ -115,7 +116,7 @@ class RowIndex:
         return row if is_there and row not in self._gone else -1
 
     def _look_up(self, ids: IntArray) -> IntArray:
-        """Return the rows (ids,) of many ids, -1 for those that are not there."""
+        """Return the rows (ids,) of many ids, -1 for unknown ids."""
         rows = ids - self._first
         rows[(rows < 0) | (rows >= self._run)] = -1
         if self._ascending is not None:
@@ -129,18 +130,18 @@ class RowIndex:
 
 
 def _are_consecutive(ids: IntArray) -> bool:
-    # The difference of the outermost ids in Python's integers: NumPy's wrap around at 64 bits.
+    # Python integers, because NumPy's wrap around at 64 bits.
     return len(ids) < 2 or (int(ids[-1]) - int(ids[0]) == len(ids) - 1 and bool((np.diff(ids) == 1).all()))
 
 
 class Table:
-    """Columns of equal length. A removed row stays as a dead one until `compact`.
+    """Columns of equal length. A removed row stays as a dead row until `compact`.
 
-    Each column is an attribute: a memoryview for single values (flat, `width` values per row). `array` gives it
-    as an array. What `frozen` gave out is never written to again.
+    Each column is an attribute: a flat memoryview of single values, `width` values per row. `array` returns it as an
+    array. Arrays returned by `frozen` are never written to again.
     """
 
-    kind: ClassVar[str]  # what a row is, with its article, for messages
+    kind: ClassVar[str]  # name of a row, with its article, for messages
     columns: ClassVar[dict[str, tuple[Any, int]]]  # name -> (dtype, width)
 
     ids: memoryview
@@ -156,10 +157,10 @@ class Table:
 
     def __init__(self) -> None:
         self.index = RowIndex()
-        self.count = 0  # rows in use, dead ones included
+        self.count = 0  # rows in use, dead rows included
         self.dead = 0
         self.capacity = 0
-        self.attributes: dict[str, Mapping[int, Any]] = {}  # name -> row -> value; dead rows may have some
+        self.attributes: dict[str, Mapping[int, Any]] = {}  # name -> row -> value; may include dead rows
         self._arrays = self._empty.copy()  # NOTE: shared, because most contexts are made long before their map
         self._is_shared = False
 
@@ -167,17 +168,17 @@ class Table:
         return self.count - self.dead
 
     def array(self, name: str) -> np.ndarray[Any, Any]:
-        """Return a column as an array of the rows in use; do not keep it."""
+        """Return a column as an array of the rows in use; do not store it."""
         array = self._arrays[name][: self.count]
         return array[:, 0] if array.shape[1] == 1 else array
 
     def frozen(self, name: str) -> np.ndarray[Any, Any]:
-        """Return a column as a read-only array that stays as it is now."""
+        """Return a column as a read-only array that never changes."""
         self._is_shared = True
         return read_only(self.array(name))
 
     def own(self) -> None:
-        """Call before writing to a row that exists: what was given out keeps the old values."""
+        """Prepare for writing to an existing row: copy columns that were handed out."""
         if self._is_shared:
             self._resize(self.capacity)
             self._is_shared = False
@@ -186,14 +187,15 @@ class Table:
         """Make room for `rows` more rows."""
         if self.count + rows > self.capacity:
             grown = max(_START, self.capacity + self.capacity // 2)
-            is_bulk = rows >= max(_START, self.capacity)  # fits exactly; the others are copied ever more rarely
+            # Bulk appends get the exact size; otherwise growth makes copies ever rarer.
+            is_bulk = rows >= max(_START, self.capacity)
             self._resize(self.count + rows if is_bulk else max(self.count + rows, grown))
 
     def find(self, id: int) -> int:
         """Return the row of `id`.
 
         Raises:
-            UnknownName (KeyError): it is not there.
+            UnknownName (KeyError): the id is unknown.
         """
         row = self.index.row(id)
         if row < 0:
@@ -201,10 +203,10 @@ class Table:
         return row
 
     def extend(self, ids: IntArray, **columns: np.ndarray[Any, Any]) -> int:
-        """Append many rows, given every column but `alive`; returns the first new row.
+        """Append many rows, given all columns except `alive`; return the first new row.
 
         Raises:
-            DuplicateId (KeyError): an id is taken; nothing has changed then.
+            DuplicateId (KeyError): an id is taken; nothing has changed.
         """
         first, end = self.count, self.count + len(ids)
         self.index.extend(ids, first, self.kind)
@@ -216,42 +218,42 @@ class Table:
         return first
 
     def remove(self, row: int) -> None:
-        """Make a living row a dead one."""
+        """Mark a living row as dead."""
         self.index.remove(self.ids[row])
         self.alive[row] = 0
         self.dead += 1
 
     def living(self) -> IntArray:
-        """Return rows that are not dead, ascending."""
+        """Return the living rows, ascending."""
         if not self.dead:
             return np.arange(self.count)
         return np.flatnonzero(self.array("alive"))
 
     def iter_ids(self, rows: IntArray | None = None) -> Iterator[int]:
-        """Return the ids of `rows`, or of all living ones."""
+        """Return the ids of `rows`, or of all living rows."""
         ids = self.array("ids")
         if rows is None:
             rows = None if not self.dead else self.living()
-        ids = ids if rows is None else ids[rows]  # what is in a row never changes, so this is a snapshot
+        ids = ids if rows is None else ids[rows]  # a snapshot, because the id of a row never changes
         return chain.from_iterable(ids[i : i + _CHUNK].tolist() for i in range(0, len(ids), _CHUNK))
 
     def attributes_of(self, row: int) -> dict[str, Any]:
-        """Return the attributes of one row, a fresh dict."""
+        """Return the attributes of one row as a fresh dict."""
         return {name: own(values[row]) for name, values in self.attributes.items() if row in values}
 
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
         """Change some attributes of one row."""
         for name, value in given.items():
-            values = self.attributes[name] = own_dict(self.attributes.get(name, {}))
+            values = self.attributes[name] = writable_dict(self.attributes.get(name, {}))
             values[row] = value
 
     def add_attributes(self, first: int, given: Mapping[str, Mapping[int, Any]]) -> None:
-        """Take over the attributes of many rows, which count from `first` here."""
+        """Add attributes by row; row 0 of `given` is row `first` of the table."""
         for name, values in given.items():
             self.attributes[name] = joined(self.attributes.get(name, {}), first, values)
 
     def compact(self) -> IntArray:
-        """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
+        """Drop the dead rows; return the new row (rows,) of each old row, -1 for a dead row."""
         alive = self.living()
         moved = np.full(self.count, -1, np.int64)
         moved[alive] = np.arange(len(alive))
@@ -261,7 +263,7 @@ class Table:
         self._resize(max(_START, len(alive)))
         self.index = RowIndex()
         self.index.extend(ids, 0, self.kind)
-        left = {name: renamed(values, moved) for name, values in self.attributes.items()}
+        left = {name: renumbered(values, moved) for name, values in self.attributes.items()}
         self.attributes = {name: values for name, values in left.items() if values}
         return moved
 
@@ -275,7 +277,7 @@ class Table:
 
 
 class NodeTable(Table):
-    """All nodes."""
+    """The table of nodes."""
 
     kind = "a node"
     columns: ClassVar = {"ids": (np.int64, 1), "xy": (np.float64, 2), "alive": (np.uint8, 1)}
@@ -283,7 +285,7 @@ class NodeTable(Table):
     xy: "memoryview[float]"
 
     def append(self, id: int, x: float, y: float) -> int:
-        """Add a node whose id is not there; returns its row."""
+        """Append a node with a new id; return its row."""
         row = self.count
         if row == self.capacity:
             self.reserve(1)
@@ -297,7 +299,7 @@ class NodeTable(Table):
 
 
 class EdgeTable(Table):
-    """All edges; their ends are node rows."""
+    """The table of edges; their ends are node rows."""
 
     kind = "an edge"
     columns: ClassVar = {
@@ -314,11 +316,11 @@ class EdgeTable(Table):
 
     def __init__(self) -> None:
         super().__init__()
-        # row -> (points, 2), for the edges that are not straight; dead rows may have one
+        # row -> (points, 2), for edges that are not straight; may include dead rows
         self.polylines: Mapping[int, FloatArray] = {}
 
     def append(self, id: int, source: int, target: int, length: float) -> int:
-        """Add an edge whose id is not there; returns its row."""
+        """Append an edge with a new id; return its row."""
         row = self.count
         if row == self.capacity:
             self.reserve(1)
@@ -332,54 +334,54 @@ class EdgeTable(Table):
         return row
 
     def bend(self, row: int, polyline: FloatArray) -> None:
-        """Give an edge a polyline."""
-        polylines = self.polylines = own_dict(self.polylines)
+        """Set the polyline of an edge."""
+        polylines = self.polylines = writable_dict(self.polylines)
         polylines[row] = polyline
 
     def straighten(self, row: int) -> None:
-        """Take the polyline of an edge away, if it has one."""
+        """Remove the polyline of an edge, if it has one."""
         if row in self.polylines:
-            polylines = self.polylines = own_dict(self.polylines)
+            polylines = self.polylines = writable_dict(self.polylines)
             del polylines[row]
 
     def bends_among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
-        """Return which of some rows (rows,) have a polyline, as positions in `rows`, and which."""
+        """Return (index in `rows`, polyline) of the rows (rows,) that have a polyline."""
         polylines = self.polylines
         if isinstance(polylines, Polylines):
             return polylines.among(rows)
         return [(i, polylines[row]) for i, row in enumerate(rows.tolist()) if row in polylines]
 
     def compact(self) -> IntArray:
-        """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
+        """Drop the dead rows; return the new row (rows,) of each old row, -1 for a dead row."""
         moved = super().compact()
-        self.polylines = renamed(self.polylines, moved)
+        self.polylines = renumbered(self.polylines, moved)
         return moved
 
     def rename_ends(self, moved: IntArray) -> None:
-        """Follow the node rows after a compaction of the nodes."""
+        """Update the ends after nodes were compacted."""
         self.own()
         for name in ("sources", "targets"):
             column = self.array(name)
-            # A dead edge may end at a dead node; any row will do for it.
+            # A dead edge may end at a dead node; any row is valid for it.
             column[:] = np.maximum(moved[column], 0)
 
 
-def own_dict(values: Mapping[int, T]) -> dict[int, T]:
-    """Return what rows have as a dict to write to: itself if it is one, as columns that many share are not."""
+def writable_dict(values: Mapping[int, T]) -> dict[int, T]:
+    """Return values by row as a dict that may be written to; shared columns are copied."""
     return values if isinstance(values, dict) else dict(values.items())
 
 
 def joined(values: Mapping[int, T], first: int, given: Mapping[int, T]) -> Mapping[int, T]:
-    """Return what rows have, and those that were given, which count from `first`."""
+    """Join two mappings of values by row; rows of the second are counted from `first`."""
     if not (values or first) and isinstance(given, ByRow):
         return given
-    added = own_dict(values)
+    added = writable_dict(values)
     added.update({first + row: value for row, value in given.items()} if first else given.items())
     return added
 
 
-def renamed(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
-    """Return what rows have under their new numbers (rows,); -1 for those that are left out."""
+def renumbered(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
+    """Renumber values by row: `moved` (rows,) has the new row, or -1 for rows that are dropped."""
     if not isinstance(values, ByRow):
         rows = moved.tolist()
         return {rows[row]: value for row, value in values.items() if rows[row] >= 0}
@@ -389,12 +391,12 @@ def renamed(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
 
 
 def kept(values: Mapping[int, T]) -> Mapping[int, T]:
-    """Return what rows have now, which stays as it is."""
+    """Return the present values by row as a mapping that never changes."""
     return values if isinstance(values, ByRow) else dict(values)
 
 
-class Closed:
-    """What a closed graph has instead of tables and indexes."""
+class ClosedTable:
+    """The placeholder for tables and indexes of a closed graph; every access raises an error."""
 
     def __getattr__(self, name: str) -> Any:
         raise ContextTerminated("its graph")
@@ -404,10 +406,10 @@ class Closed:
 
 
 def own(value: T, depth: int = 0) -> T:
-    """Return `value`, with the lists, dicts, sets and arrays in it copied: no caller can change what the graph holds.
+    """Return `value` with copies of its lists, dicts, sets and arrays, so that callers cannot change the graph.
 
     Raises:
-        BadValue: it is nested too deeply, or holds itself.
+        BadValue: the value is nested too deeply, or contains itself.
     """
     copy: Callable[[T, int], T] | None = _COPIES.get(type(value))
     if copy is None:
@@ -426,4 +428,4 @@ _COPIES: dict[type, Callable[[Any, int], Any]] = {
     np.ndarray: lambda value, _depth: value.copy(),
 }
 
-CONTAINERS = frozenset(_COPIES)  # of other classes `own` gives back the value itself
+CONTAINERS = frozenset(_COPIES)  # values of other classes are returned as they are by `own`

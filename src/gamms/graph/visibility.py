@@ -1,4 +1,4 @@
-"""Visibility tables: which nodes see which; computed, kept in files, and dropped once they no longer hold."""
+"""Visibility tables: the nodes that each node sees; computed, stored in files, and dropped when outdated."""
 
 import os
 from collections.abc import Iterable
@@ -30,16 +30,16 @@ from gamms.typing.graph_values import NodeIds
 from gamms.typing.obstacles import IVisibility
 
 _SUFFIX = ".sight"
-_MAGIC = b"GAMMSEYE"  # what a file begins with; see docs/save-format.md
-_VERSION = 3  # of development versions, 1 and 2 were; they are not read
+_MAGIC = b"GAMMSEYE"  # first bytes of a file; see docs/save-format.md
+_VERSION = 3  # versions 1 and 2 were used by development versions; they are not supported
 
 TablePath = str | os.PathLike[str] | Literal[False] | None
 
 
 class MapFingerprint:
-    """The nodes and faces that a visibility table is of, and whether they are still the same.
+    """The nodes and faces of a visibility table, to check whether they are unchanged.
 
-    Other changes of the graph, such as a closed road, leave it current.
+    Other changes of the graph, for example closed roads, do not matter.
     """
 
     def __init__(self, store: GraphStore, obstacles: Obstacles) -> None:
@@ -54,7 +54,7 @@ class MapFingerprint:
 
     @property
     def is_current(self) -> bool:
-        """Whether nodes and faces are still these."""
+        """Whether the nodes and faces are unchanged."""
         now = self._revisions_now()
         if now != self._revisions:
             is_same = _digest(*_nodes_of(self._store)) == self._nodes
@@ -64,7 +64,7 @@ class MapFingerprint:
         return self._is_current
 
     def key(self, radius: float, observer_height: float) -> bytes:
-        """32 bytes that are others for another map, radius or height."""
+        """Return 32 bytes that depend on the map, the radius and the height."""
         parts = b"gamms sight 2", self._nodes, self._faces, pack("<dd", radius, observer_height)
         return sha256(b"".join(parts)).digest()
 
@@ -88,11 +88,11 @@ def _digest(*arrays: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]") -> byt
 
 
 class Visibility(Shareable, IVisibility):
-    """Compressed rows: one for each node, in insertion order, of the nodes that it sees.
+    """Compressed rows: for each node, in insertion order, the nodes that it sees.
 
     Args:
-        fingerprint: what the table is of.
-        routes: of the graph.
+        fingerprint: identifies the map of the table.
+        routes: routes of the graph.
         radius: see `IVisibility`.
         observer_height: see `IVisibility`.
         seen: the rows of the nodes that each node sees.
@@ -118,17 +118,17 @@ class Visibility(Shareable, IVisibility):
 
     @property
     def radius(self) -> float:
-        """How far it reaches, map units."""
+        """The radius within which sight lines were computed, map units."""
         return self._radius
 
     @property
     def observer_height(self) -> float:
-        """How high both ends of every sight line are above the ground of their nodes, map units."""
+        """The height of both ends of every sight line above the ground at their nodes, map units."""
         return self._observer_height
 
     @property
     def is_current(self) -> bool:
-        """Whether nodes and obstacles are still those that it is of."""
+        """Whether the nodes and obstacles are unchanged since the table was computed."""
         return self._fingerprint.is_current
 
     def __len__(self) -> int:
@@ -141,18 +141,18 @@ class Visibility(Shareable, IVisibility):
         return place < len(seen) and int(seen[place]) == row
 
     def mask(self, observer_id: int, ids: Iterable[int]) -> BoolArray:
-        """Return whether each of some nodes (nodes,) is within the radius and visible from a node."""
+        """Return whether each of some nodes (nodes,) is within the radius of a node and visible from it."""
         is_seen = np.zeros(len(self._ids), np.bool_)
         is_seen[self._seen(self._row(observer_id))] = True
         asked = ids if isinstance(ids, np.ndarray) else list(ids)
         return is_seen[self._index.rows(records.id_array(asked, "ids"), "node")]
 
     def from_node(self, node_id: int) -> IntArray:
-        """Return ids of the nodes that are visible from a node, itself included."""
+        """Return the ids of the nodes that are visible from a node, itself included."""
         return self._ids[self._seen(self._row(node_id))]
 
     def watchers(self, node_id: int) -> IntArray:
-        """Return ids of the nodes that a node is visible from, itself included."""
+        """Return the ids of the nodes from which a node is visible, itself included."""
         row = self._row(node_id)
         if self._by_target is None:
             offsets, order = kernels.group_rows(self._rows.astype(np.int64), len(self))
@@ -162,11 +162,11 @@ class Visibility(Shareable, IVisibility):
         return self._ids[observers[offsets[row] : offsets[row + 1]]]
 
     def coverage(self, node_ids: NodeIds) -> IntArray:
-        """Return ids of the nodes that are visible from at least one of some nodes."""
+        """Return the ids of the nodes that are visible from at least one of some nodes."""
         return self._ids[self._is_covered(node_ids)]
 
     def hidden(self, watchers: NodeIds) -> IntArray:
-        """Return ids of the nodes that are visible from none of some nodes."""
+        """Return the ids of the nodes that are visible from none of some nodes."""
         return self._ids[~self._is_covered(watchers)]
 
     def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
@@ -207,14 +207,14 @@ class Visibility(Shareable, IVisibility):
 
 
 class VisibilityTables:
-    """The tables of a graph and its obstacles, by radius and height.
+    """The visibility tables of a graph and its obstacles, by radius and height.
 
     Args:
         store: the graph.
-        routes: of the graph.
-        obstacles: what blocks the view.
-        ctx: its logger gets warnings of files that cannot be used.
-        storage: has the rows of tables, also those of other contexts.
+        routes: routes of the graph.
+        obstacles: the faces that block sight.
+        ctx: its logger gets warnings about files that cannot be used.
+        storage: stores the rows of tables; shared with other contexts.
     """
 
     def __init__(
@@ -225,7 +225,7 @@ class VisibilityTables:
         self._tables: dict[tuple[float, float], Visibility] = {}
 
     def find(self, radius: float, observer_height: float) -> Visibility | None:
-        """Return the table of that height that holds and reaches so far; the smallest of several."""
+        """Return the smallest current table of this height with at least this radius, or None."""
         fitting = [table for (_, height), table in self._tables.items() if height == observer_height]
         fitting = [table for table in fitting if table.radius >= radius and table.is_current]
         return min(fitting, key=lambda table: table.radius, default=None)
@@ -233,10 +233,10 @@ class VisibilityTables:
     def get(
         self, radius: float, observer_height: float, path: TablePath, *, progress: bool, workers: int | None
     ) -> Visibility:
-        """Return the table as it is known, else from its file, else made; see `IGraphEngine.visibility`."""
+        """Return a table from memory, else from its file, else computed; see `IGraphEngine.visibility`."""
         reach, height = as_range(radius, "radius"), as_float(observer_height, "observer_height")
         if workers is not None and as_int(workers, "workers") < 1:
-            raise BadValue(f"workers must be at least 1, not {workers}; None takes one for each processor.")
+            raise BadValue(f"workers must be at least 1, not {workers}; None uses one for each processor.")
         self._tables = {key: table for key, table in self._tables.items() if table.is_current}
         table = self._tables.get((reach, height))
         if table is not None and not path:
@@ -253,54 +253,54 @@ class VisibilityTables:
             self._write(place, encode(table.seen, key, reach, height))
         return table
 
-    def _place(self, path: TablePath, key: bytes) -> "_Place | None":
+    def _place(self, path: TablePath, key: bytes) -> "_TableFile | None":
         name = key.hex()[:32] + _SUFFIX
         if path is False:
             return None
         if path is not None:
             asked = as_path(path, "path")
             if asked.is_dir():
-                return _Place(asked / name, is_asked=True)
-            return _Place(as_target(asked), is_asked=True, is_ours=not _is_foreign(asked))
+                return _TableFile(asked / name, is_asked=True)
+            return _TableFile(as_target(asked), is_asked=True, is_ours=not _is_foreign(asked))
         folder = cache_folder("visibility")
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            self._ctx.logger.warning(f"The visibility table cannot be kept for later: {error}. {_ANOTHER_PATH}")
+            self._ctx.logger.warning(f"The visibility table cannot be stored: {error}. {_ANOTHER_PATH}")
             return None
-        return _Place(folder / name)
+        return _TableFile(folder / name)
 
-    def _read(self, place: "_Place | None", key: bytes, nodes: int) -> VisibilityRows | None:
+    def _read(self, place: "_TableFile | None", key: bytes, nodes: int) -> VisibilityRows | None:
         try:
             return None if place is None else decode(place.path.read_bytes(), key, nodes)
         except FileNotFoundError:
             return None
         except (BadFile, OSError) as error:
-            self._ctx.logger.warning(f"{place.path} is no visibility table: {error}. It is computed again.")  # type: ignore[union-attr] # there is a place
+            self._ctx.logger.warning(f"{place.path} is not a visibility table: {error}. The table is computed again.")  # type: ignore[union-attr] # there is a place
             return None
 
-    def _write(self, place: "_Place", data: bytes) -> None:
+    def _write(self, place: "_TableFile", data: bytes) -> None:
         if not place.is_ours:
-            self._ctx.logger.warning(f"{place.path} is something else, and is left as it is. {_ANOTHER_PATH}")
+            self._ctx.logger.warning(f"{place.path} is another file, and is not overwritten. {_ANOTHER_PATH}")
             return
         try:
             write_whole(place.path, data)
         except OSError as error:
             if place.is_asked:
-                error.add_note(f"The visibility table is made, but could not be kept. {_ANOTHER_PATH}")
+                error.add_note(f"The visibility table was computed, but could not be stored. {_ANOTHER_PATH}")
                 raise
-            self._ctx.logger.warning(f"The visibility table cannot be kept for later: {error}. {_ANOTHER_PATH}")
+            self._ctx.logger.warning(f"The visibility table cannot be stored: {error}. {_ANOTHER_PATH}")
 
 
 _ANOTHER_PATH = "Give a path= that can be written to, or path=False to keep the table in memory only."
 
 
-class _Place(NamedTuple):
-    """Where a table is stored."""
+class _TableFile(NamedTuple):
+    """The file of a visibility table."""
 
     path: Path
-    is_asked: bool = False  # by the caller, who wants to know if it does not work
-    is_ours: bool = True  # else there is a file of something else, which is not to be overwritten
+    is_asked: bool = False  # whether the caller gave the path and must see errors
+    is_ours: bool = True  # False: the file is of another kind and must not be overwritten
 
 
 def _made(task: VisibilityTask, workers: int | None, *, is_shown: bool) -> VisibilityRows:
@@ -321,12 +321,12 @@ def encode(seen: VisibilityRows, key: bytes, radius: float, observer_height: flo
 
 
 def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows | None:
-    """Return the table in the bytes of a file; None where it is of another map, radius or height.
+    """Decode a table; return None if it belongs to another map, radius or height.
 
     Raises:
         BadFile (ValueError): the file is damaged, foreign or too new.
     """
-    with map_file.refusing_damages():
+    with map_file.reporting_damage():
         state = map_file.unframed(data, _MAGIC, _VERSION)
         if state["key"] != key:
             return None
@@ -342,7 +342,7 @@ def decode(data: bytes, key: bytes, nodes: int) -> VisibilityRows | None:
 
 
 def _is_foreign(path: Path) -> bool:
-    """Return whether there is a file of another kind."""
+    """Return whether a file of another kind exists at the path."""
     try:
         with path.open("rb") as file:
             begin = file.read(len(_MAGIC))

@@ -1,9 +1,8 @@
-"""Computes which nodes every node sees, from arrays alone: in this process, or in several at once.
+"""Compute the visible nodes of every node from arrays, in this process or in several at once.
 
-Observers near each other look around together: what takes a hundred NumPy calls for one takes as many for thirty.
-Threads do not help, for between calls on small arrays only one can run.
-The processes of `multiprocessing` would import the user's script again; those of `gamms.workers` import GAMMS alone
-(docs/decisions/0009).
+Nearby observers are processed together: a hundred NumPy calls serve thirty observers as well as one. Threads do not
+help, because the many small NumPy calls hold the interpreter lock. The processes of `multiprocessing` would import the
+user's script again; those of `gamms.workers` import GAMMS alone (docs/decisions/0009).
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -22,13 +21,13 @@ from gamms.ir.obstacles import ObstacleColumns
 
 _AT_ONCE = 4  # groups of observers
 _GROUP = 40  # observers, at most
-_LINES = 1 << 16  # that are looked along together, or those of one observer
-_NEAR = 0.25  # of the radius: the side of a square in which observers are a group
-_FEW = 8192  # observers for whom no process is worth its start
+_LINES = 1 << 16  # sight lines tested together, at least those of one observer
+_NEAR = 0.25  # share of the radius: side of a square whose observers form a group
+_FEW = 8192  # observers below which a worker process is not worth its start
 _SHARE = 256  # groups for each process, at most
 
-Span = tuple[int, int]  # first group of observers, one behind the last
-RowArray = np.ndarray[tuple[int, ...], np.dtype[np.int32]]  # half the memory of other rows; there are many
+Span = tuple[int, int]  # first group of observers, one past the last
+RowArray = np.ndarray[tuple[int, ...], np.dtype[np.int32]]  # int32 to halve the memory
 
 
 class VisibilityTask(NamedTuple):
@@ -42,7 +41,7 @@ class VisibilityTask(NamedTuple):
 
 
 class VisibilityRows(NamedTuple):
-    """The rows of the nodes that some observers see, one observer after the other."""
+    """The visible node rows of some observers, one observer after the other."""
 
     counts: RowArray  # (observers,)
     rows: RowArray  # (counts.sum(),) node rows, ascending for each observer
@@ -52,7 +51,7 @@ _NOTHING = VisibilityRows(np.zeros(0, np.int32), np.zeros(0, np.int32))
 
 
 class SightLines:
-    """Tests the sight lines of nodes, as `GraphEngine.visible` would."""
+    """Tests the sight lines between nodes, as `GraphEngine.visible` would."""
 
     def __init__(self, task: VisibilityTask) -> None:
         count, faces = len(task.xy), len(task.corners)
@@ -67,16 +66,17 @@ class SightLines:
         self.groups = _groups(task.xy, task.radius)
 
     def seen(self, first: int, last: int) -> VisibilityRows:
-        """Return what the observers of these groups see, in their order; there must be one."""
+        """Return the nodes that the observers of one or more groups see, in the order of the groups."""
         found = [row for rows in self.groups[first:last] for row in self._rows(rows)]
         return VisibilityRows(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
     def _rows(self, observers: IntArray) -> Iterator[RowArray]:
-        """Yield the rows that each of some observers near each other sees."""
+        """Yield the visible rows of each of some nearby observers."""
         x, y = self._points[observers, :2].T
         middle = float(x.mean()), float(y.mean())
         off = float(np.hypot(x - middle[0], y - middle[1]).max())
-        reach = (self._radius + off + max(map(abs, middle))) * 1e-9 + self._radius + off  # rounding leaves none out
+        # Rounding must not exclude a node.
+        reach = (self._radius + off + max(map(abs, middle))) * 1e-9 + self._radius + off
         near = self._grid.within(*middle, reach) if reach < np.inf else np.arange(len(self._points))
         size = max(1, _LINES // len(near))
         for part in np.split(observers, range(size, len(observers), size)):
@@ -88,7 +88,7 @@ class SightLines:
 
 
 def _groups(xy: FloatArray, radius: float) -> list[IntArray]:
-    """Return all rows in groups of some that are in one square, of which a few are about as wide as the radius."""
+    """Group the rows by squares that are a fraction of the radius wide."""
     with np.errstate(over="ignore", invalid="ignore"):
         away = xy - xy.min(axis=0)
         column, line = (away / (max(radius * _NEAR, float(away.max()) * 1e-6) or 1.0)).astype(np.int64).T
@@ -98,12 +98,12 @@ def _groups(xy: FloatArray, radius: float) -> list[IntArray]:
 
 
 def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable[[str], None]) -> VisibilityRows:
-    """Return what every node sees; the number of workers changes nothing but the time.
+    """Return the visible nodes of every node; the number of workers changes only the time.
 
     Args:
         task: what to compute.
-        workers: processes; None: one for each core that this process may use, where that pays.
-        show: takes a line of progress.
+        workers: number of processes; None: one per available core if worthwhile.
+        show: called with lines of progress.
     """
     nodes = len(task.xy)
     if not nodes:
@@ -122,7 +122,7 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
         for part in found:
             parts.append(part)
             done += len(part.counts)
-            show(f"{done} of {nodes} nodes have looked around")
+            show(f"{done} of {nodes} nodes done")
     counts, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
     by_row = np.argsort(np.concatenate(sights.groups))
     ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts, dtype=np.int64)))
@@ -131,7 +131,7 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
 
 
 def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) -> Generator[VisibilityRows, None, None]:
-    """Return what each span sees; where a process cannot be had or breaks down, this process works in its place."""
+    """Return the visible nodes of each span; if a worker process fails, this process does its work."""
     from gamms.workers import WorkerDied, WorkerPool, result_of
 
     pool = WorkerPool(workers)
@@ -147,5 +147,5 @@ def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) ->
 
 
 def seen_by(task: VisibilityTask, span: Span) -> VisibilityRows:
-    """Return what some observers see."""
+    """Return the nodes that the given observers see."""
     return SightLines(task).seen(*span)

@@ -1,6 +1,5 @@
 """Pure functions over arrays: no Context, no files, no logging, no hidden random numbers.
 
-The NumPy versions are the specification; faster twins must match them exactly.
 Call them as `kernels.name(...)`. May import: numpy, `gamms.core`, `gamms.ir`.
 """
 
@@ -62,10 +61,10 @@ from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
 from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each, visible_pairs
 from gamms.kernels.paths import (
     Arcs,
-    Found,
-    Reached,
+    SearchResult,
+    ReachableNodes,
     Search,
-    Way,
+    ShortestPath,
     least_matching,
     make_arcs,
     route_tables,

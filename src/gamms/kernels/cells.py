@@ -1,4 +1,4 @@
-"""A cell grid over points: rows near a place, at a cost that does not grow with the number of points."""
+"""A cell grid over points: finds rows near a place in time independent of the number of points."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -12,9 +12,9 @@ from gamms.kernels.csr import expand_ranges
 
 _POINTS_PER_CELL = 4.0
 _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
-_FAR = 1e150  # coordinates beyond are as far away as this: their squares would overflow
+_FAR = 1e150  # coordinates beyond this are clipped: their squares would overflow
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
-_MOST_CANDIDATES = 1 << 15  # that are written out at a time, which caches hold
+_MOST_CANDIDATES = 1 << 15  # candidates that are written out at a time, small enough for CPU caches
 
 
 class CellIndex(NamedTuple):
@@ -22,14 +22,14 @@ class CellIndex(NamedTuple):
 
     origin: tuple[float, float]
     size: float  # side of a cell, map units
-    keys: IntArray  # (points,)  ascending
+    keys: IntArray  # (points,)  cell keys, ascending
     rows: IntArray  # (points,)
 
 
 def build_cells(xy: FloatArray) -> CellIndex:
-    """Index points of shape (points, 2), finite.
+    """Build an index of finite points (points, 2).
 
-    The cell size follows from the middle 90 % of the points, so that a few outliers do not spoil it.
+    The cell size is chosen from the middle 90 % of the points, so that outliers have no effect.
     """
     if len(xy) == 0:
         empty = np.zeros(0, np.int64)
@@ -39,7 +39,7 @@ def build_cells(xy: FloatArray) -> CellIndex:
     span = high - low
     area = float(span[0] * span[1])
     size = (area / len(xy) * _POINTS_PER_CELL) ** 0.5 if area > 0.0 else float(span.max()) / len(xy) * _POINTS_PER_CELL
-    least = float(np.abs(xy).max()) * 1e-9  # smaller cells drown in rounding
+    least = float(np.abs(xy).max()) * 1e-9  # smaller cells would be below rounding errors
     size = max(size, least) or 1.0
     origin = (float(xy[:, 0].min()), float(xy[:, 1].min()))
     keys = _key(_cell(xy[:, 0], origin[0], size), _cell(xy[:, 1], origin[1], size))
@@ -48,7 +48,7 @@ def build_cells(xy: FloatArray) -> CellIndex:
 
 
 def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
-    """Return the rows of the points in the cell of (x, y) and in those up to so many to each side of it."""
+    """Return the rows of the points in the cell of (x, y) and in the cells around it."""
     keys, found = cells.keys.data, list[int]()
     column, stripe = _cell_of(x, cells.origin[0], cells.size), _cell_of(y, cells.origin[1], cells.size)
     for middle in range(((stripe - reach) << 32) + column, (stripe + reach + 1) << 32, 1 << 32):
@@ -58,13 +58,13 @@ def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
 
 
 def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
-    """Return rows of a superset of the points within `d` of (x, y); None when a scan of all points is cheaper."""
+    """Return the rows of a superset of the points within `d` of (x, y); None if a scan of all points is cheaper."""
     return rows_between(cells, (x - d, y - d), (x + d, y + d))
 
 
 def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, float]) -> IntArray | None:
-    """Return rows of a superset of the points in a rectangle, its rim included; None when a scan of all is cheaper."""
-    # A point on the rim must not fall out by rounding.
+    """Return the rows of a superset of the points in a closed rectangle; None if a scan of all points is cheaper."""
+    # Rounding must not exclude a point on the border.
     rim = 1e-9 * max(map(abs, (*low, *high)))
     if (max(high[0] - low[0], high[1] - low[1]) + 2.0 * rim) / cells.size > _MOST_STRIPES:
         return None
@@ -79,13 +79,13 @@ def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, 
 def candidates_of_each(
     cells: CellIndex, x: FloatArray, y: FloatArray, d: float
 ) -> Iterator[tuple[int, int, IntArray, IntArray]] | None:
-    """Find a superset of the points within `d` of each of several places, of some places at a time.
+    """Find a superset of the points within `d` of each of several places, in chunks of places.
 
     Returns:
-        Of each part the first place and the one behind the last, and pairs of a place, from 0 for the first, ascending,
-        and the row of a point. None when scans of all points are cheaper.
+        For each chunk: its first place, one past its last place, and pairs of a place, counted from the first of the
+        chunk, ascending, and the row of a point. None if scans of all points are cheaper.
     """
-    # A point on the rim must not fall out by rounding.
+    # Rounding must not exclude a point on the border.
     reach = d + 1e-9 * (float(max(np.abs(x).max(initial=0.0), np.abs(y).max(initial=0.0))) + d)
     if 2.0 * reach / cells.size > _MOST_STRIPES:
         return None
@@ -110,8 +110,8 @@ def _expanded(rows: IntArray, first: IntArray, last: IntArray) -> Iterator[tuple
 
 
 def _cell_of(value: float, origin: float, size: float) -> int:
-    """As `_cell`, of one number, which may be anything but NaN."""
-    # NOTE: twenty times faster than NumPy is for one number; sight lines ask for few faces each.
+    """Return `_cell` of one number, which may be anything except NaN."""
+    # NOTE: twenty times faster than NumPy for one number; sight lines ask for few faces each.
     place = (min(max(value, -_FAR), _FAR) - origin) / size
     return floor(min(max(place, -1.0), _MOST_CELLS)) + 1
 

@@ -1,4 +1,4 @@
-"""Runs of rows: compressed sparse rows, to group and gather, and closed rings among lines that follow each other."""
+"""Runs of rows: group and gather compressed sparse rows, and find closed rings in sequences of lines."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
 
     Args:
         keys: (rows,) the group of each row, in `range(groups)`.
-        groups: how many groups there are.
+        groups: the number of groups.
 
     Returns:
         `offsets` (groups + 1,) and `rows` (rows,): group `g` is `rows[offsets[g]:offsets[g + 1]]`.
@@ -23,16 +23,16 @@ def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
 
 
 def ways_to(sources: IntArray, targets: IntArray, weights: FloatArray, size: int) -> tuple[Any, Any, Any]:
-    """Group weighted ways by the row that they lead to, in the order of their sources; see `gamms.core.belief.Ways`.
+    """Group weighted arcs by target row, in the order of their sources; see `gamms.core.belief.Ways`.
 
     Args:
-        sources: (ways,) rows.
-        targets: (ways,) rows.
-        weights: (ways,)
-        size: how many rows there are.
+        sources: (arcs,) rows.
+        targets: (arcs,) rows.
+        weights: (arcs,)
+        size: the number of rows.
 
     Returns:
-        Buffers of `first` (size + 1,), and of the sources and weights (ways,): what leads to row `i` is at
+        Buffers of `first` (size + 1,), and of the sources and weights (arcs,): the arcs into row `i` are at
         `first[i]:first[i + 1]`.
     """
     order = np.lexsort((sources, targets))
@@ -40,8 +40,8 @@ def ways_to(sources: IntArray, targets: IntArray, weights: FloatArray, size: int
     return buffer(first.astype(np.int32)), buffer(sources[order].astype(np.int32)), buffer(weights[order])
 
 
-def buffer(values: "np.ndarray[Any, Any]") -> Any:  # NumPy declares all its buffers to be of integers
-    """Return the numbers of an array in C order, as `gamms.core` reads and writes them; of a copy if it needs one."""
+def buffer(values: "np.ndarray[Any, Any]") -> Any:  # NumPy types all its buffers as integers
+    """Return an array as a contiguous buffer for `gamms.core`; copies it only if needed."""
     return np.ascontiguousarray(values).reshape(-1).data
 
 
@@ -57,11 +57,11 @@ def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray
 
 
 def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the positions in some runs, one run after the other, and the offsets that divide them.
+    """Return the positions in the chosen runs, one run after the other, and the offsets between them.
 
     Args:
         offsets: (runs + 1,) run `i` is `offsets[i]:offsets[i + 1]`.
-        chosen: rows of runs.
+        chosen: indices of runs.
     """
     counts = offsets[chosen + 1] - offsets[chosen]
     ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
@@ -69,12 +69,12 @@ def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray
 
 
 def rows_of(ids: IntArray, wanted: IntArray, order: IntArray | None = None) -> IntArray:
-    """Return the row of each id that is wanted, -1 where there is none.
+    """Return the row of each wanted id, -1 for unknown ids.
 
     Args:
-        ids: (rows,) of equal ones, the first row counts.
+        ids: (rows,) if ids repeat, the first row is used.
         wanted: ids, of any shape.
-        order: (rows,) the rows by ascending ids; None: the ids ascend.
+        order: (rows,) the rows sorted by id; None: the ids are sorted.
     """
     if not len(ids):
         return np.full(wanted.shape, -1)
@@ -84,10 +84,10 @@ def rows_of(ids: IntArray, wanted: IntArray, order: IntArray | None = None) -> I
 
 
 def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
-    """Number the distinct keys 0, 1, … in the order in which they first appear.
+    """Number the distinct keys 0, 1, … in the order of first appearance.
 
     Returns:
-        `numbers` (keys,), the number of each key; `firsts` (distinct,), where each number first appears.
+        `numbers` (keys,), the number of each key; `firsts` (distinct,), the position where each number first appears.
     """
     _, firsts, inverse = np.unique(keys, return_index=True, return_inverse=True)
     order = np.argsort(firsts)
@@ -97,12 +97,12 @@ def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[IntArray, IntArray]:
-    """Return the nodes that each node has an edge to, itself first, each once, in the order of the edges.
+    """Return the node itself and its distinct out-neighbors in edge order, for each node.
 
     Args:
-        sources: (edges,) the node that each edge leads from.
-        targets: (edges,) the node that it leads to.
-        nodes: how many there are.
+        sources: (edges,) source node of each edge.
+        targets: (edges,) target node of each edge.
+        nodes: the number of nodes.
 
     Returns:
         `offsets` (nodes + 1,) and `rows`: those of node `i` are `rows[offsets[i]:offsets[i + 1]]`.
@@ -110,17 +110,17 @@ def neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[Int
     own = np.arange(nodes)
     starts, ends = np.concatenate((own, sources)), np.concatenate((own, targets))
     _, first = np.unique(starts * nodes + ends, return_index=True)
-    kept = np.sort(first)  # itself, then edges as they come
+    kept = np.sort(first)  # the node itself, then its edges in order
     offsets, order = group_rows(starts[kept], nodes)
     return offsets, ends[kept][order]
 
 
 def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the positions in several ranges, concatenated, and which range each is in.
+    """Return the positions in several ranges, concatenated, and the index of the range of each position.
 
     Args:
         first: (ranges,)
-        last: (ranges,) one behind the last position; a range that ends before it begins is empty.
+        last: (ranges,) one past the last position; a range that ends before it begins is empty.
     """
     counts = np.maximum(last - first, 0)
     groups = np.repeat(np.arange(len(counts)), counts)
@@ -128,17 +128,17 @@ def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     return groups, np.arange(len(groups)) + (first - ends + counts)[groups]
 
 
-_FEWEST = 3  # lines that enclose something
+_FEWEST = 3  # lines of a closed ring
 
 
 def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
-    """Return first row and last row + 1, (rings, 2), of consecutive lines that end where they began.
+    """Return (first row, last row + 1), (rings, 2), of consecutive lines that end where they began.
 
-    A line belongs to one ring at most; of rings that share lines, the one that closes first is taken.
+    A line belongs to at most one ring; of rings that share lines, the one that closes first is used.
 
     Args:
         starts: (lines, axes)
-        ends: (lines, axes)  equal to the start of the next line where both meet
+        ends: (lines, axes)  equal to the start of the next line if the lines are connected
     """
     count = len(starts)
     if count < _FEWEST:
@@ -147,7 +147,7 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
     begins, finishes = place[:count], place[count:]
     rows = np.arange(count)
     chain = np.cumsum(np.concatenate(([0], finishes[:-1] != begins[1:])))
-    # The latest line, up to each, that begins where this one ends.
+    # The latest line, up to each line, that begins where this line ends.
     by_place = np.argsort(begins, kind="stable")
     at = np.searchsorted(begins[by_place] * count + by_place, finishes * count + rows, side="right") - 1
     first = by_place[at]
@@ -160,8 +160,8 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
 
 
 def _places(points: FloatArray) -> IntArray:
-    """Return numbers (points,) that are equal where points are."""
-    # NOTE: axis by axis, which takes a fifth of the time of `np.unique(..., axis=0)` (the buildings of a city).
+    """Return numbers (points,) that are equal for equal points."""
+    # NOTE: axis by axis, in a fifth of the time of `np.unique(..., axis=0)` (the buildings of a city).
     place = np.zeros(len(points), np.int64)
     for axis in points.T:
         values, row = np.unique(axis, return_inverse=True)

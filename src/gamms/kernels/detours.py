@@ -1,4 +1,4 @@
-"""Paths between two nodes that are not the shortest: detours, by A* in Python values."""
+"""Alternatives to the shortest path between two nodes, found by A* in plain Python."""
 
 from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
@@ -8,15 +8,15 @@ from gamms.kernels.paths import Arcs
 
 
 def simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[list[int]]:
-    """Return the paths without circles between two nodes, the shortest first.
+    """Return the simple paths between two nodes, the shortest first.
 
-    Yen's algorithm (1971): each later path leaves an earlier one at a node, from where the best way to the end is found
-    that leads neither through the nodes before nor along an arc that an earlier path took. As Lawler (1972) noted, a
-    path need only be left where it left its own parent, or later.
+    Yen's algorithm (1971): each further path deviates from an earlier path at one node, from where the shortest rest is
+    searched that avoids the earlier nodes and the first arcs of earlier paths. As Lawler (1972) noted, a path needs to
+    be left only where it left its own parent, or later.
 
     Args:
-        arcs: the ways.
-        rests: (nodes,) the distance of each node to the last one.
+        arcs: the graph.
+        rests: (nodes,) the distance from each node to the last node.
         first: rows of the shortest path.
     """
     search = _DetourSearch(arcs, rests, first[-1])
@@ -35,21 +35,21 @@ def simple_paths(arcs: Arcs, rests: memoryview, first: list[int]) -> Iterator[li
 
 
 class _DetourSearch:
-    """Searches by A* with the distances of the whole graph to the end, which are what a detour takes at least."""
+    """An A* search for detours; its heuristic is the distance to the end in the whole graph."""
 
     def __init__(self, arcs: Arcs, rests: memoryview, end: int) -> None:
         self._offsets, self._ends, self._weights = (column.data for column in arcs)
         self._rests, self._end = rests, end
 
     def length(self, path: list[int]) -> float:
-        """Return the sum of the weights on a path, from its end."""
+        """Return the sum of the weights on a path, added from its end."""
         total = 0.0
         for start, end in zip(path[-2::-1], path[:0:-1], strict=True):
             total += next(weight for row, weight in self._leaving(start) if row == end)
         return total
 
     def detour(self, start: int, closed: set[int], taken: set[int]) -> list[int] | None:
-        """Return the best path to the end that avoids the rows `closed` and does not step to one `taken` first."""
+        """Return the shortest path to the end that avoids the rows `closed` and whose first step is not in `taken`."""
         far, before = {start: 0.0}, {start: start}
         heap = [(0.0, 0, start, 0.0)]
         while heap:

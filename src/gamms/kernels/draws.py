@@ -1,4 +1,4 @@
-"""Keyed draws of many names at once, and what keys are made from; `gamms.core.draws` says how bits follow from them.
+"""Keyed random draws for many names at once, and the keys; `gamms.core.draws` computes the bits.
 
 A draw of an agent: `draw_bits(purpose_key(seed, "agent"), name_key("anna"), turn)`.
 """
@@ -17,7 +17,7 @@ from gamms.ir.graph import FloatArray, IntArray
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
+BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or hashes of names
 _MASK = (1 << 64) - 1
 _PHILOX, _WEYL = (0xD2E7470EE14C6C93, 0xCA5A826395121157), (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
 _LOW = np.uint64(0xFFFFFFFF)
@@ -26,7 +26,7 @@ _FACTORS_OF_PHILOX = np.array([[one & 0xFFFFFFFF for one in _PHILOX], [one >> 32
     ..., None
 ]
 _MOST_NAMES = 1 << 16  # whose hashes are kept
-_FEW_STREAMS = 128  # for which NumPy's generator is faster than arrays
+_FEW_STREAMS = 128  # number of streams up to which NumPy's generator is faster than arrays
 
 
 @lru_cache(maxsize=1 << 12)
@@ -46,7 +46,7 @@ def name_keys(names: Iterable[str]) -> BitArray:
     names = list(names)
     if len(names) <= _MOST_NAMES:
         return np.array([name_key(name) for name in names], np.uint64)
-    # NOTE: a quarter of the time, where what is kept of single ones would not last (benchmarks: sizes).
+    # NOTE: a quarter of the time of `name_key`, whose cache would be too small (benchmarks: sizes).
     return np.frombuffer(b"".join(_digests(names)), "<u8").astype(np.uint64)
 
 
@@ -56,14 +56,14 @@ def draw_bits(purpose: int, name: int, turn: int, k: int = 0) -> int:
     Args:
         purpose: a `purpose_key`.
         name: a `name_key`.
-        turn: an integer of 64 bits.
-        k: the number of the draw.
+        turn: a 64-bit integer.
+        k: index of the draw.
     """
     return bits_at(turn_key(first_key(purpose, name), turn), k)
 
 
 def draw_bits_rows(purposes: BitArray | int, names: BitArray, turns: IntArray | int, k: IntArray | int = 0) -> BitArray:
-    """Return what `draw_bits` returns for each row; the arguments are broadcast against each other."""
+    """Apply `draw_bits` to each row; the arguments are broadcast against each other."""
     return bits_at_rows(turn_key_rows(first_key_rows(purposes, names), turns), k)
 
 
@@ -78,12 +78,12 @@ def turn_key_rows(first: BitArray, turns: IntArray | int) -> BitArray:
 
 
 def bits_at_rows(keys: BitArray, k: IntArray | int) -> BitArray:
-    """Return draw number `k`, from 0, of each `turn_key`; the arguments are broadcast against each other."""
+    """Return draw `k`, counted from 0, of each `turn_key`; the arguments are broadcast against each other."""
     return _rows(draws.fill_bits, keys, np.asarray(k, np.int64))
 
 
 def _rows(fill: Callable[..., int], first: BitArray, second: BitArray | IntArray) -> BitArray:
-    """Return what a row loop of the core makes of two arrays, which are broadcast against each other."""
+    """Apply a row loop of the core to two arrays, which are broadcast against each other."""
     shape = np.broadcast(first, second).shape
     out = np.empty(shape, np.uint64)
     fill(_buffer(first, shape), _buffer(second, shape), out.reshape(-1).data)
@@ -91,31 +91,31 @@ def _rows(fill: Callable[..., int], first: BitArray, second: BitArray | IntArray
 
 
 def _buffer(values: BitArray | IntArray, shape: tuple[int, ...]) -> memoryview:
-    """Return the values, broadcast to a shape, as one row of numbers."""
+    """Return the values, broadcast to a shape, as a flat buffer."""
     rows = np.empty(shape, values.dtype)
     rows[...] = values
     return rows.reshape(-1).data
 
 
 def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
-    """Return 64 random bits for each name, (names,): for few names faster than arrays."""
+    """Return 64 random bits for each name, (names,); for few names faster than arrays."""
     return [draw_bits(purpose, name_key(name), turn) for name in names]
 
 
 def below_many(bits: BitArray, n: IntArray | int) -> IntArray:
-    """Return what `below` returns for each: (draws,); `n` is one number or one for each draw."""
+    """Apply `below` to each draw, (draws,); `n` is one number or one for each draw."""
     found = (bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64)
     found >>= np.uint64(32)
     return found.view(np.int64)
 
 
 def fraction_many(bits: BitArray) -> FloatArray:
-    """Return what `fraction` returns for each: (draws,)."""
+    """Apply `fraction` to each draw, (draws,)."""
     return (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def normals(bits: Iterable[int]) -> FloatArray:
-    """Return numbers (draws,) of the standard normal distribution that random bits choose, by its inverse."""
+    """Map random bits to numbers (draws,) of the standard normal distribution, by its inverse."""
     from statistics import NormalDist
 
     inverse = NormalDist().inv_cdf
@@ -123,10 +123,10 @@ def normals(bits: Iterable[int]) -> FloatArray:
 
 
 def poisson(bits: int, mean: float) -> int:
-    """Return a number of the Poisson distribution that random bits choose, by inversion; the mean is at most 100."""
+    """Map random bits to a number of the Poisson distribution, by inversion; the mean is at most 100."""
     drawn, count = fraction(bits), 0
     chance = total = exp(-mean)
-    while drawn >= total and (count < mean or chance > 2.0**-60):  # less is lost in rounding
+    while drawn >= total and (count < mean or chance > 2.0**-60):  # smaller chances are below rounding errors
         count += 1
         chance *= mean / count
         total += chance
@@ -145,10 +145,10 @@ def _digests(texts: Sequence[str]) -> list[bytes]:
 
 
 def stream(seed: int, *names: str | int) -> "Generator":
-    """Return the generator of one purpose.
+    """Return the random generator of one purpose.
 
     A Philox counter-based generator (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011)
-    keyed by a hash of the seed and the names; the same arguments give the same draws on every machine.
+    keyed by a hash of the seed and the names; equal arguments give equal draws on every machine.
     """
     from numpy.random import Generator, Philox
 
@@ -156,14 +156,14 @@ def stream(seed: int, *names: str | int) -> "Generator":
 
 
 def stream_key(seed: int, *names: str | int) -> int:
-    """Return 128 bits that follow from the seed and the names."""
+    """Return a 128-bit key derived from the seed and the names."""
     from hashlib import blake2b
 
     return int.from_bytes(blake2b(repr((seed, *names)).encode(), digest_size=16).digest(), "little")
 
 
 def stream_words(keys: Sequence[int]) -> BitArray:
-    """Return the first eight numbers of 32 bits of streams, (streams, 8), without making their generators.
+    """Return the first eight 32-bit numbers of streams, (streams, 8), without creating their generators.
 
     Args:
         keys: (streams,) each a `stream_key`.
@@ -175,10 +175,10 @@ def stream_words(keys: Sequence[int]) -> BitArray:
 def below_of_words(words: BitArray, n: IntArray) -> IntArray:
     """Return the first `integers(n)` of the generators of streams, (streams,), by Lemire's method.
 
-    That is of "Fast random integer generation in an interval" (TOMACS 2019).
+    Source: "Fast random integer generation in an interval" (TOMACS 2019).
 
     Args:
-        words: of the streams; see `stream_words`.
+        words: words of the streams; see `stream_words`.
         n: (streams,) from 1 to 2 ** 28.
     """
     sizes = n.astype(np.uint64)[:, None]
@@ -192,7 +192,8 @@ def _philox_few(keys: Sequence[int]) -> BitArray:
     """Return the first four words of each Philox generator, (keys, 4), by NumPy's generator."""
     from numpy.random import Philox
 
-    # NOTE: setting the state takes a fifth of the time of a generator for each key (benchmarks: 5 against 5 by reset).
+    # NOTE: setting the state takes a fifth of the time of a new generator per key (benchmarks: 5 against 5 by
+    # reset).
     words = np.empty((len(keys), 4), np.uint64)
     generator = Philox(key=0)
     state: Any = generator.state
@@ -206,7 +207,7 @@ def _philox_few(keys: Sequence[int]) -> BitArray:
 def _philox_many(keys: Sequence[int]) -> BitArray:
     """Return the first four words of each Philox generator, (keys, 4): its tenth round for the counter 1."""
     key = np.array([[one & _MASK for one in keys], [one >> 64 for one in keys]], np.uint64)
-    even, odd = np.zeros((2, *key.shape), np.uint64)  # the first and the third word, and the second and the fourth
+    even, odd = np.zeros((2, *key.shape), np.uint64)  # words 1 and 3, words 2 and 4
     even[0] = 1
     for _ in range(10):
         high, low = _products(even)
@@ -216,7 +217,7 @@ def _philox_many(keys: Sequence[int]) -> BitArray:
 
 
 def _products(bits: BitArray) -> tuple[BitArray, BitArray]:
-    """Return the upper and the lower 64 bits of the products with the two factors, from those of their halves."""
+    """Return the upper and lower 64 bits of the products with the two factors, computed from 32-bit halves."""
     half, (low, high) = np.uint64(32), _FACTORS_OF_PHILOX
     below, above = bits & _LOW, bits >> half
     middle = above * low + (below * low >> half)

@@ -1,7 +1,7 @@
 """Zero-sum matrix games, many of one size at once: values and optimal mixed strategies, by the simplex method.
 
-One linear program a game costs a general solver a millisecond or more; value iteration needs a hundred thousand. Here
-the tableaus of all games are one array, and each pivot is one operation on it.
+A general solver takes a millisecond or more for the linear program of one game; value iteration needs a hundred
+thousand. Here the tableaus of all games are one array, and each pivot is one operation on it.
 """
 
 import numpy as np
@@ -9,18 +9,18 @@ import numpy as np
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
-_TINY = 1e-12  # what counts as 0 in a tableau, whose entries are about 1
-_LEAST_PIVOT = 1e-10  # what may be divided by; less may be rounding
-_REFRESH = 60  # pivots after which tableaus are worked out again from their bases, without the rounding
+_TINY = 1e-12  # smaller numbers count as 0 in a tableau, whose entries are about 1
+_LEAST_PIVOT = 1e-10  # smallest pivot; smaller numbers may be rounding errors
+_REFRESH = 60  # pivots after which tableaus are recomputed from their bases, to remove rounding errors
 
 
 def saddle_points(payoffs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what each player gets for sure by one action: the best of the worst of rows and of columns, (games,) each.
+    """Return maximin and minimax values of pure strategies, (games,) each.
 
-    Where both are equal, that is the value of the game.
+    If both are equal, they are the value of the game.
 
     Args:
-        payoffs: (games, rows, columns), what the player who chooses the row gets from the other one.
+        payoffs: (games, rows, columns), the payoff from the column player to the row player.
     """
     return payoffs.min(axis=2).max(axis=1), payoffs.max(axis=1).min(axis=1)
 
@@ -28,10 +28,10 @@ def saddle_points(payoffs: FloatArray) -> tuple[FloatArray, FloatArray]:
 def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the values of zero-sum games, (games,), and optimal strategies, (games, rows) and (games, columns).
 
-    Where there is a saddle point, the strategies are the first actions that reach it.
+    If there is a saddle point, the strategies are the first actions that reach it.
 
     Args:
-        payoffs: (games, rows, columns), what the player who chooses the row gets from the other one.
+        payoffs: (games, rows, columns), the payoff from the column player to the row player.
     """
     low, high = saddle_points(payoffs)
     values, games = low.copy(), np.arange(len(payoffs))
@@ -45,7 +45,7 @@ def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 
 def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Solve games without a saddle point: maximise the sum of y with A y <= 1, for payoffs A between 1 and 2."""
+    """Solve games without a saddle point: maximize the sum of y with A y <= 1, for payoffs A between 1 and 2."""
     games, rows, columns = payoffs.shape
     least = payoffs.min(axis=(1, 2), keepdims=True)
     spread = payoffs.max(axis=(1, 2), keepdims=True) - least
@@ -71,7 +71,7 @@ def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def _first_tableau(scaled: FloatArray) -> FloatArray:
-    """Return tableaus, (games, rows + 1, columns + rows + 2): A, the identity, what decides between ties, and 1."""
+    """Return simplex tableaus, (games, rows + 1, columns + rows + 2): A, the identity, the tie-break column, and 1."""
     games, rows, columns = scaled.shape
     tableau = np.zeros((games, rows + 1, columns + rows + 2))
     tableau[:, :rows, :columns] = scaled
@@ -81,10 +81,10 @@ def _first_tableau(scaled: FloatArray) -> FloatArray:
 
 
 def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
-    """Return the tableaus of these bases, made of the first ones.
+    """Return the tableaus of these bases, computed from the first tableaus.
 
-    From then on ties are decided as if the right side were a little larger, by other numbers each time, so that pivots
-    do not go round in a circle.
+    From then on ties are broken as if the right side were slightly larger, by a different amount each time, so that
+    pivots do not cycle.
     """
     chosen, rows = np.take_along_axis(tableau, basis[:, None], axis=2), basis.shape[1]
     tableau[:, :rows] = np.linalg.solve(chosen[:, :rows], tableau[:, :rows])
@@ -94,7 +94,7 @@ def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
 
 
 def _pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntArray) -> None:
-    """Let one column of each of these games enter its basis."""
+    """Pivot: one column of each game enters its basis."""
     now, each = tableau[games], np.arange(len(games))
     column = now[each, :, entering]  # (games, rows + 1)
     may_leave: BoolArray = column[:, :-1] > _LEAST_PIVOT

@@ -1,10 +1,10 @@
-"""Which sight lines are blocked by quadrangles in space: the exact test, and fast forms that leave out what is far.
+"""Test which sight lines are blocked by quadrangles in space, exactly and with culling of distant faces.
 
-The corners of a quadrangle are in the order of `ir.obstacles`: top right, top left, bottom right, bottom left. It is
-the triangles (top left, top right, bottom right) and (top left, bottom right, bottom left), each tested as Möller and
-Trumbore do ("Fast, minimum storage ray/triangle intersection", 1997), all rims included: a line that touches a triangle
-within the rounding of the coordinates is blocked, and so is one that begins or ends on it. A sight line that runs along
-a triangle passes it; so does one of no length.
+The corners of a quadrangle are in the order of `ir.obstacles`: top right, top left, bottom right, bottom left. A
+quadrangle consists of the triangles (top left, top right, bottom right) and (top left, bottom right, bottom left), each
+tested with the method of Möller and Trumbore ("Fast, minimum storage ray/triangle intersection", 1997), all borders
+included: a line that touches a triangle within the rounding of the coordinates is blocked, and so is a line that begins
+or ends on it. A sight line that runs along a triangle passes it; so does a line of length zero.
 """
 
 from typing import NamedTuple
@@ -15,27 +15,27 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.csr import expand_ranges
 
-_LEAST = 1e-9  # determinants below are of lines along the triangle
-_GRAIN = 1e-11  # and so are those below this share of |line| * size ** 2: they are rounding
+_LEAST = 1e-9  # smaller determinants mean that the line is parallel to the triangle
+_GRAIN = 1e-11  # so do determinants below this share of |line| * size ** 2: they are rounding errors
 _ROUNDING = 2.0**-48  # products of three differences are exact to this share of the product of their lengths
-_MOST_SLACK = 1e-5  # what rounding leaves open, at most, as a share of the face and of the line
+_MOST_SLACK = 1e-5  # largest uncertainty from rounding, as a share of the face and of the line
 # With determinants above `_GRAIN`, rounding moves the point of intersection by less than this share of the distance
 # between observer and face plus twice the size of the face (docs/decisions/0009); the fast form widens faces by it.
 _BLUR = 1e-3
 _TURN = 2.0 * np.pi
-MARGIN = 0.01  # how much farther than its box a face may count for a line, as a share of what both boxes measure
+MARGIN = 0.01  # how far beyond its box a face may block a line, as a share of the sizes of both boxes
 _COMPARED = 1 << 18  # pairs of line and face
-# NOTE: few at a time, because the nearest faces hide most targets (decision 0009).
-_SHARE = 8  # one in so many pairs of face and target is tested at a time,
-_FEW = 512  # but not fewer than these for each observer,
+# NOTE: few pairs at a time, because the nearest faces hide most targets (decision 0009).
+_SHARE = 8  # one in this many pairs of face and target is tested at a time,
+_FEW = 512  # but at least this many for each observer
 _MOST_FEW = 1 << 12  # or than these
-_MANY = 1 << 14  # pairs that are looked at before those that are hidden are left out
-_MANY_TARGETS = 384  # for which it pays to find out first what walls hide for sure
-_PARTS = 512  # of a full turn, in which directions are compared; a power of two
-_EDGE = 1e-6  # more parts than rounding moves a direction by
-_MOST = 1e90  # numbers beyond are not multiplied without care
-# Determinants of walls that hide all behind them are above this share of size * distance**2, so that rounding opens no
-# gap between their triangles (docs/decisions/0085).
+_MANY = 1 << 14  # pairs between two removals of hidden pairs
+_MANY_TARGETS = 384  # number of targets from which occlusion by walls is computed first
+_PARTS = 512  # sectors of a full turn by which directions are compared; a power of two
+_EDGE = 1e-6  # share of a sector; more than rounding moves a direction
+_MOST = 1e90  # larger numbers may overflow when multiplied
+# Determinants of walls that hide everything behind them are above this share of size * distance**2, so that rounding
+# opens no gap between their triangles (docs/decisions/0085).
 _SURE = 1e-4
 
 
@@ -43,12 +43,12 @@ def blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Boo
     """Return whether each quadrangle blocks its own sight line.
 
     Args:
-        origins: (lines, 3) where the observers are; or (3,), the same for all.
-        targets: (lines, 3) what they look at.
-        corners: (lines, 4, 3) of the quadrangle in question.
+        origins: (lines, 3) positions of the observers; or (3,), one for all lines.
+        targets: (lines, 3) positions of the targets.
+        corners: (lines, 4, 3) corners of the quadrangle of each line.
 
     Returns:
-        (lines,) False where numbers are too large to multiply three of them.
+        (lines,) False if the numbers are too large to multiply three of them.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         return _blocks(_axes(np.atleast_2d(origins)), _axes(targets), _axes(corners))
@@ -77,7 +77,7 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
         while first < len(near.faces):
             last = max(int(near.ends.searchsorted(done + _MANY, side="right")), first + 1)
             faces, rows = _pairs(near, slice(first, last), seen)
-            while len(faces):  # the nearest faces hide most targets, which spares testing the others
+            while len(faces):  # the nearest faces hide most targets, which saves tests of the others
                 some = slice(max(len(faces) // _SHARE, _FEW))
                 blocked = _blocks(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
                 seen[rows[some][blocked]] = False
@@ -89,15 +89,15 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
 
 
 def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
-    """Return which lines are asked for and blocked by no quadrangle: `blocks` for all of them, but faster.
+    """Return a mask of the requested lines that no quadrangle blocks: `blocks` for all of them, but faster.
 
     Arrays of (observers, targets) and (observers, faces) are held in memory.
 
     Args:
         corners: (faces, 4, 3)
-        origins: (observers, 3) best near each other.
+        origins: (observers, 3) close to each other for best speed.
         targets: (targets, 3)
-        is_asked: (observers, targets)
+        is_asked: (observers, targets) the requested lines.
     """
     if not is_asked.any() or not len(corners):
         return is_asked
@@ -111,7 +111,7 @@ def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatAr
 
 
 def visible_pairs(corners: FloatArray, origins: FloatArray, targets: FloatArray) -> BoolArray:
-    """Return whether no quadrangle blocks each of several lines, which may begin anywhere: `blocks` for all pairs.
+    """Return whether no quadrangle blocks each of several lines, with any origins: `blocks` for all pairs.
 
     Args:
         corners: (faces, 4, 3)
@@ -133,13 +133,13 @@ def visible_pairs(corners: FloatArray, origins: FloatArray, targets: FloatArray)
 
 
 def _widened(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return boxes (boxes, 3) as (2, boxes) of the plan, so wide that a face can only block a line that meets it."""
+    """Return boxes (boxes, 3) as (2, boxes) in the plane, so wide that a face only blocks lines that meet its box."""
     margin = MARGIN * (high - low).sum(axis=1)
     return low[:, :2].T - margin, high[:, :2].T + margin
 
 
 def _axes(vectors: FloatArray) -> FloatArray:
-    """Vectors (lines, …, 3) as (5, …, lines): x, y, z, and x, y once more, which makes cross products short."""
+    """Return vectors (lines, …, 3) as (5, …, lines): x, y, z, x, y, which shortens cross products."""
     return vectors.T.take(_WRAPPED, axis=0)
 
 
@@ -147,7 +147,7 @@ _WRAPPED = np.array([0, 1, 2, 0, 1])
 
 
 def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> BoolArray:
-    """As `blocks`, with `_axes` of everything."""
+    """Return `blocks`, with `_axes` of all arguments."""
     line = (targets - origins)[:, None]
     to_observer = origins[:, None] - corners[:, 1:2]
     first = corners[:, 0:4:2] - corners[:, 1:2]  # (5, triangles, lines)
@@ -155,7 +155,7 @@ def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Bo
     across = _cross(line, second)
     det = _dot(first, across)
     sign = np.copysign(1.0, det)
-    u = sign * _dot(to_observer, across)  # this and what follows times the determinant
+    u = sign * _dot(to_observer, across)  # this and all below are multiplied by the determinant
     turned = _cross(to_observer, first)
     v = sign * _dot(line, turned)
     t = sign * _dot(second, turned)
@@ -182,48 +182,48 @@ def _extent(vectors: FloatArray) -> FloatArray:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products (3, …)."""
+    """Return cross products (3, …)."""
     return a[1:4] * b[2:5] - a[2:5] * b[1:4]
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Dot products, added up from x to z."""
+    """Return dot products, added from x to z."""
     parts = a[:3] * b[:3]
     product: FloatArray = parts[0] + parts[1] + parts[2]
     return product
 
 
-class _Near(NamedTuple):
-    """The faces that may block, nearest first, and which targets each of them may hide."""
+class _NearFaces(NamedTuple):
+    """The faces that may block, nearest first, and the targets that each of them may hide."""
 
     faces: IntArray  # (faces,)
-    distance: FloatArray  # (faces,) in the plan; no target that is nearer is hidden
-    first: IntArray  # (faces,) in `order`
+    distance: FloatArray  # (faces,) in the plane; nearer targets are not hidden
+    first: IntArray  # (faces,) start of its range in `order`
     last: IntArray  # (faces,)
-    ends: IntArray  # (faces,) how many pairs of face and target there are, up to and including this face
+    ends: IntArray  # (faces,) number of pairs of face and target up to and including this face
     order: IntArray  # target rows
-    reach: FloatArray  # (targets,) their distance in the plan
+    reach: FloatArray  # (targets,) distance in the plane
 
 
-def _pairs(near: _Near, some: slice, seen: BoolArray) -> tuple[IntArray, IntArray]:
-    """Faces, and targets that each of them may hide, without those that are hidden already."""
+def _pairs(near: _NearFaces, some: slice, seen: BoolArray) -> tuple[IntArray, IntArray]:
+    """Pairs of faces and the targets that they may hide, without targets that are hidden already."""
     groups, places = expand_ranges(near.first[some], near.last[some])
     rows = near.order[places]
     is_open = seen[rows] & ~(near.reach[rows] < near.distance[some][groups])
     return near.faces[some][groups[is_open]], rows[is_open]
 
 
-def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _Near:
-    """Return what may hide what, as seen from an observer at zero.
+def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
+    """Return pairs of faces and targets that they may hide from an observer at the origin.
 
-    Nothing is left out but by a comparison that is false for NaN.
+    Comparisons are written so that NaN excludes nothing.
 
     Args:
         corners: (3, 4, faces)
         targets: (3, targets)
     """
     low, high = corners.min(axis=1), corners.max(axis=1)
-    gap = np.maximum(np.maximum(low, -high), 0.0)  # (3, faces) between the observer and the box of the face
+    gap = np.maximum(np.maximum(low, -high), 0.0)  # (3, faces) distance from the observer to the box of the face
     spread = gap + 2.0 * (high - low)
     blur = 2.0 * _BLUR * (spread[0] + spread[1] + spread[2])
     least, most = np.minimum(targets.min(axis=1), 0.0)[:, None], np.maximum(targets.max(axis=1), 0.0)[:, None]
@@ -236,11 +236,11 @@ def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _Near:
     ways, order = _sorted_directions(targets)
     first, last = _sectors(corners.take(faces, axis=2), distance, blur, ways)
     reach = np.hypot(targets[0], targets[1])
-    return _Near(faces, distance - blur, first, last, np.cumsum(last - first), order, reach)
+    return _NearFaces(faces, distance - blur, first, last, np.cumsum(last - first), order, reach)
 
 
 def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Azimuths from -pi to 3 pi, ascending, and the row of the target in each; so each target is there twice."""
+    """Return azimuths from -pi to 3 pi, ascending, and the row of the target of each; each target occurs twice."""
     ways = np.arctan2(targets[1], targets[0])
     order = np.argsort(ways)
     ways = ways[order]
@@ -250,7 +250,7 @@ def _sorted_directions(targets: FloatArray) -> tuple[FloatArray, IntArray]:
 def _sectors(
     corners: FloatArray, distance: FloatArray, blur: FloatArray, ways: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Return where in `ways` the targets are that lie in the direction of each face, widened by its blur."""
+    """Return the range in `ways` of the targets in the direction of each face, widened by its blur."""
     azimuths = np.arctan2(corners[1], corners[0])
     turns = azimuths - azimuths[0]
     turns -= _TURN * np.rint(turns / _TURN)
@@ -265,7 +265,7 @@ def _sectors(
 
 
 def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatArray, is_asked: BoolArray) -> BoolArray:
-    """As `visible_from_each`, with `_axes` of everything."""
+    """Return `visible_from_each`, with `_axes` of all arguments."""
     x, y = targets[:2, None] - observers[:2, :, None]  # (observers, targets) each
     parts = np.minimum(_turns(x, y).astype(np.int64), _PARTS - 1)
     parts += _PARTS * np.arange(len(x))[:, None]
@@ -288,7 +288,7 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
         groups, rows = expand_ranges(first[begin:end], last[begin:end])
         may_block = seen[rows] & ~(reach[rows] < distance[begin:end][groups])
         in_the_way, rows = faces[begin:end][groups[may_block]], rows[may_block]
-        while len(rows):  # the nearest faces hide most targets, which spares testing the others
+        while len(rows):  # the nearest faces hide most targets, which saves tests of the others
             some = slice(max(len(rows) // _SHARE, min(_FEW * len(x), _MOST_FEW)))
             ends = lines.take(rows[some])
             origins = observers
@@ -306,7 +306,7 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
 
 
 def _turns(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return directions as numbers from 0 to `_PARTS` that grow with the angle, by less than it (radians) does."""
+    """Return directions as numbers from 0 to `_PARTS` that grow with the angle, more slowly than radians."""
     far = np.abs(x)
     far += np.abs(y)
     turns: FloatArray = y / np.maximum(far, 1e-300)
@@ -316,19 +316,19 @@ def _turns(x: FloatArray, y: FloatArray) -> FloatArray:
     return turns
 
 
-class _Views(NamedTuple):
-    """Where observers see faces in the plan, each (observers, faces)."""
+class _FaceViews(NamedTuple):
+    """The directions and distances of faces in the plane, as seen by observers, each (observers, faces)."""
 
-    x: FloatArray  # (corners, observers, faces) from the observer
+    x: FloatArray  # (corners, observers, faces) relative to the observer
     y: FloatArray
-    start: FloatArray  # of the directions in which it lies, as `_turns`
-    end: FloatArray  # at most half a turn later, also where that is beyond `_PARTS`
+    start: FloatArray  # first direction of the face, as `_turns`
+    end: FloatArray  # last direction, at most half a turn after the first, and maybe beyond `_PARTS`
     distance: FloatArray  # of its box
-    blur: FloatArray  # by how much it may be elsewhere
+    blur: FloatArray  # uncertainty of the position
     size: FloatArray  # (faces,)
 
 
-def _views(quads: FloatArray, observers: FloatArray) -> _Views:
+def _views(quads: FloatArray, observers: FloatArray) -> _FaceViews:
     is_upright = (quads[:2, :2] == quads[:2, 2:4]).all()
     x, y = quads[:2, : 2 if is_upright else 4, None] - observers[:2, None, :, None]
     turns = _turns(x, y)
@@ -341,11 +341,11 @@ def _views(quads: FloatArray, observers: FloatArray) -> _Views:
     gap = np.maximum(low[:, None] - observers[:3, :, None], observers[:3, :, None] - high[:, None])
     np.maximum(gap, 0.0, out=gap)
     blur = 2.0 * _BLUR * (_extent(gap) + 2.0 * size)
-    return _Views(x, y, start + shift, end + shift, np.hypot(gap[0], gap[1]), blur, size)
+    return _FaceViews(x, y, start + shift, end + shift, np.hypot(gap[0], gap[1]), blur, size)
 
 
 def _are_walls(corners: FloatArray, heights: FloatArray) -> BoolArray:
-    """Return whether faces (faces, 4, 3) are upright and reach from the lowest of all these heights to the highest."""
+    """Return whether faces (faces, 4, 3) are vertical and reach from the lowest to the highest of all these heights."""
     top_right, top_left, right, left = corners.transpose(1, 2, 0)
     is_wall: BoolArray = np.maximum(right[2], left[2]) <= heights.min()
     is_wall &= np.minimum(top_right[2], top_left[2]) >= heights.max()
@@ -354,13 +354,13 @@ def _are_walls(corners: FloatArray, heights: FloatArray) -> BoolArray:
     return is_wall
 
 
-def _hidden_beyond(views: _Views, is_wall: BoolArray, tall: FloatArray) -> FloatArray:
-    """Return the squares of distances beyond which a wall hides all, (observers * parts,); infinite where none does.
+def _hidden_beyond(views: _FaceViews, is_wall: BoolArray, tall: FloatArray) -> FloatArray:
+    """Return squared distances beyond which a wall hides everything, (observers * parts,); infinite without a wall.
 
     Args:
-        views: of faces.
+        views: views of faces.
         is_wall: (faces,) see `_are_walls`.
-        tall: (faces,) how tall they are at least.
+        tall: (faces,) minimum height of each face.
     """
     x, y = views.x, views.y
     squares = np.maximum(x[0] * x[0] + y[0] * y[0], x[1] * x[1] + y[1] * y[1])
@@ -377,8 +377,8 @@ def _hidden_beyond(views: _Views, is_wall: BoolArray, tall: FloatArray) -> Float
 
 
 def _least_over(begins: IntArray, counts: IntArray, values: FloatArray, size: int) -> FloatArray:
-    """Return the least value over each of so many places, where each value is over a range of them; else infinity."""
-    level = np.frexp(counts)[1].astype(np.int64) - 1  # two ranges of 2**level places, which overlap, are the range
+    """Return the minimum at each of `size` positions, where each value covers a range of positions; else infinity."""
+    level = np.frexp(counts)[1].astype(np.int64) - 1  # two overlapping ranges of 2**level positions make up the range
     levels = int(level.max(initial=0))
     least = np.full((levels + 1, size), np.inf)
     np.minimum.at(least.ravel(), level * size + begins, values)
@@ -391,13 +391,13 @@ def _least_over(begins: IntArray, counts: IntArray, values: FloatArray, size: in
     return found
 
 
-def _candidates(views: _Views, offsets: IntArray, reach: float) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
-    """Return faces, nearest first, how far they are at least, and ranges of the lines that each may block.
+def _candidates(views: _FaceViews, offsets: IntArray, reach: float) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
+    """Return faces, nearest first, their minimum distances, and ranges of the lines that each may block.
 
     Args:
-        views: of the faces.
-        offsets: (observers * parts + 1,) which lines run in each part of the turn around each observer.
-        reach: of the longest line.
+        views: views of the faces.
+        offsets: (observers * parts + 1,) ranges of the lines in each sector around each observer.
+        reach: length of the longest line.
     """
     nearest = views.distance - views.blur
     places = np.flatnonzero(nearest <= reach)
@@ -409,7 +409,7 @@ def _candidates(views: _Views, offsets: IntArray, reach: float) -> tuple[IntArra
     begins += (shift := np.where(begins < 0, _PARTS, 0))
     ends += shift
     over, base = np.minimum(ends, begins + _PARTS) - _PARTS, rows * _PARTS
-    around = np.flatnonzero(over > 0)  # these go on at the beginning of the turn
+    around = np.flatnonzero(over > 0)  # these ranges wrap around to the beginning of the turn
     faces, nearest = np.concatenate((faces, faces[around])), np.concatenate((nearest, nearest[around]))
     first = offsets[np.concatenate((base + begins, base[around]))]
     last = offsets[np.concatenate((base + np.minimum(ends, _PARTS), (base + over)[around]))]

@@ -1,6 +1,6 @@
-"""Shortest paths: distances along edges, and the next step on the way, as `gamms.core.routes` finds them.
+"""Shortest paths: distances along edges and next steps, found by `gamms.core.routes`.
 
-Matchings of least cost are found by shortest augmenting paths.
+Minimum-cost matchings are found by shortest augmenting paths.
 """
 
 from math import inf
@@ -12,25 +12,25 @@ from gamms.core import routes, travel
 from gamms.ir.graph import FloatArray, IntArray
 
 _MANY = 1 << 62  # nodes: more than any graph has
-_NEVER = np.array([-1])  # a goal that is not reached, so that all nodes are searched
+_NEVER = np.array([-1])  # a goal that is never reached, so that all nodes are searched
 
 
 class Arcs(NamedTuple):
-    """A weighted directed graph as compressed sparse rows: what leaves row `i` is at `offsets[i]:offsets[i + 1]`."""
+    """A weighted directed graph as compressed sparse rows: arcs from row `i` are at `offsets[i]:offsets[i + 1]`."""
 
     offsets: IntArray  # (nodes + 1,)
-    ends: IntArray  # (arcs,)  rows, ascending for each start
+    ends: IntArray  # (arcs,)  target rows, ascending for each source row
     weights: FloatArray  # (arcs,)  not negative, finite
 
 
 def make_arcs(starts: IntArray, ends: IntArray, weights: FloatArray, nodes: int) -> Arcs:
-    """Group edges by their start; of parallel ones the cheapest stays.
+    """Group edges by their source; of parallel edges the cheapest is kept.
 
     Args:
         starts: (edges,) rows.
         ends: (edges,) rows.
         weights: (edges,) not negative; an infinite one closes its edge.
-        nodes: how many rows there are.
+        nodes: the number of rows.
     """
     order = np.lexsort((weights, ends, starts))
     order = order[np.isfinite(weights[order])]
@@ -42,22 +42,22 @@ def make_arcs(starts: IntArray, ends: IntArray, weights: FloatArray, nodes: int)
     return Arcs(offsets, ends[is_first], weights[is_first])
 
 
-class Found(NamedTuple):
-    """The nodes that a search has seen, in no order."""
+class SearchResult(NamedTuple):
+    """The nodes reached by a search, in no order."""
 
     rows: IntArray  # (entries,)
     far: FloatArray  # (entries,)  distances from the nearest root
     arcs: IntArray  # (entries,)  the last arc on the path; -1 at a root
-    before: IntArray  # (entries,)  the row that it leaves; -1 at a root
+    before: IntArray  # (entries,)  the previous row on the path; -1 at a root
 
 
-class Way(NamedTuple):
-    """A shortest path; empty where there is none.
+class ShortestPath(NamedTuple):
+    """A shortest path; empty if there is no path.
 
     Attributes:
-        rows: of its nodes, from a node to the root.
-        far: how far each is from the root.
-        visited: how many nodes were visited, which is the cost of the search.
+        rows: rows of its nodes, from a node to the root.
+        far: distance of each node from the root.
+        visited: the number of visited nodes, which measures the cost of the search.
     """
 
     rows: list[int]
@@ -65,8 +65,8 @@ class Way(NamedTuple):
     visited: int
 
 
-class _Scratch:
-    """What one search writes to: `far` is infinite at nodes that it has not seen."""
+class _SearchBuffers:
+    """The arrays that one search writes to: `far` is infinite at nodes that were not reached."""
 
     def __init__(self, nodes: int) -> None:
         ints, self.far = np.zeros((9, nodes), np.int64), np.full(nodes, inf)
@@ -78,12 +78,13 @@ class _Scratch:
 
 
 class Search:
-    """Searches along arcs; several may go on at once.
+    """Searches along arcs; several may run at once.
 
     Args:
         arcs: the graph; reversed arcs give the paths *to* roots.
-        ids: (nodes,) different numbers. Of paths that are equally long the one with the fewest edges counts; of these,
-            the one whose ids, read from the node back to the root, are least at the first difference.
+        ids: (nodes,) different numbers, used to break ties. Of equally long paths the one with the fewest edges is
+        preferred; of these, the one whose ids, read from the node back to the root, are smallest at the first
+        difference.
     """
 
     def __init__(self, arcs: Arcs, ids: IntArray) -> None:
@@ -92,78 +93,78 @@ class Search:
         offsets, ends, numbers = ints
         self._arcs = routes.Arcs(offsets, ends, weights, numbers)
         self._nodes = len(arcs.offsets) - 1
-        self._free: list[_Scratch] = []
+        self._free: list[_SearchBuffers] = []
 
-    def find(self, roots: IntArray, *, within: float = inf) -> Found:
-        """Search from the nearest of some roots, given as rows, for all nodes within a distance."""
+    def find(self, roots: IntArray, *, within: float = inf) -> SearchResult:
+        """Find all nodes within a distance of the nearest of some roots, given as rows."""
         scratch = self._taken()
         routes.find(self._arcs, scratch.core, roots.data, _NEVER.data, _MANY, within, False)
         rows = scratch.seen[: scratch.core.count].copy()
-        found = Found(rows, scratch.far[rows], scratch.last[rows], scratch.before[rows])
-        self._give_back(scratch)
+        found = SearchResult(rows, scratch.far[rows], scratch.last[rows], scratch.before[rows])
+        self._release(scratch)
         return found
 
     def far(
         self, roots: IntArray, goals: IntArray, *, most: int = _MANY, is_nearest: bool = False
     ) -> tuple[FloatArray, int]:
-        """Return how far some goals are from the nearest of some roots, (goals,), and how many nodes were visited.
+        """Return the distance of goals from the nearest of some roots, (goals,), and the number of visited nodes.
 
         Args:
             roots: rows of nodes.
-            goals: rows of nodes; infinitely far where there is no path.
-            most: how many nodes may be visited; -1 is returned for their number when more are needed.
-            is_nearest: whether the nearest goals are enough, and those that are as near up to rounding; others may be
-                infinitely far.
+            goals: rows of nodes; their distance is infinite if there is no path.
+            most: limit of visited nodes; if more are needed, -1 is returned as their number.
+            is_nearest: whether only the nearest goals matter, including ties up to rounding; the distances of others
+            may be infinite.
         """
         scratch = self._taken()
         visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, inf, is_nearest)
         found = scratch.far[goals]
-        self._give_back(scratch)
+        self._release(scratch)
         return found, visited
 
-    def way(self, row: int, root: int, most: int, within: float) -> Way:
-        """Return the shortest path between a node and a root; it visits -1 nodes when more than `most` are needed."""
+    def path(self, row: int, root: int, most: int, within: float) -> ShortestPath:
+        """Return the shortest path between a node and a root; `visited` is -1 if it needs more than `most` nodes."""
         scratch = self._taken()
         ends = np.array([root, row])
         visited = routes.find(self._arcs, scratch.core, ends[:1].data, ends[1:].data, most, within, False)
-        way = Way([], [], visited)
+        path = ShortestPath([], [], visited)
         if visited >= 0 and scratch.far[row] < inf:
             rows = scratch.path[: routes.trace(scratch.core, row)]
-            way = Way(rows.tolist(), scratch.far[rows].tolist(), visited)
-        self._give_back(scratch)
-        return way
+            path = ShortestPath(rows.tolist(), scratch.far[rows].tolist(), visited)
+        self._release(scratch)
+        return path
 
-    def _taken(self) -> _Scratch:
+    def _taken(self) -> _SearchBuffers:
         try:
-            return self._free.pop()  # at once, whatever other threads do
+            return self._free.pop()  # one atomic call, because other threads may search
         except IndexError:
-            return _Scratch(self._nodes)
+            return _SearchBuffers(self._nodes)
 
-    def _give_back(self, scratch: _Scratch) -> None:
+    def _release(self, scratch: _SearchBuffers) -> None:
         scratch.far[scratch.seen[: scratch.core.count]] = inf
         self._free.append(scratch)
 
 
-class Reached(NamedTuple):
+class ReachableNodes(NamedTuple):
     """The nodes that can be reached from several starts: entries by start, then by row."""
 
-    lines: IntArray  # (entries,)  numbers of starts
+    lines: IntArray  # (entries,)  indices of starts
     rows: IntArray  # (entries,)  of nodes
     far: FloatArray  # (entries,)  distances from the start
     arcs: IntArray  # (entries,)  the last arc on the path; -1 at the start itself
-    before: IntArray  # (entries,)  the row that it leaves; -1 at the start itself
+    before: IntArray  # (entries,)  the previous row on the path; -1 at the start itself
 
 
-def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> Reached:
-    """Return the nodes that can be reached from several starts, with the shortest paths; see `Search`.
+def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> ReachableNodes:
+    """Return the nodes that can be reached from several starts, with shortest paths; see `Search`.
 
-    On reversed arcs these are the distances to the roots, and the first arcs on the ways there.
+    On reversed arcs these are the distances to the roots, and the first arcs of the paths.
 
     Args:
-        arcs: the ways.
-        roots: (roots,) rows, each once.
-        ids: (nodes,) different numbers.
-        cutoff: what is farther away than this counts as out of reach.
+        arcs: the graph.
+        roots: (roots,) distinct rows.
+        ids: (nodes,) different numbers, used to break ties.
+        cutoff: nodes farther than this are not reached.
     """
     search = Search(arcs, ids)
     parts = [np.zeros((4, 0), np.int64)]
@@ -175,13 +176,13 @@ def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf)
         parts.append(np.stack((line, found.rows[order], found.arcs[order], found.before[order])))
         far.append(found.far[order])
     lines, rows, last, before = np.concatenate(parts, axis=1)
-    return Reached(lines, rows, np.concatenate(far), last, before)
+    return ReachableNodes(lines, rows, np.concatenate(far), last, before)
 
 
 def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
-    """Return what `route_trees` returns as distances (roots, nodes), infinite where there is no path, and as rows.
+    """Return `route_trees` as tables: distances (roots, nodes), infinite if there is no path, and rows.
 
-    The rows (roots, nodes) are those of the nodes before on the paths, -1 for the roots and where there is no path.
+    The rows (roots, nodes) are the previous nodes on the paths, -1 for the roots and if there is no path.
     """
     found, shape = route_trees(arcs, roots, ids, cutoff), (len(roots), len(ids))
     distances: FloatArray = np.full(shape, inf)
@@ -192,15 +193,15 @@ def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf
 
 
 def least_matching(costs: FloatArray) -> list[int]:
-    """Return for each row a column of its own, so that the sum of the costs is least.
+    """Return a different column for each row, so that the sum of the costs is minimal.
 
-    The Hungarian method by shortest augmenting paths (Jonker, Volgenant: A shortest augmenting path algorithm for
-    dense and sparse linear assignment problems, 1987). Of equally good matchings it gives always the same, unlike
+    The Hungarian method by shortest augmenting paths (Jonker, Volgenant: A shortest augmenting path algorithm for dense
+    and sparse linear assignment problems, 1987). Of equally good matchings it always returns the same one, unlike
     different versions of SciPy.
 
     Args:
-        costs: (rows, columns), with as many columns as rows at least; infinite where both must not be matched, which
-            is done all the same where nothing else is left.
+        costs: (rows, columns), with at least as many columns as rows; infinite for pairs to avoid, which are matched
+        only if nothing else is left.
     """
     table = costs.copy()
     table[np.isinf(table)] = 2.0 * table[np.isfinite(table)].sum() + 1.0
@@ -209,7 +210,7 @@ def least_matching(costs: FloatArray) -> list[int]:
     for start in range(rows):
         row, distances, before = start, np.full(columns, inf), np.full(columns, -1)
         column, is_done, passed = -1, np.zeros(columns, np.bool_), 0.0
-        while row >= 0:  # until a column is found that has no row yet
+        while row >= 0:  # until a column without a row is found
             offers = np.where(is_done, inf, passed + table[row] - gains[row] - prices)
             is_less = offers < distances
             distances[is_less], before[is_less] = offers[is_less], column
