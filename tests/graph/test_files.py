@@ -484,7 +484,7 @@ def test_a_damaged_file_changes_nothing(any_ctx, fill, everything, tmp_path):
 def test_a_file_of_a_newer_version_says_so(saved):
     data = bytearray(saved.read_bytes())
     struct.pack_into("<I", data, 8, map_file.VERSION + 1)
-    with pytest.raises(BadFile, match=f"format version {map_file.VERSION + 1}.*install a newer one"):
+    with pytest.raises(BadFile, match=f"format version {map_file.VERSION + 1}.*install a newer GAMMS"):
         map_file.decode(bytes(data))
 
 

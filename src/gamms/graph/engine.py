@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from gamms.arguments import as_ids, as_known
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
-from gamms.graph.finding import NamedFeature, PolygonContents, StreetNames, Track, bounds, find, inside, region_of, track_of
+from gamms.graph.finding import (
+    NamedFeature,
+    PolygonContents,
+    StreetNames,
+    Track,
+    bounds,
+    find,
+    inside,
+    region_of,
+    track_of,
+)
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.graph.routes import CachedRoutes
@@ -69,7 +79,8 @@ class GraphEngine(ContextPart, IGraphEngine):
             raise UnknownType(f"Unknown graph engine {shown(engine)}. Use Engine.MEMORY or Engine.SQLITE.")
         self._ctx = ctx
         self._phase = phase_of(ctx)
-        self._store, self._obstacles = GraphStore(), Obstacles()
+        self._store = GraphStore()
+        self._obstacles = Obstacles()
         self._graph: Graph | None = Graph(self._store, self._phase)
         self._storage = MapStorage(ctx, self._store, self._obstacles, self._phase)
         self._tables: VisibilityTables | None = None
@@ -161,7 +172,8 @@ class GraphEngine(ContextPart, IGraphEngine):
         if self._tables is None:
             from gamms.graph.visibility import VisibilityTables
 
-            obstacles, routes = self._present(), CachedRoutes(self._store)
+            obstacles = self._present()
+            routes = CachedRoutes(self._store)
             self._tables = VisibilityTables(self._store, routes, obstacles, self._ctx, self._storage)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 
@@ -275,7 +287,8 @@ class GraphEngine(ContextPart, IGraphEngine):
             UnknownName (KeyError): no such edge or street is closed; nothing has changed.
             DuplicateId (KeyError): the id of a closed edge has been reused; nothing has changed.
         """
-        graph, closed = self.graph, self._store.closed
+        graph = self.graph
+        closed = self._store.closed
         ids = list(closed) if edges is None else as_ids(edges, "edges")
         if name is not None:
             of_street = set(StreetNames({id: edge.get("name") for id, edge in closed.items()}).rows(name).tolist())
@@ -342,7 +355,8 @@ class GraphEngine(ContextPart, IGraphEngine):
             at `path` is still written.
             OSError: the file cannot be written.
         """
-        contents, saved = self._storage.contents(), self._state()
+        contents = self._storage.contents()
+        saved = self._state()
         if path is not None:
             from gamms.graph import map_file
 

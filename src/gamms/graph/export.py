@@ -83,7 +83,9 @@ def layers_of(columns: GraphColumns, attribution: str | None) -> GraphTables:
     """Return a graph as tables; on a map with a CRS, geometries are in degrees, and nodes have `lat` and `lon`."""
     ids, (sources, targets) = columns.node_ids, (columns.sources, columns.targets)
     drawn = shapes_of(columns)
-    points, lines, in_degrees = columns.xy, drawn, columns.crs is not None
+    points = columns.xy
+    lines = drawn
+    in_degrees = columns.crs is not None
     nodes: Table = {"id": ids.tolist(), "x": columns.xy[:, 0].tolist(), "y": columns.xy[:, 1].tolist()}
     if in_degrees:
         sizes = np.cumsum([len(points), *map(len, lines)])
@@ -133,9 +135,11 @@ def _add_attributes(table: Table, attributes: Mapping[str, Mapping[int, object]]
         column: list[Scalar] = [None] * count
         for row, value in values.items():
             column[row] = plain_cell(value)
-        unique, number = name, 2
+        unique = name
+        number = 2
         while unique.lower() in taken:
-            unique, number = f"{name}_{number}", number + 1
+            unique = f"{name}_{number}"
+            number += 1
         taken.add(unique.lower())
         table[unique] = column
 

@@ -205,13 +205,16 @@ def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str]
     """Return the two nearest nodes of two streets, if they are close enough to form one junction."""
     first, second = names[:2]
     if len(names) == 2:
-        xy, other = columns.xy[sides[0]], columns.xy[sides[1]]
-        best, pair = np.inf, (0, 0)
+        xy = columns.xy[sides[0]]
+        other = columns.xy[sides[1]]
+        best = np.inf
+        pair = (0, 0)
         for at in range(0, len(xy), _AT_ONCE):
             off = np.hypot(*(xy[at : at + _AT_ONCE, None] - other[None]).transpose(2, 0, 1))
             row, column = np.unravel_index(off.argmin(), off.shape)
             if off[row, column] < best:
-                best, pair = float(off[row, column]), (int(sides[0][at + row]), int(sides[1][column]))
+                best = float(off[row, column])
+                pair = (int(sides[0][at + row]), int(sides[1][column]))
         if best <= _NEAR:
             return np.unique(pair)
         near = f"{best:,.0f} apart at nodes {columns.node_ids[pair[0]]} and {columns.node_ids[pair[1]]}"
@@ -227,9 +230,11 @@ def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str]
 
 def _clusters(xy: FloatArray) -> list[IntArray]:
     """Group the rows of places: places that a chain of short steps connects are in one group."""
-    left, clusters = np.arange(len(xy)), []
+    left = np.arange(len(xy))
+    clusters = []
     while len(left):
-        cluster, left = left[:1], left[1:]
+        cluster = left[:1]
+        left = left[1:]
         new = cluster
         while len(new) and len(left):
             is_near = np.hypot(*(xy[left, None] - xy[None, new]).transpose(2, 0, 1)).min(axis=1) <= _ONE_JUNCTION
@@ -249,7 +254,9 @@ def _listed(names: list[Any]) -> str:
 _CHUNK = 1 << 16  # bytes
 _PER_BYTE = 12  # bytes of memory for each byte of a file that holds only points
 _MOST_POINTS = 1_000_000
-_TRACKS, _POINTS, _PARTS = ("trk", "rte"), ("trkpt", "rtept"), ("trkseg", "rte")
+_TRACKS = ("trk", "rte")
+_POINTS = ("trkpt", "rtept")
+_PARTS = ("trkseg", "rte")
 _DEEPEST = 100  # most nested elements
 
 

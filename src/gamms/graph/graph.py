@@ -133,7 +133,8 @@ class Graph(Guarded, IGraph):
         id = records.as_id(records.required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.required(node_data, "x", "A node"), "x", id)
         y = records.as_coordinate(records.required(node_data, "y", "A node"), "y", id)
-        store, nodes = self._store, self._store.nodes
+        store = self._store
+        nodes = self._store.nodes
         if nodes.index.row(id) >= 0:
             raise DuplicateId("a node", id)
         given = records.extras(node_data, records.NODE_KEYS) if len(node_data) > 3 else None
@@ -152,10 +153,12 @@ class Graph(Guarded, IGraph):
         id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.required(edge_data, "length", "An edge"), id)
         source, target = self._end_rows(edge_data, id)
-        store, edges = self._store, self._store.edges
+        store = self._store
+        edges = self._store.edges
         if edges.index.row(id) >= 0:
             raise DuplicateId("an edge", id)
-        polyline, given = None, None
+        polyline = None
+        given = None
         if len(edge_data) > 4:
             polyline = records.polyline_of(edge_data.get("linestring"), id, self._straight(source, target))
             given = records.extras(edge_data, records.EDGE_KEYS)
@@ -187,7 +190,8 @@ class Graph(Guarded, IGraph):
         """Change the given keys of a node."""
         self._store.own()
         id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node")
-        nodes, row = self._store.nodes, self._store.nodes.find(id)
+        nodes = self._store.nodes
+        row = self._store.nodes.find(id)
         x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
         new_x = records.as_coordinate(node_data.get("x", x), "x", id)
         new_y = records.as_coordinate(node_data.get("y", y), "y", id)
@@ -204,7 +208,8 @@ class Graph(Guarded, IGraph):
         """Change the given keys of an edge."""
         self._store.own()
         id = records.as_id(records.required(edge_data, "id", "An update of an edge"), "an edge")
-        edges, row = self._store.edges, self._store.edges.find(id)
+        edges = self._store.edges
+        row = self._store.edges.find(id)
         old_ends = (edges.sources[row], edges.targets[row])
         ids = self._store.nodes.ids
         full = {
@@ -242,12 +247,14 @@ class Graph(Guarded, IGraph):
 
     def get_nodes(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Return ids of the nodes within d of (x, y), in insertion order; all for `d < 0`."""
-        store, is_all = self._store, records.is_everywhere(d, x, y)
+        store = self._store
+        is_all = records.is_everywhere(d, x, y)
         return store.nodes.iter_ids(None if is_all else store.indexes.nodes_within(x, y, d))
 
     def get_edges(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Return the ids of the edges with an end node within d of (x, y), in insertion order; all for `d < 0`."""
-        store, is_all = self._store, records.is_everywhere(d, x, y)
+        store = self._store
+        is_all = records.is_everywhere(d, x, y)
         return store.edges.iter_ids(None if is_all else store.indexes.edges_at(store.indexes.nodes_within(x, y, d)))
 
     def get_neighbors(self, node_id: int) -> Iterator[int]:
@@ -299,7 +306,8 @@ class Graph(Guarded, IGraph):
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
         """Return the nodes within `radius` of (x, y), as arrays."""
-        nodes, rows = self._store.nodes, self._rows_near(as_float(x, "x"), as_float(y, "y"), radius)
+        nodes = self._store.nodes
+        rows = self._rows_near(as_float(x, "x"), as_float(y, "y"), radius)
         return NodeColumns(nodes.array("ids")[rows], nodes.array("xy")[rows])
 
     def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
@@ -349,7 +357,8 @@ class Graph(Guarded, IGraph):
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the length of the shortest path between two nodes; infinite if there is no path."""
         # NOTE: many strategies ask this every turn about the same targets (benchmarks: Paths).
-        cache, store = self._routes.cache, self._store
+        cache = self._routes.cache
+        store = self._store
         if cache.revision == store.revision and type(source) is int and type(target) is int:
             try:
                 known = cache.entries.get((weight, target))
@@ -483,7 +492,8 @@ class Graph(Guarded, IGraph):
         return self._store.nodes.index.rows(records.id_array(node_ids, "node_ids"), "node")
 
     def _rows_near(self, x: float, y: float, radius: float) -> IntArray:
-        radius, store = as_range(radius, "The radius"), self._store
+        radius = as_range(radius, "The radius")
+        store = self._store
         return store.nodes.living() if radius == inf else store.indexes.nodes_within(x, y, radius)
 
     def _among(self, rows: IntArray) -> Surroundings:
@@ -495,7 +505,8 @@ class Graph(Guarded, IGraph):
 
     def _surroundings(self, discs: DiscContents) -> Iterator[Surroundings]:
         indexes = self._store.indexes
-        nodes, edges = indexes.node_values(discs.nodes), indexes.edge_values(discs.edges)
+        nodes = indexes.node_values(discs.nodes)
+        edges = indexes.edge_values(discs.edges)
         starts, ends = discs.node_offsets.tolist(), discs.edge_offsets.tolist()
         for first, last, begin, end in zip(starts, starts[1:], ends, ends[1:], strict=False):
             yield Surroundings({node[0]: node for node in nodes[first:last]}, edges[begin:end])

@@ -23,7 +23,9 @@ _WIDER = 8  # how often a search radius grows before all nodes are searched
 _REACHES = (1, 3)  # half widths in cells, of the squares searched for one place
 _REACHES_OF_EACH = (0.5, 1.0, 3.0, 9.0)  # half widths in cells, of the squares searched for several places at once
 _SURE = 1.0 - 1e-9  # share of a radius; nodes nearer than this are certainly found in spite of rounding
-_LEAST, _MOST = 1e-150, 1e150  # distances whose squares neither vanish nor overflow
+# distances whose squares neither vanish nor overflow
+_LEAST = 1e-150
+_MOST = 1e150
 _TINY = 5e-324  # replaces a square that would be zero
 _MOST_EAGER = 1 << 19  # rows up to which all values of a table are made at once
 _MOST_KEPT = 1 << 21
@@ -78,7 +80,8 @@ class NodeGrid:
     def _parts_within(
         self, parts: Iterator[tuple[int, int, IntArray, IntArray]], rows: IntArray, d: float
     ) -> Iterator[tuple[int, int, IntArray, IntArray]]:
-        xy, late = self._nodes.array("xy"), np.fromiter(self._late, np.int64)
+        xy = self._nodes.array("xy")
+        late = np.fromiter(self._late, np.int64)
         for begin, end, at, found in parts:
             if len(late):
                 count = end - begin
@@ -114,7 +117,8 @@ class NodeGrid:
 
     def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
         """Return the nearest row for each of several places, (places,); see `nearest`."""
-        found, open_ = np.full(len(x), -1), np.arange(len(x))
+        found = np.full(len(x), -1)
+        open_ = np.arange(len(x))
         for reach in () if self._late else _REACHES_OF_EACH:
             d = reach * self._cells.size
             parts = kernels.candidates_of_each(self._cells, x[open_], y[open_], d) if d < _MOST and len(open_) else None
@@ -147,7 +151,8 @@ class NodeGrid:
         begins = np.flatnonzero(np.diff(at, prepend=-1))
         if not len(begins):
             return begins, begins
-        least, runs = np.minimum.reduceat(squares, begins), np.diff(begins, append=len(at))
+        least = np.minimum.reduceat(squares, begins)
+        runs = np.diff(begins, append=len(at))
         is_least = squares == np.repeat(least, runs)
         row = np.minimum.reduceat(np.where(is_least, rows, self._nodes.count), begins)
         is_sure = least < d * d
@@ -155,14 +160,18 @@ class NodeGrid:
 
     def _nearest_around(self, x: float, y: float, reach: int) -> tuple[int, float]:
         """Return the first living row at the least distance from (x, y) in the cells around it, and the square."""
-        xy, alive, least, found = self._nodes.xy, self._nodes.alive, inf, -1
+        xy = self._nodes.xy
+        alive = self._nodes.alive
+        least = inf
+        found = -1
         for row in self.around(x, y, reach):
             dx, dy = xy[2 * row] - x, xy[2 * row + 1] - y
             square = dx * dx + dy * dy
             if not square and (dx or dy):
                 square = _TINY
             if (square < least or (square == least and row < found)) and alive[row]:
-                least, found = square, row
+                least = square
+                found = row
         return found, least
 
     def _nearest_of(self, rows: IntArray, x: float, y: float) -> tuple[int, float]:
@@ -186,10 +195,12 @@ class Adjacency:
     """
 
     def __init__(self, edges: EdgeTable, end: str, nodes: int) -> None:
-        self._edges, self._end = edges, end
+        self._edges = edges
+        self._end = end
         self._nodes = nodes
         self._offsets, self._rows = kernels.group_rows(edges.array(end), nodes)
-        self._offset_view, self._row_view = self._offsets.data, self._rows.data
+        self._offset_view = self._offsets.data
+        self._row_view = self._rows.data
         self._late: dict[int, list[int]] = {}  # node row -> edge rows added later
         self._late_count = 0
         self._is_exact = edges.dead == 0  # whether all grouped edges are alive and unmoved
@@ -217,7 +228,8 @@ class Adjacency:
         if late:
             rows = sorted({*rows, *late})
         if late or not self._is_exact:
-            alive, ends = self._edges.alive, getattr(self._edges, self._end)
+            alive = self._edges.alive
+            ends = getattr(self._edges, self._end)
             rows = [row for row in rows if alive[row] and ends[row] == node]
         return rows
 
@@ -229,10 +241,12 @@ class Adjacency:
         if self._late:
             late = [(i, edge) for i, node in enumerate(nodes.tolist()) for edge in self._late.get(node, ())]
             more = np.array(late, np.int64).reshape(-1, 2)
-            at, rows = np.concatenate((at, more[:, 0])), np.concatenate((rows, more[:, 1]))
+            at = np.concatenate((at, more[:, 0]))
+            rows = np.concatenate((rows, more[:, 1]))
         if self._late or not self._is_exact:
             is_so = (self._edges.array("alive")[rows] != 0) & (self._edges.array(self._end)[rows] == nodes[at])
-            at, rows = at[is_so], rows[is_so]
+            at = at[is_so]
+            rows = rows[is_so]
         return at, rows
 
     def at(self, nodes: IntArray) -> IntArray:
@@ -309,7 +323,8 @@ class RowValueCache:
     def _fill(self, rows: RowArray) -> None:
         if self._made + len(rows) > _MOST_KEPT:
             self._values[:] = None
-            self._is_complete, self._made = False, 0
+            self._is_complete = False
+            self._made = 0
         self._values[rows] = np.fromiter(self._make(rows), object, len(rows))
         self._made += len(rows)
 
@@ -368,7 +383,8 @@ class Indexes:
     def __init__(self, nodes: NodeTable, edges: EdgeTable, forget: Callable[[int], None]) -> None:
         self.is_built = False  # whether any index exists that changes must be noted in
         self.forget = forget  # called with the id of a node whose neighbors have changed
-        self._nodes, self._edges = nodes, edges
+        self._nodes = nodes
+        self._edges = edges
         self._grid: NodeGrid | None = None
         self._by_end: dict[str, Adjacency] = {}
         self._node_values = RowValueCache(lambda rows: node_values(nodes, rows))
@@ -418,7 +434,8 @@ class Indexes:
         return None if parts is None else (self._discs_of(*part, rows, d) for part in parts)
 
     def _discs_of(self, begin: int, end: int, at: IntArray, nodes: IntArray, rows: IntArray, d: float) -> DiscContents:
-        xy, places = self._nodes.array("xy"), np.arange(end - begin + 1)
+        xy = self._nodes.array("xy")
+        places = np.arange(end - begin + 1)
         at, nodes = _by_place(at, nodes, self._nodes.count)
         where, edges = self._adjacency("sources").at_each(nodes)
         where = at[where]
@@ -439,8 +456,11 @@ class Indexes:
     def edge_value(self, row: int) -> OSMEdge:
         """Return the edge of a row."""
         # NOTE: without arrays, because agents on edges ask for single edges (benchmarks: travel).
-        edges, nodes = self._edges, self._nodes
-        source, target, polyline = edges.sources[row], edges.targets[row], edges.polylines.get(row)
+        edges = self._edges
+        nodes = self._nodes
+        source = edges.sources[row]
+        target = edges.targets[row]
+        polyline = edges.polylines.get(row)
         if polyline is None:
             ends = ((nodes.ids[one], nodes.xy[2 * one], nodes.xy[2 * one + 1]) for one in (source, target))
             shape: tuple[Any, ...] = tuple(map(_node, ends))
@@ -458,12 +478,14 @@ class Indexes:
         if row < 0:
             raise UnknownName("node", id, self._nodes.ids)
         edges = self._adjacency("sources").at_one(row)
-        ids, targets = self._nodes.ids, self._edges.targets
+        ids = self._nodes.ids
+        targets = self._edges.targets
         return list(dict.fromkeys(ids[targets[edge]] for edge in edges))
 
     def all_neighborhoods(self, most: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """Yield (id, neighborhood) of every node, for a graph of at most `most` nodes; nothing for a larger graph."""
-        nodes, edges = self._nodes.living(), self._edges.living()
+        nodes = self._nodes.living()
+        edges = self._edges.living()
         if len(nodes) > most:
             return
         # NOTE: one int object per id, so that dict look-ups compare by identity (benchmarks: the loop).

@@ -61,7 +61,8 @@ class SavedMap(NamedTuple):
 
 def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
     """Return the columns without attributes that are not plain data, and the names of these attributes."""
-    columns, left_out = contents.columns, LeftOut()
+    columns = contents.columns
+    left_out = LeftOut()
     given = {"node": (columns.node_attributes, columns.node_ids), "edge": (columns.edge_attributes, columns.edge_ids)}
     kept: dict[str, dict[str, dict[int, Plain]]] = {"node": {}, "edge": {}}
     for kind, (attributes, ids) in given.items():
@@ -118,7 +119,8 @@ def checked_columns(
     Raises:
         BadFile: the arrays do not describe a valid graph.
     """
-    nodes, edges = len(arrays["node_ids"]), len(arrays["edge_ids"])
+    nodes = len(arrays["node_ids"])
+    edges = len(arrays["edge_ids"])
     for name, shape in (
         ("node_ids", (nodes,)),
         ("xy", (nodes, 2)),
@@ -206,7 +208,8 @@ def scenery_called(name: str | None) -> Scenery:
     """Return a base map included in GAMMS by name; an empty one for unknown names."""
     if name not in _SCENERIES:
         return no_scenery()
-    contents, buildings = load(_SCENERIES[name]), Obstacles()
+    contents = load(_SCENERIES[name])
+    buildings = Obstacles()
     buildings.replace(contents.faces)
     base = contents.scenery if isinstance(contents.scenery, Scenery) else no_scenery()
     return replace(base, buildings=buildings.columns())
@@ -293,7 +296,8 @@ def reporting_damage() -> Iterator[None]:
 
 
 def _arrays_of(contents: SavedMap) -> dict[str, Array]:
-    graph, faces = contents.columns, contents.faces
+    graph = contents.columns
+    faces = contents.faces
     rows, sizes, points = _bends_of(graph.polylines)
     return {
         **{name: getattr(graph, name) for name in _GRAPH},
@@ -326,7 +330,8 @@ def _closed_of(closed: ClosedEdges) -> list[Plain]:
 
 def _checked_edge(edge: Plain) -> dict[str, Any]:
     """Check a closed edge as far as possible without the graph; `open_roads` checks the rest."""
-    id, line = records.as_id(edge["id"], "an edge"), edge.get("linestring")
+    id = records.as_id(edge["id"], "an edge")
+    line = edge.get("linestring")
     records.as_length(edge["length"], id)
     for end in ("source", "target"):
         records.as_id(edge[end], "a node")
@@ -411,7 +416,8 @@ def _are_ascending(rows: IntArray) -> bool:
 
 def _faces_of(columns: dict[str, Array]) -> Iterable[ObsFace]:
     corners = columns["face_corners"].reshape(-1, 4, 3).tolist()
-    ids, types = columns["face_ids"].tolist(), columns["face_types"].tolist()
+    ids = columns["face_ids"].tolist()
+    types = columns["face_types"].tolist()
     if len(set(ids)) < len(ids):
         raise BadFile("an obstacle face occurs twice")
     for id, type, (tr, tl, br, bl) in zip(ids, types, corners, strict=True):
@@ -456,7 +462,8 @@ def _scenery_of(state: dict[str, Plain]) -> str | Scenery | None:
 
 
 STORE = ".graph"  # the dot marks a store that does not belong to the program and is not listed
-_MAP, _KEY = "saved_map", 0
+_MAP = "saved_map"
+_KEY = 0
 _SCHEMA: Schema = {"id": int, "saves": int, "map": bytes}
 
 

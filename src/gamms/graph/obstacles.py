@@ -177,7 +177,8 @@ class Obstacles:
         """Move faces that were added one by one to the table, and return the table."""
         if self._new:
             self._own()
-            faces, self._new = self._new, {}
+            faces = self._new
+            self._new = {}
             _write(self._faces, face_columns([*faces.values()]))
         return self._faces
 
@@ -224,7 +225,8 @@ class Obstacles:
         if self._sharers is not None and self._stop_sharing():
             new, self._new = self._new, {}
             columns = self.columns()
-            self._faces, self._new = _FaceTable(), new
+            self._faces = _FaceTable()
+            self._new = new
             _write(self._faces, columns)
 
     def _stop_sharing(self) -> bool:
@@ -258,7 +260,8 @@ class FaceGrid:
             spread = half[:, :2].max(axis=1) + 2.0 * kernels.MARGIN * half.sum(axis=1)
         most_large = isqrt(len(rows))
         order = np.argpartition(spread, len(rows) - 1 - most_large)
-        small, self._others = order[: len(rows) - most_large], rows[order[len(rows) - most_large :]]
+        small = order[: len(rows) - most_large]
+        self._others = rows[order[len(rows) - most_large :]]
         self._rows = rows[small]
         self._reach = float(spread[small].max())
         self._cells = kernels.build_cells((low + high)[small, :2])

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 _NEAR_M = 1_000.0  # within this distance no place counts as too far
-_MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for the same meridian
+# degrees; both -10 and 350 are in use for the same meridian
+_MOST_LAT = 90.0
+_MOST_LON = 360.0
 _TRIES = 20  # attempts to place nodes with a minimum distance
 
 
@@ -191,7 +193,8 @@ class _PlacementRequest(NamedTuple):
 
     def refusal(self, placed: int) -> str:
         """Return the message for a request of more nodes than fit."""
-        words, ways_out = f"Only {placed} of {self.n} nodes could be placed", ["ask for fewer"]
+        words = f"Only {placed} of {self.n} nodes could be placed"
+        ways_out = ["ask for fewer"]
         if self.disc is not None:
             words += " within {2:g} of ({0:g}, {1:g})".format(*self.disc)
             ways_out.append("a larger radius")

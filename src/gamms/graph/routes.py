@@ -101,7 +101,8 @@ class CachedRoutes(Routes):
     def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
         """Return the distances (rows,) from rows to row `end`; with `is_nearest`, all but the least may be infinite."""
         if not self._has_table(end, weight):
-            search, goal = self.search(weight), self._known(end, weight)
+            search = self.search(weight)
+            goal = self._known(end, weight)
             far, visited = search.far(np.array([end]), rows, most=self._left(goal), is_nearest=is_nearest)
             if goal.has_visited(visited):
                 return far
@@ -115,7 +116,8 @@ class CachedRoutes(Routes):
         """Return the known distances to a goal, searched as far as this row; None if a table is cheaper."""
         if self._has_table(end, weight):
             return None
-        search, goal = self.search(weight), self._known(end, weight)
+        search = self.search(weight)
+        goal = self._known(end, weight)
         if row in goal.distances:
             return goal
         path = search.path(row, end, self._left(goal), kernels.widened(within))

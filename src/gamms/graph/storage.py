@@ -45,7 +45,8 @@ class MapSnapshot(NamedTuple):
     def tables(self) -> "tuple[GraphStore, Obstacles]":
         """Return the read-only tables that all contexts with this map share; made on the first call."""
         if not self.shared:
-            store, obstacles = GraphStore(), Obstacles()
+            store = GraphStore()
+            obstacles = Obstacles()
             store.replace(self.columns, self.attribution, self.scenery, self.closed)
             obstacles.put(self.obstacles)
             self.shared.append((store, obstacles))
@@ -63,7 +64,9 @@ class MapStorage(Guarded, IMapStorage):
 
     def __init__(self, ctx: IContext, store: GraphStore, obstacles: Obstacles, phase: DecidePhase) -> None:
         self._phase = phase
-        self._ctx, self._store, self._obstacles = ctx, store, obstacles
+        self._ctx = ctx
+        self._store = store
+        self._obstacles = obstacles
         self.visibility_rows = Cache(_VISIBILITY_BYTES)
         self._place_stream: Generator | None = None
         self._restored: dict[int, int] = {}  # revision of a snapshot -> equal revision after it was restored
@@ -122,7 +125,9 @@ class MapStorage(Guarded, IMapStorage):
 
     def snapshot(self) -> MapSnapshot:
         """Return the present graph and obstacles, for `restore` and `copy_from`."""
-        store, stream, packed = self._store, self._place_stream, self._packed_map()
+        store = self._store
+        stream = self._place_stream
+        packed = self._packed_map()
         of = (*self._now(), id(store.closed), store.attribution, store.scenery, id(self.visibility_rows), id(packed))
         if stream is None and self._last_snapshot is not None and self._last_snapshot[0] == of:
             return self._last_snapshot[1]
@@ -145,7 +150,8 @@ class MapStorage(Guarded, IMapStorage):
 
     def restore(self, before: MapSnapshot) -> None:
         """Restore a snapshot of this context; unchanged parts keep their indexes."""
-        store, obstacles = self._store, self._obstacles
+        store = self._store
+        obstacles = self._obstacles
         if store.revision not in (before.revision, self._restored.get(before.revision)):
             store.share(before.tables()[0])
             self._restored = {before.revision: store.revision}
@@ -187,7 +193,8 @@ class MapStorage(Guarded, IMapStorage):
         """Return the graph with all closed roads opened, after all other edges, and its routes."""
         from gamms.graph.graph import Graph
 
-        graph, closed = Graph(self._store.fork()), self._store.closed
+        graph = Graph(self._store.fork())
+        closed = self._store.closed
         for id in [id for id in closed if self._store.edges.index.row(id) < 0]:
             graph.add_edge(dict(closed[id]))
         return graph.columns(), graph.routes

@@ -54,7 +54,8 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
     def clear(self) -> None:
         """Drop all neighborhoods."""
         super().clear()
-        self._misses, self._runs = 0, None
+        self._misses = 0
+        self._runs = None
         self._changed.clear()
 
     def forget(self, id: int) -> None:
@@ -131,11 +132,13 @@ class GraphStore:
     def clear(self) -> None:
         """Remove every node and edge."""
         self._stop_sharing()
-        self.nodes, self.edges = NodeTable(), EdgeTable()
+        self.nodes = NodeTable()
+        self.edges = EdgeTable()
         self.crs: str | None = None
         self.attribution: str | None = None
         self.scenery: str | Scenery | None = None
-        self.closed, self._columns = {}, None
+        self.closed = {}
+        self._columns = None
         self._ground: FloatArray | None = None
         self._ground_key: tuple[int, int, int] | None = None
         self.rows_added()
@@ -152,14 +155,16 @@ class GraphStore:
         """Return height and tunnel number of each node row, removed nodes included, (rows, 2); None if all are 0."""
         key = self.revision, self.nodes.count, self.nodes.dead
         if key != self._ground_key:
-            attributes, ground = self.nodes.attributes, np.zeros((self.nodes.count, 2))
+            attributes = self.nodes.attributes
+            ground = np.zeros((self.nodes.count, 2))
             for column, name in enumerate(_GROUND):
                 for row, value in attributes.get(name, {}).items():
                     # Attributes set by users may have any type.
                     if type(value) in (int, float) and isfinite(value):
                         ground[row, column] = value
             ground[self.nodes.array("alive") == 0] = 0.0
-            self._ground, self._ground_key = ground if ground.any() else None, key
+            self._ground = ground if ground.any() else None
+            self._ground_key = key
         return self._ground
 
     def replace(
@@ -168,7 +173,8 @@ class GraphStore:
         """Replace the graph by the one described by columns."""
         self.clear()
         self.append(columns, attribution)
-        self.scenery, self.closed = scenery, closed
+        self.scenery = scenery
+        self.closed = closed
 
     def append(self, columns: GraphColumns, attribution: str | None) -> None:
         """Append nodes and edges; on an error nothing is added.
@@ -178,7 +184,8 @@ class GraphStore:
             BadValue: the CRS differs.
         """
         self.own()
-        nodes, edges = self.nodes, self.edges
+        nodes = self.nodes
+        edges = self.edges
         if len(nodes) and None not in (columns.crs, self.crs) and columns.crs != self.crs:
             raise BadValue(f"its CRS is {columns.crs}, but the graph has {self.crs}; project it first")
         nodes.index.refuse_duplicates(columns.node_ids, nodes.kind)
@@ -189,7 +196,8 @@ class GraphStore:
         first = edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
         edges.polylines = joined(edges.polylines, first, columns.polylines)
         edges.add_attributes(first, columns.edge_attributes)
-        self.crs, self.attribution = columns.crs or self.crs, attribution or self.attribution
+        self.crs = columns.crs or self.crs
+        self.attribution = attribution or self.attribution
         self.rows_added()
 
     def rows_added(self) -> None:
@@ -221,10 +229,13 @@ class GraphStore:
     def close_edges(self, ids: Iterable[int]) -> None:
         """Remove edges, and store them as closed edges."""
         self.own()
-        edges, node_ids, closed = self.edges, self.nodes.ids, dict(self.closed)
+        edges = self.edges
+        node_ids = self.nodes.ids
+        closed = dict(self.closed)
         for id in ids:
             row = edges.find(id)
-            ends, line = (node_ids[edges.sources[row]], node_ids[edges.targets[row]]), edges.polylines.get(row)
+            ends = (node_ids[edges.sources[row]], node_ids[edges.targets[row]])
+            line = edges.polylines.get(row)
             closed[id] = edge_as_given(id, ends, edges.lengths[row], line, edges.attributes_of(row))
             self._drop_edge(row)
         self.closed = closed
@@ -246,16 +257,21 @@ class GraphStore:
         """Return another store of this graph; both share the tables until one of them changes."""
         store = GraphStore()
         store.share(self)
-        store.revision, store._columns = self.revision, self._columns
+        store.revision = self.revision
+        store._columns = self._columns
         return store
 
     def share(self, other: "GraphStore") -> None:
         """Replace the graph by that of another store; both share the tables until one of them changes."""
         columns = other.columns()  # this call removes dead rows
         self._stop_sharing()
-        self.nodes, self.edges, self.indexes = other.nodes, other.edges, other.indexes
-        self.crs, self.attribution = other.crs, other.attribution
-        self.scenery, self.closed = other.scenery, other.closed
+        self.nodes = other.nodes
+        self.edges = other.edges
+        self.indexes = other.indexes
+        self.crs = other.crs
+        self.attribution = other.attribution
+        self.scenery = other.scenery
+        self.closed = other.closed
         self.revision = max(self.revision + 1, other.revision)
         is_same = self.revision == other.revision
         self._columns = columns if is_same else dataclasses.replace(columns, revision=self.revision)
@@ -272,14 +288,18 @@ class GraphStore:
         if self._sharers is None:
             return
         if self._stop_sharing():
-            columns, revision = self.columns(), self.revision
+            columns = self.columns()
+            revision = self.revision
             self.replace(columns, self.attribution, self.scenery, self.closed)
-            self.revision, self._columns = revision, columns
+            self.revision = revision
+            self._columns = columns
         self.indexes.forget = self.neighborhoods.forget
 
     def _stop_sharing(self) -> bool:
         """Leave the shared tables to their other owners; return whether they were shared."""
-        sharers, self._sharers, self.neighborhoods.source = self._sharers, None, None
+        sharers = self._sharers
+        self._sharers = None
+        self.neighborhoods.source = None
         if sharers is None:
             return False
         sharers.discard(self)
@@ -310,7 +330,8 @@ class GraphStore:
 
     def _compact(self, *, fully: bool = False) -> None:
         """Drop dead rows, by default only if they outnumber the living, so that the cost per removal is constant."""
-        nodes, edges = self.nodes, self.edges
+        nodes = self.nodes
+        edges = self.edges
         if nodes.dead > (0 if fully else len(nodes)):
             edges.rename_ends(nodes.compact())
             self._discard_indexes()
@@ -320,7 +341,8 @@ class GraphStore:
 
     def _frozen(self) -> GraphColumns:
         """Return the tables, which must not have dead rows, as columns."""
-        nodes, edges = self.nodes, self.edges
+        nodes = self.nodes
+        edges = self.edges
         offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
         return GraphColumns(
             node_ids=nodes.frozen("ids"),

@@ -82,9 +82,11 @@ class RowIndex:
         self.refuse_duplicates(ids, kind)
         first = int(ids[0]) if row == 0 else self._first
         if _are_consecutive(ids) and row == self._run and int(ids[0]) == first + row:
-            self._first, self._run = first, row + len(ids)
+            self._first = first
+            self._run = row + len(ids)
         elif self._ascending is None and len(ids) >= _MANY and bool((ids[1:] > ids[:-1]).all()):
-            self._ascending, self._ascending_row = ids.copy().data, row
+            self._ascending = ids.copy().data
+            self._ascending_row = row
         else:
             self._others.update(zip(ids.tolist(), range(row, row + len(ids)), strict=True))
 
@@ -259,7 +261,10 @@ class Table:
         moved[alive] = np.arange(len(alive))
         ids = self.array("ids")[alive]
         self._arrays = {name: array[alive] for name, array in self._arrays.items()}
-        self.count, self.dead, self.capacity, self._is_shared = len(alive), 0, len(alive), False
+        self.count = len(alive)
+        self.dead = 0
+        self.capacity = len(alive)
+        self._is_shared = False
         self._resize(max(_START, len(alive)))
         self.index = RowIndex()
         self.index.extend(ids, 0, self.kind)

@@ -60,7 +60,8 @@ class MapFingerprint:
             is_same = _digest(*_nodes_of(self._store)) == self._nodes
             if is_same and now[1] != self._revisions[1]:
                 is_same = _digest(self._obstacles.columns().corners) == self._faces
-            self._revisions, self._is_current = now, is_same
+            self._revisions = now
+            self._is_current = is_same
         return self._is_current
 
     def key(self, radius: float, observer_height: float) -> bytes:
@@ -74,7 +75,8 @@ class MapFingerprint:
 
 def _nodes_of(store: GraphStore) -> "tuple[np.ndarray[tuple[int, ...], np.dtype[Any]], ...]":
     """Return ids (nodes,) and coordinates (nodes, 2), in insertion order, and the ground unless it is flat."""
-    rows, ground = store.nodes.living(), store.ground()
+    rows = store.nodes.living()
+    ground = store.ground()
     nodes = store.nodes.array("ids")[rows], store.nodes.array("xy")[rows]
     return nodes if ground is None else (*nodes, ground[rows])
 
@@ -106,8 +108,10 @@ class Visibility(Shareable, IVisibility):
         observer_height: float,
         seen: VisibilityRows,
     ) -> None:
-        self._fingerprint, self._routes = fingerprint, routes
-        self._radius, self._observer_height = radius, observer_height
+        self._fingerprint = fingerprint
+        self._routes = routes
+        self._radius = radius
+        self._observer_height = observer_height
         self._ids = fingerprint.node_ids
         self._index = RowIndex()
         self._index.extend(self._ids, 0, "a node")
@@ -136,7 +140,8 @@ class Visibility(Shareable, IVisibility):
 
     def sees(self, observer: int, target: int) -> bool:
         """Return whether a node within the radius of another is visible from there."""
-        seen, row = self._seen(self._row(observer)), self._row(target)
+        seen = self._seen(self._row(observer))
+        row = self._row(target)
         place = int(seen.searchsorted(row))
         return place < len(seen) and int(seen[place]) == row
 
@@ -171,7 +176,8 @@ class Visibility(Shareable, IVisibility):
 
     def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
         """Return the id of the nearest node, by path, that is hidden from all watchers."""
-        row, is_covered = self._row(node_id), self._is_covered(watchers)
+        row = self._row(node_id)
+        is_covered = self._is_covered(watchers)
         if not is_covered[row]:
             return int(self._ids[row])
         distances = self._routes.distances(node_id, None, weight, None)
@@ -220,8 +226,11 @@ class VisibilityTables:
     def __init__(
         self, store: GraphStore, routes: CachedRoutes, obstacles: Obstacles, ctx: IContext, storage: MapStorage
     ) -> None:
-        self._store, self._routes, self._obstacles = store, routes, obstacles
-        self._ctx, self._storage = ctx, storage
+        self._store = store
+        self._routes = routes
+        self._obstacles = obstacles
+        self._ctx = ctx
+        self._storage = storage
         self._tables: dict[tuple[float, float], Visibility] = {}
 
     def find(self, radius: float, observer_height: float) -> Visibility | None:
@@ -234,7 +243,8 @@ class VisibilityTables:
         self, radius: float, observer_height: float, path: TablePath, *, progress: bool, workers: int | None
     ) -> Visibility:
         """Return a table from memory, else from its file, else computed; see `IGraphEngine.visibility`."""
-        reach, height = as_range(radius, "radius"), as_float(observer_height, "observer_height")
+        reach = as_range(radius, "radius")
+        height = as_float(observer_height, "observer_height")
         if workers is not None and as_int(workers, "workers") < 1:
             raise BadValue(f"workers must be at least 1, not {workers}; None uses one for each processor.")
         self._tables = {key: table for key, table in self._tables.items() if table.is_current}

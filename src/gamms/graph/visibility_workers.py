@@ -54,7 +54,8 @@ class SightLines:
     """Tests the sight lines between nodes, as `GraphEngine.visible` would."""
 
     def __init__(self, task: VisibilityTask) -> None:
-        count, faces = len(task.xy), len(task.corners)
+        count = len(task.xy)
+        faces = len(task.corners)
         self._radius = task.radius
         height, self._tunnels = task.ground.T
         self._points = np.column_stack((task.xy, height + task.observer_height))
@@ -80,7 +81,8 @@ class SightLines:
         near = self._grid.within(*middle, reach) if reach < np.inf else np.arange(len(self._points))
         size = max(1, _LINES // len(near))
         for part in np.split(observers, range(size, len(observers), size)):
-            here, there = self._points[part], self._points[near]
+            here = self._points[part]
+            there = self._points[near]
             is_asked = is_within(there[:, 0], there[:, 1], here[:, :1], here[:, 1:2], self._radius)
             is_asked &= self._tunnels[near] == self._tunnels[part, None]
             for is_seen in self._obstacles.visible_from_each(here, there, is_asked):
@@ -116,7 +118,8 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     count = len(sights.groups)
     size = _AT_ONCE if workers == 1 else max(_AT_ONCE, min(_SHARE, -(-count // (2 * workers))))
     spans = [(first, min(first + size, count)) for first in range(0, count, size)]
-    parts, done = [], 0
+    parts = []
+    done = 0
     found = (sights.seen(*span) for span in spans) if workers == 1 else _seen_by_processes(task, spans, workers)
     with closing(found):
         for part in found:

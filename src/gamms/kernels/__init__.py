@@ -61,9 +61,9 @@ from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
 from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each, visible_pairs
 from gamms.kernels.paths import (
     Arcs,
-    SearchResult,
     ReachableNodes,
     Search,
+    SearchResult,
     ShortestPath,
     least_matching,
     make_arcs,

@@ -49,8 +49,10 @@ def build_cells(xy: FloatArray) -> CellIndex:
 
 def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
     """Return the rows of the points in the cell of (x, y) and in the cells around it."""
-    keys, found = cells.keys.data, list[int]()
-    column, stripe = _cell_of(x, cells.origin[0], cells.size), _cell_of(y, cells.origin[1], cells.size)
+    keys = cells.keys.data
+    found = list[int]()
+    column = _cell_of(x, cells.origin[0], cells.size)
+    stripe = _cell_of(y, cells.origin[1], cells.size)
     for middle in range(((stripe - reach) << 32) + column, (stripe + reach + 1) << 32, 1 << 32):
         first = bisect_left(keys, middle - reach)
         found += cells.rows[first : bisect_right(keys, middle + reach, first)].tolist()

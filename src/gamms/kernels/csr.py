@@ -144,7 +144,8 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
     if count < _FEWEST:
         return np.zeros((0, 2), np.int64)
     place = _places(np.concatenate((starts, ends)))
-    begins, finishes = place[:count], place[count:]
+    begins = place[:count]
+    finishes = place[count:]
     rows = np.arange(count)
     chain = np.cumsum(np.concatenate(([0], finishes[:-1] != begins[1:])))
     # The latest line, up to each line, that begins where this line ends.

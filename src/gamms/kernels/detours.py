@@ -39,7 +39,8 @@ class _DetourSearch:
 
     def __init__(self, arcs: Arcs, rests: memoryview, end: int) -> None:
         self._offsets, self._ends, self._weights = (column.data for column in arcs)
-        self._rests, self._end = rests, end
+        self._rests = rests
+        self._end = end
 
     def length(self, path: list[int]) -> float:
         """Return the sum of the weights on a path, added from its end."""
@@ -50,7 +51,8 @@ class _DetourSearch:
 
     def detour(self, start: int, closed: set[int], taken: set[int]) -> list[int] | None:
         """Return the shortest path to the end that avoids the rows `closed` and whose first step is not in `taken`."""
-        far, before = {start: 0.0}, {start: start}
+        far = {start: 0.0}
+        before = {start: start}
         heap = [(0.0, 0, start, 0.0)]
         while heap:
             _, hops, row, gone = heappop(heap)
@@ -59,7 +61,8 @@ class _DetourSearch:
             if gone > far[row]:
                 continue
             for end, weight in self._leaving(row):
-                reached, rest = gone + weight, self._rests[end]
+                reached = gone + weight
+                rest = self._rests[end]
                 if reached >= far.get(end, inf) or rest == inf or end in closed or (row == start and end in taken):
                     continue
                 far[end], before[end] = reached, row

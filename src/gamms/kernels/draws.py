@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or hashes of names
 _MASK = (1 << 64) - 1
-_PHILOX, _WEYL = (0xD2E7470EE14C6C93, 0xCA5A826395121157), (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
+_PHILOX = (0xD2E7470EE14C6C93, 0xCA5A826395121157)
+_WEYL = (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
 _LOW = np.uint64(0xFFFFFFFF)
 _WEYLS = np.array(_WEYL, np.uint64)[:, None]
 _FACTORS_OF_PHILOX = np.array([[one & 0xFFFFFFFF for one in _PHILOX], [one >> 32 for one in _PHILOX]], np.uint64)[
@@ -124,7 +125,8 @@ def normals(bits: Iterable[int]) -> FloatArray:
 
 def poisson(bits: int, mean: float) -> int:
     """Map random bits to a number of the Poisson distribution, by inversion; the mean is at most 100."""
-    drawn, count = fraction(bits), 0
+    drawn = fraction(bits)
+    count = 0
     chance = total = exp(-mean)
     while drawn >= total and (count < mean or chance > 2.0**-60):  # smaller chances are below rounding errors
         count += 1
@@ -219,7 +221,8 @@ def _philox_many(keys: Sequence[int]) -> BitArray:
 def _products(bits: BitArray) -> tuple[BitArray, BitArray]:
     """Return the upper and lower 64 bits of the products with the two factors, computed from 32-bit halves."""
     half, (low, high) = np.uint64(32), _FACTORS_OF_PHILOX
-    below, above = bits & _LOW, bits >> half
+    below = bits & _LOW
+    above = bits >> half
     middle = above * low + (below * low >> half)
     crossed = below * high + (middle & _LOW)
     return above * high + (middle >> half) + (crossed >> half), bits * (high << half | low)

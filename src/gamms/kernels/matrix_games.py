@@ -34,7 +34,8 @@ def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, Flo
         payoffs: (games, rows, columns), the payoff from the column player to the row player.
     """
     low, high = saddle_points(payoffs)
-    values, games = low.copy(), np.arange(len(payoffs))
+    values = low.copy()
+    games = np.arange(len(payoffs))
     rows, columns = (np.zeros((*payoffs.shape[:1], n)) for n in payoffs.shape[1:])
     rows[games, payoffs.min(axis=2).argmax(axis=1)] = 1.0
     columns[games, payoffs.max(axis=1).argmin(axis=1)] = 1.0
@@ -52,11 +53,13 @@ def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     scaled = (payoffs - least) / spread + 1.0
     tableau = _first_tableau(scaled)
     basis = np.broadcast_to(np.arange(columns, columns + rows), (games, rows)).copy()
-    going, pivots = np.arange(games), 0
+    going = np.arange(games)
+    pivots = 0
     while len(going):
         costs = tableau[going, -1, :-2]
         is_open = costs.min(axis=1) < -_TINY
-        going, costs = going[is_open], costs[is_open]
+        going = going[is_open]
+        costs = costs[is_open]
         if len(going):
             _pivot(tableau, basis, going, costs.argmin(axis=1))
             pivots += 1
@@ -86,7 +89,8 @@ def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
     From then on ties are broken as if the right side were slightly larger, by a different amount each time, so that
     pivots do not cycle.
     """
-    chosen, rows = np.take_along_axis(tableau, basis[:, None], axis=2), basis.shape[1]
+    chosen = np.take_along_axis(tableau, basis[:, None], axis=2)
+    rows = basis.shape[1]
     tableau[:, :rows] = np.linalg.solve(chosen[:, :rows], tableau[:, :rows])
     tableau[:, rows:] -= chosen[:, rows:] @ tableau[:, :rows]
     tableau[:, :rows, -2] = 1.0 + np.arange(1, rows + 1) * pivots * 0.6180339887498949 % 1.0
@@ -95,7 +99,8 @@ def _of_basis(tableau: FloatArray, basis: IntArray, pivots: int) -> FloatArray:
 
 def _pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntArray) -> None:
     """Pivot: one column of each game enters its basis."""
-    now, each = tableau[games], np.arange(len(games))
+    now = tableau[games]
+    each = np.arange(len(games))
     column = now[each, :, entering]  # (games, rows + 1)
     may_leave: BoolArray = column[:, :-1] > _LEAST_PIVOT
     by = np.where(may_leave, column[:, :-1], 1.0)

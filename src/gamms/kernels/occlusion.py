@@ -70,10 +70,13 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
         if 2 * walls > len(corners):
             from_origin: BoolArray = visible_from_each(corners, origin[None], targets, seen[None])[0]
             return from_origin
-    observer, ends, quads = _axes(origin[None]), _axes(targets), _axes(corners)
+    observer = _axes(origin[None])
+    ends = _axes(targets)
+    quads = _axes(corners)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         near = _faces_and_targets(quads[:3] - observer[:3, None], ends[:3] - observer[:3])
-        done, first = 0, 0
+        done = 0
+        first = 0
         while first < len(near.faces):
             last = max(int(near.ends.searchsorted(done + _MANY, side="right")), first + 1)
             faces, rows = _pairs(near, slice(first, last), seen)
@@ -81,10 +84,13 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
                 some = slice(max(len(faces) // _SHARE, _FEW))
                 blocked = _blocks(observer, ends.take(rows[some], axis=1), quads.take(faces[some], axis=2))
                 seen[rows[some][blocked]] = False
-                faces, rows = faces[some.stop :], rows[some.stop :]
+                faces = faces[some.stop :]
+                rows = rows[some.stop :]
                 is_open = seen[rows]
-                faces, rows = faces[is_open], rows[is_open]
-            done, first = int(near.ends[last - 1]), last
+                faces = faces[is_open]
+                rows = rows[is_open]
+            done = int(near.ends[last - 1])
+            first = last
     return seen
 
 
@@ -118,7 +124,8 @@ def visible_pairs(corners: FloatArray, origins: FloatArray, targets: FloatArray)
         origins: (lines, 3)
         targets: (lines, 3)
     """
-    seen, size = np.ones(len(targets), np.bool_), max(1, _COMPARED // max(1, len(corners)))
+    seen = np.ones(len(targets), np.bool_)
+    size = max(1, _COMPARED // max(1, len(corners)))
     with np.errstate(over="ignore"):
         low, high = _widened(corners.min(axis=1), corners.max(axis=1))
         first, last = _widened(np.minimum(origins, targets), np.maximum(origins, targets))
@@ -160,7 +167,8 @@ def _blocks(origins: FloatArray, targets: FloatArray, corners: FloatArray) -> Bo
     v = sign * _dot(line, turned)
     t = sign * _dot(second, turned)
     det = np.abs(det)
-    size, length = _extent(corners[:3].max(axis=1) - corners[:3].min(axis=1)), _extent(line[:, 0])
+    size = _extent(corners[:3].max(axis=1) - corners[:3].min(axis=1))
+    length = _extent(line[:, 0])
     missed_by = np.maximum(np.maximum(u + v, t) - det, -np.minimum(np.minimum(u, v), t))
     inside = missed_by <= _MOST_SLACK * det
     inside &= (det >= np.maximum(_GRAIN * length * size * size, _LEAST)) & (det < np.inf)
@@ -231,7 +239,8 @@ def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
     faces = (~(is_out[0] | is_out[1] | is_out[2])).nonzero()[0]
     distance = np.hypot(gap[0, faces], gap[1, faces])
     by_distance = np.argsort(distance)
-    faces, distance = faces[by_distance], distance[by_distance]
+    faces = faces[by_distance]
+    distance = distance[by_distance]
     blur = blur[faces]
     ways, order = _sorted_directions(targets)
     first, last = _sectors(corners.take(faces, axis=2), distance, blur, ways)
@@ -278,11 +287,14 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
     lines = np.flatnonzero(is_asked.ravel() & ~((x * x + y * y).ravel() > hidden_beyond.take(parts)))
     parts = parts.take(lines)
     lines = lines.take(np.argsort(parts))
-    reach, seen = np.hypot(x.ravel().take(lines), y.ravel().take(lines)), np.ones(len(lines), np.bool_)
+    reach = np.hypot(x.ravel().take(lines), y.ravel().take(lines))
+    seen = np.ones(len(lines), np.bool_)
     offsets = np.zeros(x.shape[0] * _PARTS + 1, np.int64)
     np.cumsum(np.bincount(parts, minlength=len(offsets) - 1), out=offsets[1:])
     faces, distance, first, last = _candidates(views, offsets, float(reach.max(initial=0.0)))
-    pairs, done, begin = np.cumsum(last - first), 0, 0
+    pairs = np.cumsum(last - first)
+    done = 0
+    begin = 0
     while begin < len(faces):
         end = max(int(pairs.searchsorted(done + _MANY, side="right")), begin + 1)
         groups, rows = expand_ranges(first[begin:end], last[begin:end])
@@ -293,13 +305,15 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
             ends = lines.take(rows[some])
             origins = observers
             if len(x) > 1:
-                origins, ends = observers.take(ends // x.shape[1], axis=1), ends % x.shape[1]
+                origins = observers.take(ends // x.shape[1], axis=1)
+                ends = ends % x.shape[1]
             blocked = _blocks(origins, targets.take(ends, axis=1), quads.take(in_the_way[some], axis=2))
             seen[rows[some][blocked]] = False
             in_the_way, rows = in_the_way[some.stop :], rows[some.stop :]
             may_block = seen[rows]
             in_the_way, rows = in_the_way[may_block], rows[may_block]
-        done, begin = int(pairs[end - 1]), end
+        done = int(pairs[end - 1])
+        begin = end
     found = np.zeros(is_asked.size, np.bool_)
     found[lines[seen]] = True
     return found.reshape(is_asked.shape)
@@ -384,7 +398,9 @@ def _least_over(begins: IntArray, counts: IntArray, values: FloatArray, size: in
     np.minimum.at(least.ravel(), level * size + begins, values)
     np.minimum.at(least.ravel(), level * size + begins + counts - (1 << level), values)
     for step in range(levels, 0, -1):
-        half, wide, narrow = 1 << (step - 1), least[step], least[step - 1]
+        half = 1 << (step - 1)
+        wide = least[step]
+        narrow = least[step - 1]
         np.minimum(narrow, wide, out=narrow)
         np.minimum(narrow[half:], wide[:-half], out=narrow[half:])
     found: FloatArray = least[0]
@@ -403,14 +419,17 @@ def _candidates(views: _FaceViews, offsets: IntArray, reach: float) -> tuple[Int
     places = np.flatnonzero(nearest <= reach)
     nearest, blur, distance = (values.take(places) for values in (nearest, views.blur, views.distance))
     rows, faces = np.divmod(places, len(views.size))
-    is_beside, slack = distance > blur, (0.4 * _PARTS) * blur / distance + _EDGE
+    is_beside = distance > blur
+    slack = (0.4 * _PARTS) * blur / distance + _EDGE
     begins = np.where(is_beside, np.floor(views.start.take(places) - slack), 0).astype(np.int64)
     ends = np.where(is_beside, np.floor(views.end.take(places) + slack) + 1.0, _PARTS).astype(np.int64)
     begins += (shift := np.where(begins < 0, _PARTS, 0))
     ends += shift
-    over, base = np.minimum(ends, begins + _PARTS) - _PARTS, rows * _PARTS
+    over = np.minimum(ends, begins + _PARTS) - _PARTS
+    base = rows * _PARTS
     around = np.flatnonzero(over > 0)  # these ranges wrap around to the beginning of the turn
-    faces, nearest = np.concatenate((faces, faces[around])), np.concatenate((nearest, nearest[around]))
+    faces = np.concatenate((faces, faces[around]))
+    nearest = np.concatenate((nearest, nearest[around]))
     first = offsets[np.concatenate((base + begins, base[around]))]
     last = offsets[np.concatenate((base + np.minimum(ends, _PARTS), (base + over)[around]))]
     found = np.flatnonzero(last > first)

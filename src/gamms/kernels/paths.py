@@ -34,7 +34,9 @@ def make_arcs(starts: IntArray, ends: IntArray, weights: FloatArray, nodes: int)
     """
     order = np.lexsort((weights, ends, starts))
     order = order[np.isfinite(weights[order])]
-    starts, ends, weights = starts[order], ends[order], weights[order]
+    starts = starts[order]
+    ends = ends[order]
+    weights = weights[order]
     is_first = np.ones(len(order), np.bool_)
     is_first[1:] = (starts[1:] != starts[:-1]) | (ends[1:] != ends[:-1])
     offsets = np.zeros(nodes + 1, np.int64)
@@ -69,7 +71,8 @@ class _SearchBuffers:
     """The arrays that one search writes to: `far` is infinite at nodes that were not reached."""
 
     def __init__(self, nodes: int) -> None:
-        ints, self.far = np.zeros((9, nodes), np.int64), np.full(nodes, inf)
+        ints = np.zeros((9, nodes), np.int64)
+        self.far = np.full(nodes, inf)
         self.last, self.before, self.path, self.seen = ints[:4]
         unused, listed, heap, places, rank = (column.data for column in ints[4:])
         far: Any = self.far.data
@@ -184,7 +187,8 @@ def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf
 
     The rows (roots, nodes) are the previous nodes on the paths, -1 for the roots and if there is no path.
     """
-    found, shape = route_trees(arcs, roots, ids, cutoff), (len(roots), len(ids))
+    found = route_trees(arcs, roots, ids, cutoff)
+    shape = (len(roots), len(ids))
     distances: FloatArray = np.full(shape, inf)
     steps: IntArray = np.full(shape, -1, np.int32)  # half the memory
     distances[found.lines, found.rows] = found.far
@@ -206,10 +210,16 @@ def least_matching(costs: FloatArray) -> list[int]:
     table = costs.copy()
     table[np.isinf(table)] = 2.0 * table[np.isfinite(table)].sum() + 1.0
     rows, columns = table.shape
-    row_of, prices, gains = np.full(columns, -1), np.zeros(columns), np.zeros(rows)
+    row_of = np.full(columns, -1)
+    prices = np.zeros(columns)
+    gains = np.zeros(rows)
     for start in range(rows):
-        row, distances, before = start, np.full(columns, inf), np.full(columns, -1)
-        column, is_done, passed = -1, np.zeros(columns, np.bool_), 0.0
+        row = start
+        distances = np.full(columns, inf)
+        before = np.full(columns, -1)
+        column = -1
+        is_done = np.zeros(columns, np.bool_)
+        passed = 0.0
         while row >= 0:  # until a column without a row is found
             offers = np.where(is_done, inf, passed + table[row] - gains[row] - prices)
             is_less = offers < distances
