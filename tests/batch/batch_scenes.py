@@ -21,8 +21,9 @@ def as_it_is(scenario):
 
 
 def beyond_core(scenario):
-    """Return a scenario with the same games, which are played one after the other because it has a channel."""
-    return scenario.replace(**{"channels.unused": {"range_m": 1.0}})
+    """Return a scenario with the same games, played one after the other because of a rule with a check."""
+    rules = scenario.to_dict().get("rules", [])
+    return scenario.replace(rules=[*rules, {"rule": "resource", "with": {"name": "unused", "start": 1}}])
 
 
 WAYS = [as_it_is, beyond_core]

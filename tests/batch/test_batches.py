@@ -608,7 +608,7 @@ def test_seeds_of_a_reset_are_as_many_as_its_games():
 
 
 def test_games_that_are_played_one_by_one_have_no_columns():
-    with beyond_core(scene()).batch(2) as games, pytest.raises(BadValue, match="because of channels"):
+    with beyond_core(scene()).batch(2) as games, pytest.raises(BadValue, match="because of the check of the rule"):
         games.columns()
 
 

@@ -100,6 +100,78 @@ def test_messages_are_those_of_games_that_are_played_alone(
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
+TOLD = gamms.array_strategy(talk_in_arrays)
+
+
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+@pytest.mark.parametrize("strategies", [{"red": TOLD, "blue": TOLD}, {"red": talk, "blue": talk}, {"red": TOLD}, {}])
+def test_games_with_channels_are_played_in_the_core(strategies, order):
+    scenario = scene([OUT], max_turns=6, channels=channels(loss=0.3, delay_turns=2), settings={"order": order})
+    with scenario.batch(3, seed=3, strategies=strategies) as games:
+        games.run()
+        assert "played in the core" in repr(games)
+        assert not games.detached
+        for number in range(3):
+            assert plain(games.result(number)) == plain(scenario.play(seed=3 + number, strategies=strategies))
+
+
+MAPS = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 7, "height": 3}}]
+
+
+@pytest.mark.parametrize("team", [TOLD, talk])
+def test_games_with_channels_on_several_maps_are_those_of_their_maps(team):
+    scenario = scene([OUT], max_turns=6, channels=channels(hops=2, loss=0.2))
+    both = {"red": team, "blue": team}
+    with scenario.batch(6, maps=MAPS, strategies=both) as games:
+        games.run()
+        games.reset([0, 1], seeds=[7, 8])
+        games.run()
+        assert games.is_in_arrays
+        assert len(set(games.maps)) == 2
+        for number, seed in enumerate(games.seeds):
+            alone = scenario.replace(map=MAPS[games.maps[number]]).play(seed=seed, strategies=both)
+            assert plain(games.result(number)) == plain(alone)
+
+
+def test_a_game_goes_on_in_a_batch_with_the_messages_that_are_under_way():
+    scenario = scene([OUT], max_turns=8, channels=channels(delay_turns=2))
+    with scenario.build(seed=1, strategies={"red": TOLD, "blue": TOLD}) as ctx:
+        for _ in range(3):
+            ctx.game.step()
+        with ctx.game.batch(seeds=[4, 5]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays
+            games.reset([1])
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def count_messages(ctx):
+    """Score by the messages that were heard in the last turn."""
+    heard = [one for one in ctx.game.messages if one["turn"] == ctx.game.turn and one["heard"]]
+    ctx.game.scores["red"] += len(heard)
+
+
+def drop_messages(ctx):
+    """Forget all messages, which only a game that is played alone can do."""
+    del ctx.game.messages[:]
+
+
+@pytest.mark.parametrize(("rule", "stays"), [(count_messages, True), (drop_messages, False)])
+def test_plain_rules_read_the_messages_of_each_game(rule, stays):
+    scenario = scene([OUT], max_turns=6, channels=channels())
+    with scenario.build(seed=1, strategies={"red": talk, "blue": talk}) as ctx:
+        ctx.game.add(rule)
+        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays == stays
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
 def test_an_array_strategy_sends_and_hears_in_games_alone():
     told = gamms.array_strategy(talk_in_arrays)
     scenario = scene([OUT], max_turns=6, channels=channels())

@@ -310,7 +310,6 @@ OTHERWISE = {
     "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
     "a part of the teams": {"settings": {"order": [["red"]]}},
     "deeds": {"settings": {"deeds": {"scan": {}}}},
-    "channels": {"channels": {"radio": {"range_m": 3.0}}},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
 }
 

@@ -150,7 +150,6 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres")
     return replace(
         drawn,
         deeds=None,
-        channels={},
         reserved={},
         conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
         order=drawn.order if drawn.motion is None else None,

@@ -55,6 +55,7 @@ class TurnEngine:
         part: the number of those who are asked, in the order of play.
         refusals: what rules refuse, while they may; else None.
         travel: where agents of a game by metres go.
+        inboxes: what agents hear.
         outboxes: what agents send.
         seed_changes: how often the seed of the context has changed.
         prepared: how often strategies were set in the context when they were prepared last; -1: prepare them again.
@@ -79,7 +80,7 @@ class TurnEngine:
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
         self._shared: dict[Any, Any] = {}  # what conflicts of many agents need for the graph
-        self._inboxes = Inboxes(ctx, state)
+        self.inboxes = Inboxes(ctx, state)
         self.outboxes = Outboxes(ctx, settings)
 
     def order(self) -> TurnOrder:
@@ -228,7 +229,7 @@ class TurnEngine:
         sensed = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = own_copy(name, *sensed[name])
-        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self._inboxes)
+        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self.inboxes)
 
     def observed(
         self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions, inboxes: Inboxes

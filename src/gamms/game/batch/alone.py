@@ -226,7 +226,7 @@ class _ViewOfOne(ArrayView):
         self._sensed, self._inbox, self._deeds, self._outboxes = state["sensor"], state.get("inbox", ()), [], []
         self._nodes: Sequence[int] = () if flies else state["legal"]
         if host.game.channels:
-            game.radio = Radio(host.game.channels, roster)
+            game.radio = Radio(host.game.channels, roster, roster.part_of(None), 1)
             self._channels = host.game.channels
         check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets)

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.game.batch.begun import Beginning
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of, in_threads, in_turns
+from gamms.game.batch.channels import radio_of
+from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, in_threads, in_turns
 from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
@@ -17,9 +18,11 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
+from gamms.game.batch.transmission import scene_of
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.legality import IllegalAction
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan, as_called
 from gamms.ir.game_state import PHASES
@@ -91,7 +94,7 @@ class GamesOnMap:
         for one in rules:
             if one.spec.prepare_arrays is not None:
                 one.spec.prepare_arrays(state)
-        self.core = CoreGames(game, state, block, is_apart=calls_each)
+        self.core = CoreGames(game, state, block, is_apart=calls_each or state.radio is not None)
         self.cursor: Cursor | None = None
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
@@ -111,7 +114,7 @@ class GamesOnMap:
         """Yield a function that takes back what happens from now on, where functions may raise after rules or moves."""
         if self.cursor is not None:
             yield self.cursor.checkpoint()
-        elif self._groups and self.core.num_parts > 1:
+        elif (self._groups or self.state.radio is not None) and self.core.num_parts > 1:
             yield self.state.checkpoint(self.core.moves)
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
@@ -124,6 +127,8 @@ class GamesOnMap:
     def check(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Refuse what is not legal before a rule is called."""
         self._take(games, given)
+        for team, wanted in given.items():
+            wanted.act(self._asked(games, self.state.roster.members(team)))
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
@@ -153,7 +158,9 @@ class GamesOnMap:
         self._take(games, given)
         for team, wanted in given.items():
             is_given[state.roster.members(team)] = True
-            wanted.act(self._asked(games, state.roster.members(team)))
+            view = self._asked(games, state.roster.members(team))
+            wanted.act(view)
+            self._take_acts(view)
         return is_given
 
     def decide(self, games: IntArray, part: int, is_given: BoolArray) -> None:
@@ -168,6 +175,7 @@ class GamesOnMap:
                         found = group.form(view)
                         is_checked = group.is_of_arrays
                         actions[np.ix_(some, agents)] = view._checked(found, group.name) if is_checked else found
+                        self._take_acts(view)
                     except Exception as error:
                         error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                         raise
@@ -200,8 +208,28 @@ class GamesOnMap:
         """Return the view of agents that are asked what they do."""
         view = ArrayView(self.state, games, agents)
         view._deeds, view._outboxes = [], []
+        if self.state.radio is not None:
+            view._channels = self.state.radio.channels
         view._lock()
         return view
+
+    def _take_acts(self, view: ArrayView) -> None:
+        """Take what the agents of a view do besides moving."""
+        if self.state.radio is not None:
+            self.state.radio.post(view._outboxes or ())
+
+    def note_unsent(self, flaw: Failure, turn: int) -> None:
+        """Note that an agent could not send a message in a turn."""
+        self.state.note_failure(flaw, turn)
+        if self.cursor is not None:
+            self.cursor.note_undone(flaw)
+
+    def send(self, games: IntArray) -> None:
+        """Send messages between agents of these games, all of which have moved."""
+        radio = self.state.radio
+        if radio is not None and radio.is_sending and len(games):
+            for some in self._by_roads(games):
+                radio.send(some, scene_of(self.game, self.state, radio, some))
 
     def call(self, named: NamedRule, games: IntArray) -> None:
         """Call a rule that is a function for some games."""
@@ -266,10 +294,13 @@ class ArrayEngine:
         begin = np.zeros_like(start)
         for movement, of_map in zip(movements, self._on, strict=True):
             begin[of_map] = movement.streets.rows(start[of_map])
+        settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, begin)
+        self._state.radio = self._radio = radio_of(settings, rosters[0], len(seeds))
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
-        self._last: int | None = games[0].settings()["max_turns"]
+        self._last: int | None = settings["max_turns"]
+        self._is_strict = settings["on_illegal"] == "raise"
         self._at_arrivals = isinstance(movements[0], ByMetres) and movements[0].terms.decides_at_arrivals
         self._block = Block(states, self._map_of)
         self._maps = [
@@ -291,6 +322,11 @@ class ArrayEngine:
     def may_leave(self) -> bool:
         """Whether games may leave the core: because of functions, or because actions come from outside."""
         return self._at_arrivals or len(self.functions) > 0
+
+    @property
+    def plays_by_phases(self) -> bool:
+        """Whether functions are called, or messages are sent, between phases of a turn."""
+        return self._radio is not None or len(self.functions) > 0
 
     @property
     def calls_each(self) -> bool:
@@ -372,6 +408,8 @@ class ArrayEngine:
         if self._at_arrivals and (given or numbers is not None):
             raise NotTakenUp("actions from outside, of agents that decide at arrivals")
         self._block.part[:] = 0  # an error may have ended the last turn in another
+        if self._radio is not None:
+            self._radio.begin_turn()
         if any(one.before for one in self._maps):
             playing = self._call_before(playing, given)
         if numbers is not None:
@@ -379,15 +417,44 @@ class ArrayEngine:
         are_given = [one.take(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
         begun = self._state.turn * self._num_parts
         for part in range(self._num_parts):
-            for one, games, is_given in zip(self._maps, playing, are_given, strict=True):
-                if is_given is not None:
-                    one.decide(games, part, is_given)
+            self._decide(playing, part, are_given)
+            flaws, turns = self._admit(part), self._state.turn.copy()
             self._play(playing, begun + part + 1, are_given, threads)
+            for flaw in flaws:
+                self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
+        self._finish(playing)
+
+    def _decide(self, playing: list[IntArray], part: int, are_given: Sequence[BoolArray | None]) -> None:
+        """Ask the functions that decide for agents of a part of the turn."""
+        for one, games, is_given in zip(self._maps, playing, are_given, strict=True):
+            if is_given is not None:
+                one.decide(games, part, is_given)
+
+    def _finish(self, playing: list[IntArray]) -> None:
+        """Send messages, and call rules and collectors, in games that have moved."""
         for one, games in zip(self._maps, playing, strict=True):
+            one.send(games)
             for named in one.core.play_rules(games):
                 one.call(named, games)
             if one.cursor is not None:
                 one.cursor.collect(games)
+        if self._radio is not None:
+            self._radio.end_turn()
+
+    def _admit(self, part: int) -> list[Failure]:
+        """Admit the messages of agents of a part of the turn; return what is wrong with the others.
+
+        Raises:
+            IllegalAction: a message cannot be sent, and `on_illegal` is "raise".
+        """
+        flaws = [] if self._radio is None else self._radio.admit(part, self._state.is_there)
+        if flaws and self._is_strict:
+            flaw, state = flaws[0], self._state
+            name, turn = state.roster.name(flaw.agent), state.turn[flaw.game]
+            error = IllegalAction(f"Agent {name} in turn {turn}: {flaw.message}")
+            error.add_note(f"In game {flaw.game} of a batch, with the seed {state.seeds[flaw.game]}.")
+            raise error
+        return flaws
 
     def _call_before(self, playing: list[IntArray], given: Mapping[Hashable, Given]) -> list[IntArray]:
         """Call the rules before the turn; return the games of each map that go on."""
@@ -473,7 +540,7 @@ class ArrayEngine:
             errors=[dict(error) for error in state.errors[game]],
             deeds=template.deeds,
             collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
-            messages=template.messages,
+            messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
             provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},

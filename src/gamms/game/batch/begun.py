@@ -101,6 +101,7 @@ class Beginning:
         self._scores = dict(values.scores)
         self._errors = [*values.errors]
         self._events = [*values.events]
+        self._messages = [*values.messages]
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
         own = [block.row_of(names[number]) for number in self._agents.tolist()]
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
@@ -167,6 +168,8 @@ class Beginning:
         for game in games.tolist():
             state.errors[game] += self._errors
         state.events.begin(games, self._events)
+        if state.radio is not None:
+            state.radio.go_on(games, self._messages, self._turn)
 
 
 def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:

@@ -1,18 +1,24 @@
-"""Messages of many games at once: what array strategies send, who hears it, and what is under way."""
+"""Messages of many games at once: those that agents send, and those that are under way."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.arguments import as_key
+from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import Roster
-from gamms.game.channels import Channel, receivers_of
+from gamms.game.batch.columns import Failure, GameLog, Roster, joined_rows, places_of, some_rows
+from gamms.game.channels import Channel, Outgoing, bytes_of, flaw_of, receivers_of, refusals, size_of
+from gamms.game.messages import Fates, Scene, fates_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.plain import why_not_plain
+from gamms.plain import to_plain, why_not_plain
 from gamms.text import shown
+
+_MOST_OF_ONE = 1 << 20  # messages of one agent in a turn
+_UNKNOWN = -1  # size of a body
 
 
 class Outbox(NamedTuple):
@@ -20,13 +26,21 @@ class Outbox(NamedTuple):
 
     Attributes:
         channel: its name.
+        at: the games, by their numbers in the batch.
+        senders: numbers in the roster.
         to: of each an agent, a team, or None.
         bodies: of each.
+        sizes: of the bodies, bytes; -1 where that is unknown.
+        order: of several messages of one agent, that with the smaller number comes first.
     """
 
     channel: str
+    at: IntArray
+    senders: IntArray
     to: list[Any]
     bodies: list[Any]
+    sizes: IntArray
+    order: IntArray
 
 
 class Heard(NamedTuple):
@@ -49,23 +63,63 @@ class Heard(NamedTuple):
     overheard: BoolArray
 
 
-class Radio:
-    """The channels of a game.
+class _Sent(NamedTuple):
+    """Messages of one channel and turn, and their fates.
+
+    Attributes:
+        box: the messages; games that were forgotten are -1.
+        turns: (messages,) numbers of the turns, from 1.
+        place: (messages,) of several messages of a game and turn, that with the smaller number comes first.
+        fates: of the messages.
+    """
+
+    box: Outbox
+    turns: IntArray
+    place: IntArray
+    fates: Fates
+
+
+class Radio(GameLog[list[_Sent]]):
+    """The channels of a game, and the messages of all games of a batch.
+
+    In each turn, agents send messages with `post` and `post_checked`, `admit` refuses those that the channels do not
+    take, and `send` finds out who hears the others, once all agents have moved.
 
     Args:
         channels: by name.
-        roster: of the game.
+        roster: of every game.
+        part_of: (agents,) the part of the turn in which each decides.
+        num_games: of the batch.
     """
 
-    def __init__(self, channels: Mapping[str, Channel], roster: Roster) -> None:
+    def __init__(self, channels: Mapping[str, Channel], roster: Roster, part_of: IntArray, num_games: int) -> None:
+        super().__init__(num_games)
         self.channels = channels
         self._roster = roster
-        self._teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
+        self._part_of = part_of
+        self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
+        self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
+        self.begin_turn()
 
-    def checked(self, channel: str, where: BoolArray, agents: IntArray, to: object, body: object) -> Outbox:
-        """Return what agents send, (games, agents), checked, as `ArrayView.send`."""
+    # -- sending ------------------------------------------------------------------------------------------------
+
+    def begin_turn(self) -> None:
+        """Drop what agents have posted and not sent."""
+        self._posted: list[Outbox] = []
+        self._admitted: list[Outbox] = []
+        self._checked: dict[str, list[tuple[int, Outgoing, int]]] = {}  # by channel: the game, and the order
+        self._flaws: list[Failure] = []
+
+    def checked(
+        self, channel: str, where: BoolArray, who: tuple[IntArray, IntArray], to: object, body: object, order: int
+    ) -> Outbox:
+        """Return what agents send, checked, as `ArrayView.send`.
+
+        `who` are the numbers of the games and of the agents; `order` is the place among all messages.
+        """
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
+        games, agents = who
         at, which = np.nonzero(where)
         senders, team_of = agents[which], self._roster.team_of
         for number in np.unique(team_of[senders]).tolist():
@@ -74,8 +128,8 @@ class Radio:
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
             receivers = self._named(to, where.shape)[at, which].tolist()
-        elif to is not None and not receivers_of(_as_key(to), self._teams):
-            raise UnknownName("agent or team", to, [*self._teams, *self._roster.teams])
+        elif to is not None and not receivers_of(_as_key(to), self.teams):
+            raise UnknownName("agent or team", to, [*self.teams, *self._roster.teams])
         if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
             raise BadValue(
                 f"The first axes of an array of bodies are {where.shape}, games and agents: not {body.shape}."
@@ -84,7 +138,8 @@ class Radio:
         for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
             if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
                 raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
-        return Outbox(channel, receivers, bodies)
+        sizes, orders = np.full(len(at), _UNKNOWN), np.full(len(at), order)
+        return Outbox(channel, games[at], senders, receivers, bodies, sizes, orders)
 
     def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
         """Return the names of receivers, (games, agents), that are given by their numbers."""
@@ -95,6 +150,180 @@ class Radio:
                 f"{shown(to)}."
             )
         return np.broadcast_to(names[to], shape)
+
+    def post(self, boxes: Iterable[Outbox]) -> None:
+        """Take messages of this turn, of which `admit` finds out whether the channels take them.
+
+        The senders of each box decide in one part of the turn.
+        """
+        self._posted += [box for box in boxes if len(box.at)]
+
+    def post_checked(self, game: int, messages: Sequence[Outgoing], flaws: Iterable[Failure]) -> None:
+        """Take messages of a game that the channels take, and the flaws of others."""
+        for order, one in enumerate(messages):
+            self._checked.setdefault(one.channel, []).append((game, one, order))
+        self._flaws += flaws
+
+    def admit(self, part: int, is_there: BoolArray) -> list[Failure]:
+        """Admit the messages of agents of a part of the turn; return the flaws of the others, by game and agent.
+
+        Args:
+            part: of the turn.
+            is_there: (games of the batch, agents) which agents are in the game, dead or alive.
+        """
+        here = [box for box in self._posted if self._part_of[box.senders[0]] == part]
+        flaws, self._flaws = self._flaws + self._take_posted(here, is_there), []
+        number_of = {name: number for number, name in enumerate(self._roster.names)}
+        for channel, rows in self._checked.items():
+            games, messages, orders = zip(*rows, strict=True)
+            senders = [number_of[one.sender] for one in messages]
+            to, bodies, sizes = ([getattr(one, name) for one in messages] for name in ("to", "body", "size"))
+            box = Outbox(channel, np.array(games), np.array(senders), to, bodies, np.array(sizes), np.array(orders))
+            self._admitted.append(box)
+        self._checked = {}
+        return sorted(flaws, key=attrgetter("game", "agent"))
+
+    def _take_posted(self, boxes: Sequence[Outbox], is_there: BoolArray) -> list[Failure]:
+        """Admit messages that were posted; return the flaws of the others."""
+        flaws, place = list[Failure](), np.zeros(is_there.shape, np.int64)
+        left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
+        for box in boxes:
+            channel = self.channels[box.channel]
+            if channel.max_bytes_per_turn is not None:
+                by_id = {id(body): body for body in box.bodies}
+                size_by_id = {key: size_of(to_plain(body)) for key, body in by_id.items()}
+                box.sizes[:] = [size_by_id[id(body)] for body in box.bodies]
+            sent = box.at, box.senders, box.to, np.maximum(box.sizes, 0)
+            errors = refusals(channel, sent, is_there, self.teams, left[box.channel])
+            for row, error in errors.items():
+                game, sender = int(box.at[row]), int(box.senders[row])
+                flaws.append(Failure.illegal(game, sender, flaw_of(int(place[game, sender]), error)))
+            place[box.at, box.senders] += 1
+            self._admitted.append(some_rows(box, ~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
+        return flaws
+
+    @property
+    def is_sending(self) -> bool:
+        """Whether agents send something in this turn."""
+        return len(self._admitted) > 0
+
+    def send(self, games: IntArray, scene: Scene) -> None:
+        """Find out who hears the messages of these games, those of the scene; those of dead agents are dropped."""
+        number, sent = places_of(games, len(self._of_game)), list[_Sent]()
+        for name in self.channels:
+            boxes = [box for box in self._admitted if box.channel == name]
+            if not boxes:
+                continue
+            box = joined_rows(boxes)
+            at = number[box.at]
+            those = np.flatnonzero((at >= 0) & scene.alive[at, box.senders])
+            if not len(those):
+                continue
+            box = some_rows(box, those[np.lexsort((box.order[those], box.senders[those], at[those]))])
+            at, senders = number[box.at], box.senders
+            fates = fates_of(self.channels[name], scene, at, senders, box.to)
+            agents = self._part_of[senders] * len(self._roster.names) + senders
+            sent.append(_Sent(box, scene.turns[at] + 1, agents * _MOST_OF_ONE + box.order, fates))
+        self._pending.append(sent)
+        for one in sent:
+            self._under_way.append((int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0)), one))
+
+    def end_turn(self) -> None:
+        """Forget what has arrived everywhere."""
+        self._under_way = [(left - 1, sent) for left, sent in self._under_way if left > 0]
+
+    # -- hearing ------------------------------------------------------------------------------------------------
+
+    def heard(self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray) -> Heard:
+        """Return what agents hear by a channel in the turn that comes; see `Heard`."""
+        if as_key(channel, "The name of a channel") not in self.channels:
+            raise UnknownName("channel", channel, self.channels)
+        number = places_of(games, len(self._of_game) + 1)  # at last the place of games that were forgotten
+        column = places_of(agents, len(self._roster.names))
+        none = np.zeros(0, np.int64)
+        found, places = [Heard(none, none, none, [], none, none > 0)], [none]
+        for _, sent in self._under_way:
+            if sent.box.channel != channel:
+                continue
+            fates, box = sent.fates, sent.box
+            at, hearers = number[box.at[fates.messages]], column[fates.agents]
+            arrives = (at >= 0) & (hearers >= 0) & (fates.arrivals == turns[at] + 1)
+            rows = np.flatnonzero(arrives & asked[at, hearers])
+            which, overheard = fates.messages[rows], fates.outcomes[rows] == core.OVERHEARD
+            bodies = [box.bodies[message] for message in which.tolist()]
+            found.append(Heard(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard))
+            places.append(sent.place[which])
+        heard = joined_rows(found)
+        keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
+        return some_rows(heard, np.lexsort(keys))
+
+    # -- the log ------------------------------------------------------------------------------------------------
+
+    def go_on(self, games: IntArray, entries: Sequence[dict[str, Any]], turn: int) -> None:
+        """Let some games begin after so many turns, with these messages in their logs, of which some are under way."""
+        self.begin(games, entries)
+        number = {name: i for i, name in enumerate(self._roster.names)}
+        for place, entry in enumerate(entries):
+            arrivals = [
+                (number[name], outcome, arrival)
+                for outcome, key in ((core.HEARD, "heard"), (core.OVERHEARD, "overheard"))
+                for name, arrival in entry[key].items()
+                if name in number
+            ]
+            last = max((arrival for *_, arrival in arrivals), default=0)
+            if last > turn:
+                columns = (np.tile(column, len(games)) for column in np.array(arrivals).T)
+                fates = Fates(np.repeat(np.arange(len(games)), len(arrivals)), *columns)
+                senders, turns, places = (
+                    np.full(len(games), one) for one in (number[entry["sender"]], entry["turn"], place)
+                )
+                to, bodies = [entry["to"]] * len(games), [entry["body"]] * len(games)
+                box = Outbox(entry["channel"], games, senders, to, bodies, places, places)
+                self._under_way.append((last - turn - 1, _Sent(box, turns, places, fates)))
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the messages of some games."""
+        super().forget(games)
+        for row, (left, sent) in enumerate(self._under_way):
+            at = np.where(np.isin(sent.box.at, games), -1, sent.box.at)
+            self._under_way[row] = left, sent._replace(box=sent.box._replace(at=at))
+
+    def clear(self) -> None:
+        """Forget the messages of all games."""
+        super().clear()
+        self._under_way.clear()
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that is noted from now on."""
+        undo_log = super().checkpoint()
+        under_way = [*self._under_way]
+
+        def undo() -> None:
+            undo_log()
+            self._under_way = under_way
+
+        return undo
+
+    def _entries(self, noted: list[_Sent]) -> Iterator[tuple[int, dict[str, Any]]]:
+        rows = [row for sent in noted for row in self._written(sent)]
+        for game, _, entry in sorted(rows, key=lambda row: row[:2]):
+            yield game, entry
+
+    def _written(self, sent: _Sent) -> Iterator[tuple[int, int, dict[str, Any]]]:
+        """Yield the game, the place and the entry of the log of each message."""
+        names, box, fates = self._roster.names, sent.box, sent.fates
+        columns = box.at.tolist(), sent.place.tolist(), sent.turns.tolist(), box.senders.tolist(), box.sizes.tolist()
+        found = fates.entries(names, len(box.at))
+        for game, place, turn, sender, size, to, body, fate in zip(*columns, box.to, box.bodies, found, strict=True):
+            plain = to_plain(body)
+            entry = {"turn": turn, "channel": box.channel, "sender": names[sender], "to": to_plain(to), "body": plain}
+            yield game, place, {**entry, "size": size_of(plain) if size == _UNKNOWN else size, **fate}
+
+
+def radio_of(settings: Mapping[str, Any], roster: Roster, num_games: int) -> Radio | None:
+    """Return the channels of a game with these settings; None: there are none."""
+    part_of, channels = roster.part_of(settings["order"]), settings["channels"]
+    return Radio(channels, roster, part_of, num_games) if channels else None
 
 
 def _as_key(to: object) -> Hashable:

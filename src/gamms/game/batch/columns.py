@@ -99,22 +99,17 @@ def places_of(numbers: IntArray, most: int) -> IntArray:
 
 
 class Failure(NamedTuple):
-    """What an agent of a game of the batch did wrong when it was asked.
-
-    Those of a turn are noted in the order of games; in each first what agents decided, then what they cannot send, by
-    the order of their names.
-    """
+    """What an agent of a game of the batch did wrong when it was asked."""
 
     game: int
-    is_unsent: bool  # whether it is a message
     agent: int
     kind: str
     message: str
 
     @classmethod
-    def illegal(cls, game: int, agent: int, why: str, *, is_unsent: bool = False) -> "Failure":
+    def illegal(cls, game: int, agent: int, why: str) -> "Failure":
         """Return an action that is not legal, or a message that cannot be sent."""
-        return cls(game, is_unsent, agent, "illegal", why)
+        return cls(game, agent, "illegal", why)
 
 
 class GameLog(ABC, Generic[P]):
@@ -149,6 +144,18 @@ class GameLog(ABC, Generic[P]):
         self._pending.clear()
         for entries in filter(None, self._of_game):
             entries.clear()
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that is noted from now on."""
+        pending = [*self._pending]
+        lengths = [len(entries) for entries in self._of_game]
+
+        def undo() -> None:
+            self._pending[:] = pending
+            for entries, number in zip(self._of_game, lengths, strict=True):
+                del entries[number:]
+
+        return undo
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
         """Let some games, whose logs are empty, begin with entries of earlier turns."""

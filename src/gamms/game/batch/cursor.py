@@ -11,7 +11,8 @@ import numpy as np
 from gamms.core.copies import copied
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import fits_float
-from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
+from gamms.game.batch.channels import Radio
+from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, kept_in
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, core_form_of
@@ -19,6 +20,7 @@ from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
 from gamms.game.decisions import Decisions
+from gamms.game.messages import Inboxes
 from gamms.game.moves import TurnMoves
 from gamms.game.order import Part, TurnOrder
 from gamms.game.random_streams import DrawTable
@@ -33,7 +35,8 @@ from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
 from gamms.typing.sensor_engine import owner_of
 
-_READ = ("began", "counts", "data", "errors", "events", "memories", "moves", "scores")  # made when they are read
+# made when they are read
+_READ = ("began", "counts", "data", "errors", "events", "memories", "messages", "moves", "scores")
 _OWN = ("over", "start", "team_memories")
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS))
@@ -233,6 +236,8 @@ class Cursor:
         self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
         self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
         self._collectors: list[Collectors] = [parts.collectors for _ in games]
+        self._inboxes: dict[int, Inboxes] = {}  # where there are channels
+        self._asked_agents = frozenset(asked)
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first_memories = parts.state.memories, parts.state.team_memories
         self._first_turn = game.turn
@@ -273,7 +278,7 @@ class Cursor:
         if self._keeps_in_columns:
             values.team_memories = self._no("ctx.game.team_memories")
         values.blocked = BlockedAgents()
-        values.deeds, values.messages = [], []
+        values.deeds = []
         self._block.journal = self._journal
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
         self._show_facts(None)
@@ -377,6 +382,8 @@ class Cursor:
             values.over = self._over = state.over[number]
             if pointed.alive != self._alive:
                 self._take_living(pointed.alive)
+            if state.radio is not None:
+                self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
             facts = self._facts_of[number]
             if facts is not self._facts_own:
                 self._show_facts(facts)
@@ -421,6 +428,11 @@ class Cursor:
             self._team_memories[number] = copied(of_teams)
             self._collectors[number] = self._new_collectors()
             self._undone[number] = self._first_undone.copy()
+            self._inboxes.pop(number, None)
+
+    def _new_inboxes(self) -> Inboxes:
+        """Return the inboxes of the agents of a game."""
+        return Inboxes(self._ctx, self._values)
 
     def _new_collectors(self) -> Collectors:
         """Return the collectors of a game that begins."""
@@ -495,6 +507,12 @@ class Cursor:
     def _make_events(self) -> list[dict[str, Any]]:
         found = self._state.events.of(self._number)
         self._num_events = len(found)
+        return found
+
+    def _make_messages(self) -> list[dict[str, Any]]:
+        radio = self._state.radio
+        found = [] if radio is None else radio.of(self._number)
+        self._num_messages = len(found)
         return found
 
     def _make_errors(self) -> list[dict[str, Any]]:
@@ -589,6 +607,8 @@ class Cursor:
             if len(read["events"]) < self._num_events:
                 self._leave("deletes events")
             self._note_events(read["events"][self._num_events :])
+        if "messages" in read and len(read["messages"]) != self._num_messages:
+            self._leave("changes ctx.game.messages")
         over = self._values.over
         if over is not self._over:
             self._state.over[number] = over
@@ -719,6 +739,8 @@ class Cursor:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
             self._take_decisions(decisions, asked)
+        if self._state.radio is not None:
+            self._take_messages(self._state.radio, decisions, asked)
         found = decisions.ends
         return [found[i] for i in asked.places]
 
@@ -755,7 +777,20 @@ class Cursor:
         if decisions.written:
             decisions.merge_team_memories()
         for i, kind, message in sorted(decisions.failures, key=itemgetter(0)):
-            self._state.note_failure(Failure(self._number, False, self._number_of[named[i]], kind, message))
+            self._state.note_failure(Failure(self._number, self._number_of[named[i]], kind, message))
+
+    def _take_messages(self, radio: Radio, decisions: Decisions, asked: _Asked) -> None:
+        """Take what agents of the game that the context is pointed at send."""
+        failed, slots, number = decisions.failed, self._living.order.slots, self._number
+        messages, unsent = self._turns.outboxes.read([slots[i] for i in asked.part.observing if i not in failed])
+        flaws = [Failure.illegal(number, self._number_of[slot.name], why) for slot, why in unsent]
+        radio.post_checked(number, messages, flaws)
+
+    def note_undone(self, failure: Failure) -> None:
+        """Let an agent that is asked know in its next turn what it did wrong in this one."""
+        if failure.agent in self._asked_agents:
+            undone, name = self._undone.setdefault(failure.game, {}), self._state.roster.names[failure.agent]
+            undone[name] = f"{undone[name]}; {failure.message}" if name in undone else failure.message
 
     def _asked(self, which: bytes, agents: IntArray) -> _Asked:
         """Return what asking some agents needs, of those that live now."""

@@ -355,10 +355,10 @@ class Batch(Fixed):
     def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
-        has_functions = len(engine.functions) > 0
+        plays_by_phases = engine.plays_by_phases
         before = global_state() if engine.calls_each else None
         while self._engine is engine and not engine.is_over.all():
-            if has_functions:
+            if plays_by_phases:
                 self.step()
             else:
                 with uninterrupted(at_most_once=True):

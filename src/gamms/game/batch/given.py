@@ -8,9 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.view import ArrayView, as_actions
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -45,18 +43,15 @@ class Given(NamedTuple):
         return np.where((moves >= 0) & (moves < view.counts), moves, 0)
 
     def act(self, view: ArrayView) -> None:
-        """Let the agents of a view of all games, in its mask, do and send what is given."""
-        for deed, (where, fields) in self.deeds.items():
-            view.do(deed, where, **fields)
-        for channel, (where, body, to) in self.messages.items():
-            view.send(channel, where, body, to)
+        """Let the agents of a view, in its mask, do and send what is given."""
 
-    def check(self, view: ArrayView, mask: BoolArray, deeds: DeclaredDeeds, radio: Radio) -> None:
-        """Refuse what `act` refuses, of the agents in a mask, by what the game declares."""
+        def here(value: Any) -> Any:
+            return value[view.games] if isinstance(value, np.ndarray) and value.ndim > 1 else value
+
         for deed, (where, fields) in self.deeds.items():
-            deeds.checked(deed, fields, where & mask, (view.games, view.agents), view.node, 0)
+            view.do(deed, where[view.games], **{key: here(value) for key, value in fields.items()})
         for channel, (where, body, to) in self.messages.items():
-            radio.checked(channel, where & mask, view.agents, to, body)
+            view.send(channel, where[view.games], here(body), here(to))
 
 
 def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> Given:

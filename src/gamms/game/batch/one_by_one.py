@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.begun import movement_of
-from gamms.game.batch.channels import Radio
+from gamms.game.batch.channels import radio_of
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
@@ -108,18 +108,15 @@ class OneByOneEngine:
         if not given:
             return
         self._observe_all(games)
-        settings, streets = self._game.settings(), self._observed.streets
-        check = partial(checked_value, ctx=self._game.ctx)
-        deeds = DeclaredDeeds(settings["deeds"], check, self._roster, streets, self._are_open)
-        radio = Radio(settings["channels"], self._roster)
         is_played = np.isin(np.arange(len(self.seeds)), games)[:, None]
         for team, one in given.items():
             view = ArrayView(self._observed, np.arange(len(self.seeds)), self._roster.members(team))
             view.mask = view.mask & is_played
-            one.check(view, view.mask, deeds, radio)
+            view._deeds, view._outboxes = [], []
+            one.act(view)
             if not one.may_stay:
                 view.mask = view.mask & ~np.isin(view.agents, self._flyers)
-                if settings["decide"] == "arrival":
+                if self._game.settings()["decide"] == "arrival":
                     view.mask = view.mask & (view._places().edge[..., 0] < 0)
                 view._checked(one.moves, f"team {shown(team)}")
 
@@ -220,6 +217,9 @@ class OneByOneEngine:
         self._revision = None if isinstance(movement, Anywhere) else self._game.ctx.graph.graph.revision
         self._legal = Noted(movement) if self._flyers or not isinstance(movement, Anywhere) else None
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
+        settings, check = self._game.settings(), partial(checked_value, ctx=self._game.ctx)
+        state.deeds = DeclaredDeeds(settings["deeds"], check, self._roster, state.streets, self._are_open)
+        state.radio = radio_of(settings, self._roster, shape[0])
         self._places = state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
         self._note_sensors(state)
         if self._flyers:

@@ -166,15 +166,12 @@ class EventLog(GameLog[Emitted | CoreEvents]):
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes back all that is noted from now on."""
-        pending = [*self._pending]
-        lengths = [len(entries) for entries in self._of_game]
+        undo_log = super().checkpoint()
         unread = {reader: [*noted] for reader, noted in self._unread.items()}
 
         def undo() -> None:
-            self._pending[:] = pending
+            undo_log()
             self._unread = unread
-            for entries, number in zip(self._of_game, lengths, strict=True):
-                del entries[number:]
 
         return undo
 
@@ -314,6 +311,7 @@ class GameArrays:
         self.placed = np.zeros(shape, np.bool_)
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.events = EventLog(games, roster.names)
+        self.radio: Radio | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
         self._seeds: IntArray | None = None  # as an array
@@ -326,7 +324,6 @@ class GameArrays:
         self.streets = movement.streets
         self.roads = movement.all_roads
         self._of_maps: World | None = None  # of games that have several maps
-        self.radio: Radio | None = None
         self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(self.roster.names), np.bool_)
@@ -374,7 +371,15 @@ class GameArrays:
             drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
         self._seeds = None
         self.now.clear()
-        self.events.forget(games)
+        for log in self._logs:
+            log.forget(games)
+
+    @property
+    def _logs(self) -> Iterator[GameLog[Any]]:
+        """The logs of all games that are noted as arrays."""
+        yield self.events
+        if self.radio is not None:
+            yield self.radio
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Let games have a map on which other roads are open; None: that of the start."""
@@ -459,7 +464,8 @@ class GameArrays:
             numbers[:] = 0
         for key, points in scores.items():
             self.scores.add(key, np.arange(len(self)), points)
-        self.events.clear()
+        for log in self._logs:
+            log.clear()
         self.now.clear()
 
     def chosen(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
@@ -514,7 +520,7 @@ class GameArrays:
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
         known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
         over = [*self.over]
-        undo_events, undo_roads = self.events.checkpoint(), self.roads.checkpoint()
+        undo_logs = [log.checkpoint() for log in (*self._logs, self.roads)]
         num_errors = [len(errors) for errors in self.errors]
 
         def undo() -> None:
@@ -524,8 +530,8 @@ class GameArrays:
                 for key in one.keys() - keys:
                     del one[key]
             self.over[:] = over
-            undo_events()
-            undo_roads()
+            for undo_log in undo_logs:
+                undo_log()
             self.movement.roads = self.roads if self.roads.are_closed else None
             for errors, number in zip(self.errors, num_errors, strict=True):
                 del errors[number:]
@@ -535,7 +541,7 @@ class GameArrays:
 
     def note_failure(self, failure: Failure, turn: int | None = None) -> None:
         """Note in the log of a game what an agent did wrong, and let it know; `turn` is when, None: now."""
-        game, _, agent, kind, message = failure
+        game, agent, kind, message = failure
         self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
         name, when = self.roster.names[agent], int(self.turn[game]) if turn is None else turn
         self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})

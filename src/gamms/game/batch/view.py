@@ -238,7 +238,8 @@ class ArrayView(Mapping[str, Any]):
         if self._outboxes is None:
             raise BadValue("view.send cannot be used: it is for strategies that are asked.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
-        self._outboxes.append(radio.checked(channel, chosen, self.agents, to, body))
+        who, order = (self.games, self.agents), len(self._outboxes)
+        self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
 
     def heard(self, channel: str) -> Heard:
         """Return what is in the inboxes of the agents in the mask that came by a channel.
@@ -246,7 +247,10 @@ class ArrayView(Mapping[str, Any]):
         Raises:
             UnknownName (KeyError): there is no such channel, or the games are only observed.
         """
-        raise UnknownName("channel of games that are observed", channel, ())
+        radio = self._state.radio
+        if radio is None or self._outboxes is None:
+            raise UnknownName("channel of games that are observed", channel, ())
+        return radio.heard(channel, self.games, self.turn, self.agents, self.mask)
 
     def seen(self, *names: str) -> Seen:
         """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.
