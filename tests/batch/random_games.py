@@ -306,6 +306,7 @@ class Drawn:
     flights: dict | None = None  # of some agents, which fly
     closed: set = frozenset()  # numbers of streets that are closed at the start
     on_illegal: str = "stay"
+    has_checks: bool = True  # of deeds
 
     @property
     def moves_before(self):
@@ -402,9 +403,9 @@ class Drawn:
             ctx.game.add(rule, phase="before" if number in self.early else "after")
         for phase in self.deeds or ():
             ctx.game.add(strike, phase=phase)
-        for kind in ("scan", "mark") if self.deeds else ():
+        for kind in ("scan", "mark") if self.deeds and self.has_checks else ():
             ctx.game.add(cooldown(kind, 2), phase=self.deeds[0])
-        if self.deeds is not None:
+        if self.deeds is not None and self.has_checks:
             prices = {"rest": 0.4, "mark": 0.7, "scan": 1}
             ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
         for name, phase in self.called:
@@ -462,4 +463,5 @@ def games(draw, how=tuple(MOTIONS), in_air=False):
         flights=draw(flights) if in_air else None,
         closed=draw(st.sets(st.integers(0, 40), max_size=4)),
         on_illegal=draw(st.sampled_from(["stay", "stay", "stay", "raise"])),
+        has_checks=draw(st.booleans()),
     )

@@ -48,6 +48,71 @@ def test_deeds_in_arrays_are_those_of_games_that_are_played_alone(order, same_as
         assert any("is left" in error["message"] for error in result.errors)
 
 
+def work(state):
+    """Do what `busy` does, by lots of the agent."""
+    legal, draw, do = state["legal"], state["draw"], {}
+    node = legal[draw.below(len(legal))]
+    if draw.random() < 0.6:
+        do["scan"] = {"node": node}
+    if draw.random() < 0.6:
+        do["mark"] = {"size": 1, "how": "far", "lit": True, "note": [1, {"a": None}], "whom": "red_1"}
+    if draw.random() < 0.3:
+        do["count"] = 3
+    state["action"] = {"node_id": node, "do": do} if do else node
+
+
+def judge(ctx):
+    """Note what agents do."""
+    for deed in ctx.game.performed():
+        ctx.game.emit("seen", what=deed.kind, agent=deed.agent, node=deed.at, fields=dict(deed.values))
+        ctx.game.scores["red"] += deed.values.get("size", 0)
+
+
+@gamms.array_rule
+def judge_in_arrays(turn):
+    """Score by what agents do."""
+    for kind in DEEDS:
+        done = turn.performed(kind)
+        turn.add_scores(done.at, done.agents, 1.0)
+        turn.emit("done", done.at, agents={"agent": done.agents}, nodes={"node": done.nodes})
+
+
+ORDERS = [(judge, None), (judge, [["blue"], ["red"]]), (judge_in_arrays, None)]
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize(("rule", "order"), ORDERS)
+@pytest.mark.parametrize("does", [work, busy])
+def test_games_with_deeds_are_played_in_the_core(does, rule, order, phase):
+    scenario = deed_scene(max_turns=6)
+    with scenario.build(seed=1, strategies={"red": does, "blue": does}) as ctx:
+        ctx.game.add(rule, phase=phase)
+        ctx.game.order = order
+        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            games.reset([1])
+            games.run()
+            if (does, rule) != (work, judge_in_arrays):
+                assert "played in the core" in repr(games)
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_games_with_deeds_on_several_maps_are_those_of_their_maps():
+    scenario = deed_scene(max_turns=6)
+    maps = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 7, "height": 3}}]
+    both = {"red": busy, "blue": busy}
+    with scenario.batch(6, maps=maps, strategies=both) as games:
+        games.run()
+        assert games.is_in_arrays
+        for number, seed in enumerate(games.seeds):
+            alone = scenario.replace(map=maps[games.maps[number]]).play(
+                seed=seed, strategies={"red": busy, "blue": busy}
+            )
+            assert plain(games.result(number)) == plain(alone)
+
+
 def test_games_with_deeds_that_are_reset_begin_again():
     with deed_scene([PRICES, READY]).batch(2, strategies={"red": busy}) as games:
         games.run()

@@ -309,7 +309,6 @@ EVERY_RULE = [
 OTHERWISE = {
     "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
     "a part of the teams": {"settings": {"order": [["red"]]}},
-    "deeds": {"settings": {"deeds": {"scan": {}}}},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
 }
 

@@ -149,7 +149,8 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres")
     )
     return replace(
         drawn,
-        deeds=None,
+        deeds=draw(st.one_of(st.none(), st.lists(st.sampled_from(["before", "after"]), max_size=2))),
+        has_checks=False,
         reserved={},
         conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
         order=drawn.order if drawn.motion is None else None,

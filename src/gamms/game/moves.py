@@ -85,6 +85,11 @@ class TurnMoves:
             for kind, values in action.deeds.items()
         ]
 
+    def do(self, i: int, deeds: Mapping[str, dict[str, Any]]) -> None:
+        """Let the agent of a slot do something besides its move."""
+        action = self.actions.get(i) or ResolvedAction(self.ends[i], self.track(i).path)
+        self.actions[i] = action._replace(deeds=deeds)
+
     def of_agents(
         self, agents: Mapping[str, IAgent], block: AgentBlock, twin_of: Callable[[IAgent], IAgent]
     ) -> "TurnMoves":

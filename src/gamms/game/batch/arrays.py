@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.game.batch.begun import Beginning
-from gamms.game.batch.channels import radio_of
+from gamms.game.batch.channels import Radio, radio_of
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, in_threads, in_turns
 from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
+from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import Block, CoreGames
@@ -22,6 +23,7 @@ from gamms.game.batch.transmission import scene_of
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan, as_called
@@ -79,6 +81,8 @@ class GamesOnMap:
         settings = game.settings()
         if settings["team_memory"]:
             state.share_memories()
+        check = partial(checked_value, ctx=game.ctx)
+        state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
         self._block = block
         self.before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])
@@ -215,8 +219,12 @@ class GamesOnMap:
 
     def _take_acts(self, view: ArrayView) -> None:
         """Take what the agents of a view do besides moving."""
-        if self.state.radio is not None:
-            self.state.radio.post(view._outboxes or ())
+        state = self.state
+        if state.radio is not None:
+            state.radio.post(view._outboxes or ())
+        if state.deed_log is not None:
+            deeds = [one._replace(at=view.games[one.at]) for one in view._deeds or ()]
+            state.deed_log.want(state.deeds, deeds, state.turn)
 
     def note_unsent(self, flaw: Failure, turn: int) -> None:
         """Note that an agent could not send a message in a turn."""
@@ -246,6 +254,8 @@ class GamesOnMap:
         """Call an array rule for some games."""
         form: Any = named.spec.array_form
         turn = ArrayTurn(self.state, games)
+        if self.state.deed_log is not None:
+            turn._deeds = self.state.deed_log.done_in(games)
         turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
         if self.core.courses is not None:
             turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
@@ -297,6 +307,9 @@ class ArrayEngine:
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, begin)
         self._state.radio = self._radio = radio_of(settings, rosters[0], len(seeds))
+        self._state.deed_log = self._deed_log = deed_log_of(settings, rosters[0], len(seeds))
+        logs: tuple[Radio | DeedLog | None, ...] = (self._radio, self._deed_log)
+        self._logs_of_turn = [log for log in logs if log is not None]
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
@@ -408,8 +421,8 @@ class ArrayEngine:
         if self._at_arrivals and (given or numbers is not None):
             raise NotTakenUp("actions from outside, of agents that decide at arrivals")
         self._block.part[:] = 0  # an error may have ended the last turn in another
-        if self._radio is not None:
-            self._radio.begin_turn()
+        for log in self._logs_of_turn:
+            log.begin_turn()
         if any(one.before for one in self._maps):
             playing = self._call_before(playing, given)
         if numbers is not None:
@@ -419,6 +432,8 @@ class ArrayEngine:
         for part in range(self._num_parts):
             self._decide(playing, part, are_given)
             flaws, turns = self._admit(part), self._state.turn.copy()
+            if self._deed_log is not None:
+                self._deed_log.do(part)
             self._play(playing, begun + part + 1, are_given, threads)
             for flaw in flaws:
                 self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
@@ -538,7 +553,7 @@ class ArrayEngine:
             events=[dict(event) for event in state.events.of(game)],
             agents=dict(sorted((departed | agents).items())),
             errors=[dict(error) for error in state.errors[game]],
-            deeds=template.deeds,
+            deeds=[] if self._deed_log is None else [dict(deed) for deed in self._deed_log.of(game)],
             collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
             messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),

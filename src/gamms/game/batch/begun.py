@@ -102,6 +102,7 @@ class Beginning:
         self._errors = [*values.errors]
         self._events = [*values.events]
         self._messages = [*values.messages]
+        self._deeds = [*values.deeds]
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
         own = [block.row_of(names[number]) for number in self._agents.tolist()]
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
@@ -170,6 +171,8 @@ class Beginning:
         state.events.begin(games, self._events)
         if state.radio is not None:
             state.radio.go_on(games, self._messages, self._turn)
+        if state.deed_log is not None:
+            state.deed_log.begin(games, self._deeds)
 
 
 def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:

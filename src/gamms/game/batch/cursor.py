@@ -1,7 +1,7 @@
 """Calls plain rules and strategies in a context that is pointed at each game of a batch in turn."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn
@@ -36,7 +36,7 @@ from gamms.plain import is_plain, is_same
 from gamms.typing.sensor_engine import owner_of
 
 # made when they are read
-_READ = ("began", "counts", "data", "errors", "events", "memories", "messages", "moves", "scores")
+_READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
 _OWN = ("over", "start", "team_memories")
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS))
@@ -238,6 +238,7 @@ class Cursor:
         self._collectors: list[Collectors] = [parts.collectors for _ in games]
         self._inboxes: dict[int, Inboxes] = {}  # where there are channels
         self._asked_agents = frozenset(asked)
+        self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first_memories = parts.state.memories, parts.state.team_memories
         self._first_turn = game.turn
@@ -278,7 +279,6 @@ class Cursor:
         if self._keeps_in_columns:
             values.team_memories = self._no("ctx.game.team_memories")
         values.blocked = BlockedAgents()
-        values.deeds = []
         self._block.journal = self._journal
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
         self._show_facts(None)
@@ -515,6 +515,10 @@ class Cursor:
         self._num_messages = len(found)
         return found
 
+    def _make_deeds(self) -> list[dict[str, Any]]:
+        log = self._state.deed_log
+        return [] if log is None else log.of(self._number)
+
     def _make_errors(self) -> list[dict[str, Any]]:
         return self._state.errors[self._number]
 
@@ -534,8 +538,12 @@ class Cursor:
             return None
         order = self._order_of(np.ascontiguousarray(took_part[self._pointed.numbers]).tobytes())
         ids, courses = self._state.streets.ids, self._core.courses
-        actions = {} if courses is None else courses.actions(self._number, np.flatnonzero(took_part))
+        numbers = np.flatnonzero(took_part)
+        actions = {} if courses is None else courses.actions(self._number, numbers)
         moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), actions)
+        if self._state.deed_log is not None:
+            for number, deeds in self._state.deed_log.plain_of(self._number).items():
+                moves.do(int(np.searchsorted(numbers, number)), deeds)
         parts = self._parts.settings.order
         return moves if parts is None else moves.in_parts(parts)
 
@@ -689,6 +697,7 @@ class Cursor:
         games, agents = view.games, view.agents
         are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
         ends = list[int]()
+        self._deeds = []
         which = agents.tobytes()
         self._begin()
         if self._core.courses is not None:
@@ -714,6 +723,8 @@ class Cursor:
             turns.is_playing = turns.is_moving = False
             self._forget_looks()
         self._refuse_changes()
+        if state.deed_log is not None:
+            state.deed_log.want(state.deeds, state.deeds.from_plain(self._deeds, state.node), state.turn)
         if self._core.courses is not None:
             self._core.courses.routes.write()
             return np.full(view.node.shape, -1)
@@ -739,6 +750,8 @@ class Cursor:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
             self._take_decisions(decisions, asked)
+        if self._state.deed_log is not None and decisions.actions:
+            self._take_deeds(decisions, asked)
         if self._state.radio is not None:
             self._take_messages(self._state.radio, decisions, asked)
         found = decisions.ends
@@ -778,6 +791,13 @@ class Cursor:
             decisions.merge_team_memories()
         for i, kind, message in sorted(decisions.failures, key=itemgetter(0)):
             self._state.note_failure(Failure(self._number, self._number_of[named[i]], kind, message))
+
+    def _take_deeds(self, decisions: Decisions, asked: _Asked) -> None:
+        """Take what agents of the game that the context is pointed at do besides moving."""
+        for i, name in asked.members:
+            action = decisions.actions.get(i)
+            for order, (kind, fields) in enumerate(((action and action.deeds) or {}).items()):
+                self._deeds.append((self._number, self._number_of[name], order, kind, fields))
 
     def _take_messages(self, radio: Radio, decisions: Decisions, asked: _Asked) -> None:
         """Take what agents of the game that the context is pointed at send."""

@@ -1,6 +1,6 @@
 """Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_int, as_key, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import Roster, joined_rows, some_rows
+from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.deeds import DeclaredField, field_of
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -25,7 +25,7 @@ class ArrayDeeds(NamedTuple):
 
     Attributes:
         kind: as declared.
-        at: the games, numbered as in the turn.
+        at: the games, numbered as in the view or the turn; in logs, as in the batch.
         agents: numbers in the roster.
         nodes: the rows of the nodes where the agents were.
         order: of several deeds of one agent in a turn, that with the smaller number comes first.
@@ -42,13 +42,6 @@ class ArrayDeeds(NamedTuple):
     def those(self, which: Any) -> "ArrayDeeds":
         """Return some of the deeds: a mask, or their numbers."""
         return some_rows(self, which)
-
-    def without(self, actors: Collection[tuple[int, int]]) -> "ArrayDeeds":
-        """Return the deeds but those of some agents, each given with its game in the turn."""
-        if not actors:
-            return self
-        known = zip(self.at.tolist(), self.agents.tolist(), strict=True)
-        return self.those(np.array([actor not in actors for actor in known], np.bool_))
 
 
 def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
@@ -202,3 +195,125 @@ class DeclaredDeeds:
             return list(column.tolist())
         known = self._roster.names if kind == "agent" else self._streets.columns.node_ids.tolist()
         return [known[number] if number >= 0 else None for number in column.tolist()]
+
+    def fields(self, deeds: ArrayDeeds) -> list[dict[str, Any]]:
+        """Return the fields of each deed as scalar forms have them, without those that are left out."""
+        columns = {key: self.plain(deeds, key) for key in deeds.values}
+        return [
+            {key: column[i] for key, column in columns.items() if column[i] is not None} for i in range(len(deeds.at))
+        ]
+
+    def entries(self, deeds: ArrayDeeds) -> Iterator[dict[str, Any]]:
+        """Yield what the log says of each deed beside the turn."""
+        columns = deeds.agents.tolist(), self._streets.ids(deeds.nodes).tolist(), self.fields(deeds)
+        for agent, node, fields in zip(*columns, strict=True):
+            yield {"agent": self._roster.names[agent], "deed": deeds.kind, "at": node, **fields}
+
+
+class _Done(NamedTuple):
+    """Deeds of one kind of games on one map, in turns of these numbers, (deeds,)."""
+
+    declared: DeclaredDeeds
+    deeds: ArrayDeeds
+    turns: IntArray
+
+    def those(self, which: BoolArray) -> "_Done":
+        """Return some of the deeds."""
+        return self._replace(deeds=self.deeds.those(which), turns=self.turns[which])
+
+
+class DeedLog(GameLog[list[_Done]]):
+    """The deeds of all games of a batch.
+
+    In each part of a turn, agents want to do deeds with `want`, and `do` notes them.
+
+    Args:
+        part_of: (agents,) the part of the turn in which each decides.
+        num_games: of the batch.
+    """
+
+    def __init__(self, part_of: IntArray, num_games: int) -> None:
+        super().__init__(num_games)
+        self._part_of = part_of
+        self._last: list[_Done] = []  # of the last turn that was played, or is under way
+        self._plain: dict[int, dict[int, dict[str, dict[str, Any]]]] | None = None  # the same by game and agent
+        self.begin_turn()
+
+    def begin_turn(self) -> None:
+        """Drop what agents have wanted to do and not done."""
+        self._wanted: list[_Done] = []
+
+    def want(self, declared: DeclaredDeeds, deeds: Iterable[ArrayDeeds], turn: IntArray) -> None:
+        """Take deeds that agents want to do in this turn.
+
+        Args:
+            declared: the deeds that games on their map declare.
+            deeds: those of each kind, of agents that decide in one part of the turn.
+            turn: (games,) how many turns were played.
+        """
+        self._wanted += [_Done(declared, one, turn[one.at] + 1) for one in deeds if len(one.at)]
+
+    def do(self, part: int) -> None:
+        """Note what the agents of a part of the turn do."""
+        now = [one for one in self._wanted if self._part_of[one.deeds.agents[0]] == part]
+        self._last = [*self._last, *now] if part else now
+        self._plain = None
+        if now:
+            self._pending.append(now)
+
+    def done_in(self, games: IntArray) -> list[ArrayDeeds]:
+        """Return the deeds of some games in this turn; in it, a game is numbered by its place among these."""
+        number = places_of(games, len(self._of_game))
+        found = [one.deeds._replace(at=number[one.deeds.at]) for one in self._last]
+        return [deeds.those(deeds.at >= 0) for deeds in found]
+
+    def plain_of(self, game: int) -> dict[int, dict[str, dict[str, Any]]]:
+        """Return what agents of a game do in this turn: the number of each -> deed -> its fields."""
+        if self._plain is None:
+            self._plain = {}
+            rows = [row for one in self._last for row in self._rows(one, one.declared.fields(one.deeds))]
+            for number, agent, _, kind, fields in sorted(rows, key=itemgetter(0, 1, 2)):
+                self._plain.setdefault(number, {}).setdefault(agent, {})[kind] = fields
+        return self._plain.get(game, {})
+
+    def _rows(self, done: _Done, values: Iterable[dict[str, Any]]) -> Iterator[tuple[int, int, int, str, Any]]:
+        """Yield game, agent, order, kind and a value of each deed."""
+        deeds = done.deeds
+        columns = deeds.at.tolist(), deeds.agents.tolist(), deeds.order.tolist()
+        for game, agent, order, value in zip(*columns, values, strict=True):
+            yield game, agent, order, deeds.kind, value
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the deeds of some games."""
+        super().forget(games)
+        self._last = [one.those(~np.isin(one.deeds.at, games)) for one in self._last]
+        self._plain = None
+
+    def clear(self) -> None:
+        """Forget the deeds of all games."""
+        super().clear()
+        self._last, self._plain = [], None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that is noted from now on."""
+        undo_log = super().checkpoint()
+        last = self._last
+
+        def undo() -> None:
+            undo_log()
+            self._last, self._plain = last, None
+
+        return undo
+
+    def _entries(self, noted: list[_Done]) -> Iterator[tuple[int, dict[str, Any]]]:
+        rows: list[tuple[int, int, int, str, Any]] = []
+        for one in noted:
+            entries = zip(one.turns.tolist(), one.declared.entries(one.deeds), strict=True)
+            rows += self._rows(one, ({"turn": turn, **entry} for turn, entry in entries))
+        for game, *_, entry in sorted(rows, key=itemgetter(0, 1, 2)):
+            yield game, entry
+
+
+def deed_log_of(settings: Mapping[str, Any], roster: Roster, num_games: int) -> DeedLog | None:
+    """Return the log of deeds of games with these settings; None: they declare no deeds."""
+    return DeedLog(roster.part_of(settings["order"]), num_games) if settings["deeds"] else None

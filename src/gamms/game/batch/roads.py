@@ -17,6 +17,7 @@ from gamms.errors import BadValue
 from gamms.game.conflicts import flat
 from gamms.game.streets import Streets
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
+from gamms.ir.obstacles import BoolArray
 
 _MOST_BYTES = 1 << 28  # of what is worked out for maps, but for tables of ways, which are shared among batches
 _EDGE_BYTES = 200  # of that for an edge of one map; 74 measured on a grid, 200 on streets with names
@@ -229,6 +230,14 @@ class OpenRoads:
             yield self._maps[int(games[places[0]])], places
 
     # -- maps -------------------------------------------------------------------------------------------------------
+
+    def are_open(self, edges: IntArray, games: IntArray) -> BoolArray:
+        """Return which edges, by their ids, are open in games of these numbers, one of each for each."""
+        found = np.zeros(edges.shape, np.bool_)
+        for roads, places in self.by_map(games):
+            columns = self.streets.columns if roads is None else roads.columns()
+            found[places] = np.isin(edges[places], columns.edge_ids)
+        return found
 
     def map_with(self, edge_ids: IntArray, closed: ClosedEdges) -> RoadMap | None:
         """Return the map with these edges, in their order; None: it is that of the start.

@@ -13,7 +13,7 @@ from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
-from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.deeds import DeclaredDeeds, DeedLog
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.scores import Scores
@@ -266,7 +266,8 @@ class GameArrays:
         scores: key -> (games,) numbers.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
         errors: of each game, in order.
-        deeds: what agents may do besides moving, and did.
+        deeds: what agents may do besides moving.
+        deed_log: what they did; None: nothing.
         radio: by what agents send messages, and what was sent; None: by nothing.
         places, heights: where agents are in games that are played one by one; None: on their nodes.
         noted, noted_nodes: agent -> its sensors that are asked themselves which agents, or nodes, they show.
@@ -312,6 +313,7 @@ class GameArrays:
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.events = EventLog(games, roster.names)
         self.radio: Radio | None = None
+        self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
         self._seeds: IntArray | None = None  # as an array
@@ -377,9 +379,7 @@ class GameArrays:
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:
         """The logs of all games that are noted as arrays."""
-        yield self.events
-        if self.radio is not None:
-            yield self.radio
+        yield from (log for log in (self.events, self.radio, self.deed_log) if log is not None)
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Let games have a map on which other roads are open; None: that of the start."""
@@ -520,7 +520,7 @@ class GameArrays:
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
         known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
         over = [*self.over]
-        undo_logs = [log.checkpoint() for log in (*self._logs, self.roads)]
+        undo_logs = [*(log.checkpoint() for log in self._logs), self.roads.checkpoint()]
         num_errors = [len(errors) for errors in self.errors]
 
         def undo() -> None:

@@ -81,8 +81,6 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
     settings, graph = game.settings(), game.ctx.graph
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    if settings["deeds"]:
-        yield "deeds"
     if by_metres and not len(graph.columns().edge_ids):
         yield "a map without edges, by metres"
     if game.internals.after_observing:
