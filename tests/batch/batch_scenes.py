@@ -3,6 +3,7 @@
 import numpy as np
 
 import gamms
+from gamms.rules import resource
 from gamms.scenario import Scenario
 
 WALK = "gamms.strategies:random_walk"
@@ -21,11 +22,14 @@ def as_it_is(scenario):
 
 
 def beyond_core(scenario):
-    """Return a scenario with the same games, played one after the other because of a rule with a check."""
+    """Return a scenario with the same games, played one after the other because of a check; see `CHECK`."""
     rules = scenario.to_dict().get("rules", [])
     return scenario.replace(rules=[*rules, {"rule": "resource", "with": {"name": "unused", "start": 1}}])
 
 
+CHECK = "the check of the rule 'resource'"
+"""The first part of the games of `beyond_core`, and of those with `UNUSED`, that the core does not have."""
+UNUSED = resource("unused", 1)
 WAYS = [as_it_is, beyond_core]
 
 

@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import WAYS, as_it_is, assert_as_shown, beyond_core, plain, scene
+from batch_scenes import CHECK, WAYS, as_it_is, assert_as_shown, beyond_core, plain, scene
 
 import gamms
 from gamms import recorder
@@ -154,13 +154,12 @@ def test_only_what_differs_with_the_seed_is_made_for_each_game(given, where, tmp
 
 
 def test_run_says_once_why_many_games_are_played_one_by_one(caplog):
-    scenario = scene([], max_turns=1, settings={"deeds": {"rest": {}}})
-    with scenario.batch(16) as games:
+    with beyond_core(scene([], max_turns=1)).batch(16) as games:
         for _ in range(2):
             games.run()
             games.reset()
     assert [record.message for record in caplog.records if "one game after the other" in record.message] == [
-        "A batch is played one game after the other, because of deeds."
+        f"A batch is played one game after the other, because of {CHECK}."
     ]
 
 
@@ -198,9 +197,8 @@ def test_games_without_an_array_form_are_played_one_by_one_with_the_same_results
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
         ctx.game.add(leave)
-        ctx.game.deeds = {"rest": {}}
         with ctx.game.batch(seeds=[1, 2]) as slow:
-            assert slow.slow == "deeds"
+            assert slow.slow == "the check of the rule 'leave'"
             assert "one by one" in repr(slow)
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["left", "left"]

@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import UNUSED, plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -68,9 +68,9 @@ def test_agents_see_whom_their_sensors_show(kind, keywords):
         for name, agent in ctx.agent.agents.items():
             agent.register_sensor("eye", ctx.sensor.create_sensor(f"{name}/eye", kind, **keywords))
         games = ctx.game.batch(seeds=[2, 1])
-        ctx.game.deeds = {"rest": {}}  # games with some are played one by one
+        ctx.game.add(UNUSED)
         with games, ctx.game.batch(seeds=[1]) as slow:
-            assert games.slow != slow.slow == "deeds"
+            assert not slow.is_in_arrays
             for _ in range(4):
                 for viewer in ("red_0", "red_2"):
                     expected = ctx.game.observation(viewer)["sensor"]["eye"][1]
@@ -107,11 +107,11 @@ def test_of_several_sensors_the_last_counts_also_in_games_alone():
             eye = ctx.sensor.create_sensor(name, "AGENT_RANGE", sensor_range=25.0, **keywords)
             ctx.agent.get_agent("red_1").register_sensor(name, eye)
         games = ctx.game.batch(2)
-        ctx.game.deeds = {"rest": {}}
+        ctx.game.add(UNUSED)
         with games, ctx.game.batch(2) as slow:
             for batch in (games, slow):
                 batch.step()
-            assert games.slow != slow.slow == "deeds"
+            assert not slow.is_in_arrays
             found = [batch.observe("red").seen(*names) for batch in (games, slow) for names in ((), [*kinds][::-1])]
             assert len({str([column.tolist() for column in one[1:]]) for one in found}) == 1
 
@@ -254,7 +254,7 @@ def test_agents_on_edges_see_whom_their_sensors_show(kind, keywords):
     # Of late reports the last look of a turn counts.
     keywords = {name: value for name, value in keywords.items() if name != "delay_turns"}
     with on_edges(kind, keywords, "turn", to_and_fro) as ctx, ctx.game.batch(seeds=[2, 1]) as games:
-        ctx.game.deeds = {"rest": {}}
+        ctx.game.add(UNUSED)
         with ctx.game.batch(seeds=[1]) as slow:
             for _ in range(9):
                 for viewer in ("red_0", "red_1", "red_2"):

@@ -10,8 +10,8 @@ that is taken from a game that has begun. Array rules get a turn (`turn.py`), ar
 (`view.py`): `movement.py`, `by_edges.py` and `travel.py` (`reach.py`) say what is legal there, `sensing.py` whom and
 which nodes sensors show, `vectors.py` puts that into numbers, `routes.py` knows how far it is, `roads.py` which roads
 are closed in games that are observed, `flows.py` what spreads, `deeds.py` and `channels.py` check what agents do and
-send, `transmission.py` knows where they are then, `given.py` what comes from outside. `forms.py` has what strategies
-declare; `alone.py` plays array functions in games that are played alone, with the moves of `last_turn.py`.
+send, `given.py` what comes from outside. `forms.py` has what strategies declare; `alone.py` plays array functions in
+games that are played alone, with the moves of `last_turn.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.game.batch.begun import Beginning
 from gamms.game.batch.channels import Radio, radio_of
-from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, in_threads, in_turns
+from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, in_threads, in_turns, kept_in
 from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import key_of, strategy_spec_of
@@ -19,16 +19,16 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
-from gamms.game.batch.transmission import scene_of
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
+from gamms.game.messages import ANTENNA, Scene
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan, as_called
 from gamms.ir.game_state import PHASES
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing.game import strategy_name
@@ -237,7 +237,7 @@ class GamesOnMap:
         radio = self.state.radio
         if radio is not None and radio.is_sending and len(games):
             for some in self._by_roads(games):
-                radio.send(some, scene_of(self.game, self.state, radio, some))
+                radio.send(some, _scene_of(self.game, self.state, radio, some))
 
     def call(self, named: NamedRule, games: IntArray) -> None:
         """Call a rule that is a function for some games."""
@@ -577,3 +577,43 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
         assert form is not None  # noqa: S101 - they are array functions
         groups.append(Group(as_code(decider), np.array(numbers), form))
     return groups
+
+
+def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray) -> Scene:
+    """Return where the agents of some games are when all have moved.
+
+    Args:
+        game: in a context that has the map of these games.
+        state: of all games.
+        radio: of all games.
+        games: their numbers; the same roads are open in all of them.
+    """
+    streets, movement, shared = state.world(games)
+    columns = streets.columns
+    node = state.node[games]
+    which = np.broadcast_to(games[:, None], node.shape), np.broadcast_to(np.arange(node.shape[1]), node.shape)
+    z = kept_in(shared, "heights of nodes", lambda: _heights(game, columns.node_ids))[node]
+    xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
+
+    def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
+        found: BoolArray = movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
+        return found
+
+    return Scene(
+        teams=radio.teams,
+        keys=state.roster.keys,
+        turns=state.turn[games] - 1,
+        xyz=xyz,
+        antennas=xyz + ANTENNA,
+        alive=state.alive[games],
+        purposes=lambda *purpose: state.purposes(*purpose)[games],
+        is_within=is_within,
+        visible=game.ctx.graph.visible,
+        place_of=lambda node: columns.xy[columns.node_ids == node].tolist(),
+    )
+
+
+def _heights(game: PlayedGame, nodes: IntArray) -> FloatArray:
+    """Return the heights of nodes, metres."""
+    ground = game.ctx.graph.graph.ground(nodes)
+    return np.zeros(len(nodes)) if ground is None else np.asarray(ground.z)
