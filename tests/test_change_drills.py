@@ -202,59 +202,166 @@ with gamms.create_context(seed=1, game={"max_turns": 40}) as ctx:
 
 
 GUIDE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
-COUNT = '''
-"""AGENT_COUNT: how many other agents are near."""
-
-from gamms.ir.sensed import SensorView
-from gamms.sensor.ground import AgentSensor
+KIND = '    "AGENT_COUNT": Kind(derived(AgentSensor, len), _RANGE, _DETECTION),\n'
 
 
-class AgentCountSensor(AgentSensor):
-    """`data`: the number of other agents in range."""
-
-    def sense(self, node_id=None):
-        """Count them."""
-        super().sense(node_id)
-        self._last[0] = len(self._last[0])
-
-    def last_view(self):
-        """Let it be drawn where it looks; the agents are no longer in its data."""
-        return SensorView(outline=self.outline())
-'''
-
-KIND = "    SensorType.AGENT_COUNT: Kind(AgentCountSensor, _RANGE, _DETECTION),\n"
-
-
-def test_a_kind_of_sensor_takes_one_file_and_a_line_in_the_catalog(tmp_path):
-    assert COUNT in GUIDE
+def test_a_kind_of_sensor_is_a_row_of_the_catalog(tmp_path):
     assert KIND in GUIDE
-    source = changed(
-        tmp_path,
-        ("typing/sensor_engine.py", "    CUSTOM = 0\n", "    CUSTOM = 0\n    AGENT_COUNT = 99\n"),
-        (
-            "sensor/catalog.py",
-            "from gamms.sensor.ground ",
-            "from gamms.sensor.count import AgentCountSensor\nfrom gamms.sensor.ground ",
-        ),
-        (
-            "sensor/catalog.py",
-            "    SensorType.AGENT_RANGE: ",
-            f"{KIND}    SensorType.AGENT_RANGE: ",
-        ),
-    )
-    (source / "gamms" / "sensor" / "count.py").write_text(COUNT.lstrip())
+    before = '    "AGENT_RANGE": '
+    source = changed(tmp_path, ("sensor/catalog.py", before, KIND + before))
     program = """
 import gamms
 from gamms.sensor import SensorType
 
-with gamms.create_context(seed=1, logger_config={"filename": "log"}) as ctx:
+def closer(state):
+    count = state["sensor"]["c"][1]
+    state["action"] = state["legal"][(count + state["turn"]) % len(state["legal"])]
+
+with gamms.create_context(seed=1, logger_config={"filename": "log"}, game={"max_turns": 6}) as ctx:
     ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-    ctx.sensor.create_sensor("c", SensorType.AGENT_COUNT, sensor_range=10)
-    for name, node in {"anna": 0, "ben": 1, "cleo": 8}.items():
-        ctx.agent.create_agent(name, start_node_id=node, sensors=["c"] if name == "anna" else [])
-    print(ctx.agent.get_agent("anna").get_state()["sensor"]["c"][1])
+    ctx.sensor.create_sensor("c", "AGENT_COUNT", sensor_range=1.5)
+    ctx.agent.create_agent("anna", start_node_id=0, sensors=["c"], team="red", strategy=closer)
+    for name, node in {"ben": 1, "cleo": 8}.items():
+        ctx.agent.create_agent(name, start_node_id=node, team="blue", strategy=gamms.strategies.random_walk)
+    print(ctx.agent.get_agent("anna").get_state()["sensor"]["c"])
     gamms.testing.check_sensor(ctx.sensor.get_sensor("c"), 0)
     ctx.visual.save("seen.svg")
+    with ctx.game.batch(seeds=range(4)) as games:
+        games.run()
+        together = [games.context(number).agent.get_agent("anna").prev_node_id for number in range(4)]
+        print(games.slow, games.detached)
+    fork, alone = ctx.game.fork(0), []
+    for seed in range(4):
+        fork.reset(seed=seed)
+        fork.run()
+        alone.append(fork.agents[0].prev_node_id)
+    print(together == alone, len(set(alone)) > 1)
+    ctx.record.start("game", sensed=True)
+    ctx.game.collect("seen", lambda ctx: ctx.sensor.get_sensor("c").data)
+    print(ctx.game.run(3).table("seen")["value"].tolist())
+    ctx.record.stop()
+with gamms.recorder.open("game.ggr") as recording:
+    seen = [recording.observation(turn, "anna")["sensor"]["c"] for turn in range(1, 4)]
+    print([(kind.name, count) for kind, count in seen])
+    recording.save("page.html")
+    with recording.resume(3) as ctx:
+        print(ctx.agent.get_agent("anna").get_state()["sensor"]["c"][1])
 """
-    assert printed(source, tmp_path, program) == "1"
+    assert printed(source, tmp_path, program).splitlines() == [
+        "(<SensorType.AGENT_COUNT: 14>, 0)",
+        "the strategy closer {}",
+        "True True",
+        "[1, 2, 1]",
+        "[('AGENT_COUNT', 1), ('AGENT_COUNT', 2), ('AGENT_COUNT', 1)]",
+        "0",
+    ]
     assert "could not be drawn" not in (tmp_path / "log").read_text()
+
+
+FLARES = '''
+"""Flares: agents fire one wherever they stand on a node of even number."""
+
+
+def flares(ctx):
+    """Emit an event for each flare."""
+    for agent in ctx.agent.agents.values():
+        if agent.current_node_id % 2 == 0:
+            ctx.game.emit("flare", agent=agent.name, node=agent.current_node_id)
+
+
+def draw_flares(ctx, data):
+    """Draw the flares of the last turn."""
+    game = ctx.current_game
+    for event in game.events:
+        if event["kind"] == "flare" and event["turn"] == game.turn:
+            node = ctx.graph.graph.get_node(event["node"])
+            ctx.visual.render_circle(node.x, node.y, 0.3, (1, 2, 3))
+
+
+draw_flares.artist = "lights"
+flares.drawer = draw_flares
+'''
+
+GAMES = """
+import gamms
+
+def opened():
+    ctx = gamms.create_context(seed=1, game={"max_turns": 6})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    for name, node in {"ben": 1, "cleo": 3, "di": 7}.items():
+        ctx.agent.create_agent(name, start_node_id=node, team=name[0], strategy=gamms.strategies.random_walk)
+    return ctx
+
+def in_batch_and_alone(ctx, look):
+    with ctx.game.batch(seeds=range(4)) as games:
+        games.run()
+        print(games.slow, games.detached)
+        together = [look(games.context(number)) for number in range(4)]
+    fork, alone = ctx.game.fork(0), []
+    for seed in range(4):
+        fork.reset(seed=seed)
+        fork.run()
+        alone.append(look(fork.ctx))
+    print(together == alone, together[0] != together[1])
+"""
+
+
+def test_a_rule_with_its_event_and_its_drawing_is_one_file(tmp_path):
+    source = changed(tmp_path)
+    (source / "gamms" / "rules" / "flares.py").write_text(FLARES.lstrip())
+    program = f"""{GAMES}
+import base64, io, re, zlib
+from gamms.rules.flares import flares
+
+with opened() as ctx:
+    ctx.game.add(flares)
+    in_batch_and_alone(ctx, lambda ctx: list(ctx.game.events))
+    ctx.record.start("game")
+    ctx.game.run(3)
+    ctx.visual.save("live.svg")
+    ctx.record.stop()
+flares.drawer = None
+with gamms.recorder.open("game.ggr") as recording:
+    recording.save("replayed.svg")
+    recording.save("page.html")
+    print(next(event["node"] for event in recording.events() if event["kind"] == "flare"))
+live, replayed = open("live.svg").read(), open("replayed.svg").read()
+print(live == replayed, live.count("#010203"))
+[data] = re.findall(r'class="recording">([^<]*)<', open("page.html").read())
+with gamms.recorder.open(io.BytesIO(zlib.decompress(base64.b64decode(data)))) as page:
+    print(sum("lights" in str(event) for log in page.logs() for event in log) > 0)
+"""
+    assert printed(source, tmp_path, program).splitlines() == [
+        "the rule 'flares' {}",
+        "True True",
+        "6",
+        "True 1",
+        "True",
+    ]
+
+
+RESOLVER = '''
+
+def shortest_name() -> Resolver:
+    """Make a resolver by which the agents with the shortest names win."""
+    return by_rank(lambda name, _team: len(name))
+'''
+
+
+def test_a_resolver_of_conflicts_is_one_function_which_the_core_plays(tmp_path):
+    before = "\n\ndef _by_key("
+    source = changed(tmp_path, ("rules/conflicts.py", before, RESOLVER + before))
+    program = f"""{GAMES}
+from gamms.rules.conflicts import shortest_name
+
+with opened() as ctx:
+    ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=shortest_name())
+    in_batch_and_alone(ctx, lambda ctx: [agent.current_node_id for agent in ctx.agent.agents.values()])
+    ctx.record.start("game")
+    ctx.game.run(6)
+    ctx.record.stop()
+    nodes = [agent.current_node_id for agent in ctx.agent.agents.values()]
+with gamms.recorder.open("game.ggr") as recording:
+    print(recording.state(6).agents["node"].tolist() == nodes)
+"""
+    assert printed(source, tmp_path, program).splitlines() == ["None {}", "True True", "True"]

@@ -1,7 +1,7 @@
 """Sensors: what an agent sees of the world from where it is.
 
-Read `catalog.py` first: it says which kinds there are and how each is made. A new kind is one file and one line
-there. May import: typing, kernels, ir and below, never another engine.
+Read `catalog.py` first: it says which kinds there are and how each is made. A new kind is one row there.
+May import: typing, kernels, ir and below, never another engine.
 """
 
 from gamms.kernels import multiply_quaternions, quaternion_to_direction

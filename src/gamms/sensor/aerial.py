@@ -185,7 +185,7 @@ class AerialSensor(FlyingSensor):
         outline = np.zeros((0, 2))
         if pose is not None and not self._is_occluded:  # what obstacles leave of it is not a polygon
             outline = fov_geometry.footprint(*pose, self.range, self.fov)
-        return map_view(self.data, outline)
+        return map_view(self._view_data(), outline)
 
     def _seen(self, pose: Pose | None) -> Surroundings:
         if pose is None:
@@ -291,7 +291,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
     def last_view(self) -> SensorView:
         """Return the agents seen last, where they were then, and the shadow of the cone they were seen in."""
         pose: Pose | None = self._last[1]
-        agents = np.array([place[:2] for _, place in self.data.values()], np.float64).reshape(-1, 2)
+        agents = np.array([place[:2] for _, place in self._view_data().values()], np.float64).reshape(-1, 2)
         outline = np.zeros((0, 2))
         if pose is not None and not self._is_occluded:
             outline = fov_geometry.shadow(*pose, self.range, self.fov)

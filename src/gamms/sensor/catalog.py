@@ -23,7 +23,7 @@ from gamms.sensor.ground import (
 )
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor, SensorType
+from gamms.typing.sensor_engine import ISensor, SensorType, kind_called
 
 FORWARD = (1.0, 0.0)
 
@@ -103,26 +103,48 @@ _CONE = {"sensor_range": 100.0, "fov": pi / 3.0, "quat": DOWN}
 _SPHERE = {"sensor_range": 100.0, "fov": 2.0 * pi, "quat": AHEAD}
 
 
+def derived(nearest: type[Sensor], read: Callable[[Any], Any]) -> type[Sensor]:
+    """Return a class of sensors whose `data` is a function of what a sensor of the nearest kind finds.
+
+    The sensors have the settings of that kind and are drawn like it.
+
+    Args:
+        nearest: the class of that kind.
+        read: called with the `data` of the nearest kind, which it must not change.
+    """
+    data: property = vars(Sensor)["data"]
+    members: dict[str, Any] = {
+        "__slots__": (),
+        "data": property(lambda sensor: read(sensor._view_data()), data.fset, doc=read.__doc__),
+        "_view_data": data.fget,
+        "looks_alike": None,
+        "in_arrays": lambda _: None,
+        **{name: vars(ISensor)[name] for name in ("coverage", "live_result", "sense_many")},
+    }
+    return type(f"{nearest.__name__}Reading", (nearest,), members)
+
+
 def _unlimited(make: Callable[..., Sensor]) -> Callable[..., Sensor]:
     """MAP and AGENT have no range, whatever a caller gives them."""
     return lambda *args, **given: make(*args, sensor_range=inf, **given)
 
 
-KINDS: dict[SensorType, Kind] = {
-    SensorType.NEIGHBOR: Kind(NeighborSensor, {}),
-    SensorType.MAP: Kind(_unlimited(MapSensor), {}, _PLACE),
-    SensorType.RANGE: Kind(MapSensor, _RANGE, _PLACE),
-    SensorType.ARC: Kind(MapSensor, _RANGE | _FIELD, _PLACE),
-    SensorType.AGENT: Kind(_unlimited(AgentSensor), _FIELD, _DETECTION),
-    SensorType.AGENT_RANGE: Kind(AgentSensor, _RANGE, _DETECTION),
-    SensorType.AGENT_ARC: Kind(AgentSensor, _RANGE | _FIELD, _DETECTION),
-    SensorType.AERIAL: Kind(AerialSensor, _CONE, _PLACE, takes_type=False),
-    SensorType.AERIAL_AGENT: Kind(AerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
-    SensorType.OCCLUDED_MAP: Kind(OccludedMapSensor, _FAR | _FIELD | _PAST, _PLACE),
-    SensorType.OCCLUDED_AGENT: Kind(OccludedAgentSensor, _FAR | _FIELD | _PAST, _DETECTION),
-    SensorType.OCCLUDED_AERIAL: Kind(OccludedAerialSensor, _CONE, _PLACE, takes_type=False),
-    SensorType.OCCLUDED_AERIAL_AGENT: Kind(OccludedAerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
+_BY_NAME = {
+    "NEIGHBOR": Kind(NeighborSensor, {}),
+    "MAP": Kind(_unlimited(MapSensor), {}, _PLACE),
+    "RANGE": Kind(MapSensor, _RANGE, _PLACE),
+    "ARC": Kind(MapSensor, _RANGE | _FIELD, _PLACE),
+    "AGENT": Kind(_unlimited(AgentSensor), _FIELD, _DETECTION),
+    "AGENT_RANGE": Kind(AgentSensor, _RANGE, _DETECTION),
+    "AGENT_ARC": Kind(AgentSensor, _RANGE | _FIELD, _DETECTION),
+    "AERIAL": Kind(AerialSensor, _CONE, _PLACE, takes_type=False),
+    "AERIAL_AGENT": Kind(AerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
+    "OCCLUDED_MAP": Kind(OccludedMapSensor, _FAR | _FIELD | _PAST, _PLACE),
+    "OCCLUDED_AGENT": Kind(OccludedAgentSensor, _FAR | _FIELD | _PAST, _DETECTION),
+    "OCCLUDED_AERIAL": Kind(OccludedAerialSensor, _CONE, _PLACE, takes_type=False),
+    "OCCLUDED_AERIAL_AGENT": Kind(OccludedAerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
 }
+KINDS: dict[SensorType, Kind] = {kind_called(name): kind for name, kind in _BY_NAME.items()}
 
 # Programs for 1.0.0 pass these to every kind; those that do not know them ignore them.
 SHARED_KEYWORDS = {"type", "sensor_range", "fov", "quat", "orientation", "observer_height"}

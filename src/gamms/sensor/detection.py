@@ -283,7 +283,7 @@ class DetectingSensor(Sensor):
 
     def _names(self) -> tuple[str, ...]:
         """Return the names of the agents seen last, if they are where they were reported."""
-        return () if self._notice is not None and self._notice.has_errors else tuple(self.data)
+        return () if self._notice is not None and self._notice.has_errors else tuple(self._view_data())
 
     def _reportable(self) -> Reportable:
         """Return the agents that may be reported though they are not noticed."""

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 
 from gamms.arguments import as_declared, as_member, as_name
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
-from gamms.errors import BadValue, ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
+from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
@@ -21,7 +21,15 @@ from gamms.sensor.sensor import Sensor
 from gamms.sensor.sighting_errors import forget_delayed
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, owner_of, refuse_no_sensor
+from gamms.typing.sensor_engine import (
+    ISensor,
+    ISensorEngine,
+    SensorOptions,
+    SensorType,
+    kind_called,
+    owner_of,
+    refuse_no_sensor,
+)
 
 _ALL_ROUND = tau + 0.1  # more is in degrees, and not rounded
 
@@ -169,7 +177,9 @@ class SensorEngine(ContextPart, ISensorEngine):
         Raises:
             BadValue: the name is no identifier, or means something else on an enum.
         """
-        member = _custom_member(name, self.ctx)
+        if as_name(name, "a kind of sensor") in SensorType.__members__:
+            self.ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
+        member = kind_called(name)
 
         def decorate(cls: type) -> type:
             # What a built-in parent says about itself is ignored; duck-typed classes are sensors from now on.
@@ -404,20 +414,3 @@ def _way_out(kind: SensorType, name: str) -> str:
     if SYNONYMS.get(name) in known:
         return f" Did you mean {SYNONYMS[name]!r}?"
     return nearest(name, known) or (f" It takes: {', '.join(sorted(known))}." if known else " It takes none.")
-
-
-def _custom_member(name: str, ctx: IContext) -> SensorType:
-    """Return `SensorType.<name>`, added to the enumeration if it is new: kinds live as long as the process."""
-    as_name(name, "a kind of sensor")
-    if name in SensorType.__members__:
-        ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
-        return SensorType[name]
-    if not name.isidentifier() or hasattr(SensorType, name) or hasattr(SensorType.CUSTOM, name):
-        raise BadValue(f"{shown(name)} cannot be the name of a kind of sensor; use another identifier.")
-    member = object.__new__(SensorType)
-    member._name_, member._value_ = name, len(SensorType)
-    type.__setattr__(SensorType, name, member)
-    SensorType._member_names_.append(name)
-    SensorType._member_map_[name] = member
-    SensorType._value2member_map_[member._value_] = member
-    return member

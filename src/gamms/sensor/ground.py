@@ -227,10 +227,10 @@ class MapSensor(GroundSensor):
     @of_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the field of view from where they were seen."""
-        return map_view(self.data, self.outline())
+        return map_view(self._view_data(), self.outline())
 
     def _where(self, place: Place) -> tuple[float, float]:
-        node = self.data["nodes"].get(place)  # where it was then, unless the data was emptied since
+        node = self._view_data()["nodes"].get(place)  # where it was then, unless the data was emptied since
         return super()._where(place) if node is None else (node.x, node.y)
 
     def _look(self, place: Place, heading: Heading) -> View:
@@ -289,7 +289,7 @@ class NeighborSensor(Sensor):
     @of_data
     def last_view(self) -> SensorView:
         """The nodes seen last."""
-        return SensorView(nodes=self.places_of(self.data))
+        return SensorView(nodes=self.places_of(self._view_data()))
 
 
 class AgentSensor(DetectingSensor, GroundSensor):
@@ -395,7 +395,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def last_view(self) -> SensorView:
         """Return the agents seen last, where they were then, and the field of view from where they were seen."""
         graph = self.ctx.graph.graph
-        kept = [node for node in self.data.values() if graph.has_node(node)]
+        kept = [node for node in self._view_data().values() if graph.has_node(node)]
         agents = graph.positions(kept)
         for i, node in enumerate(kept):
             agents[i] = getattr(node, "xy", agents[i])

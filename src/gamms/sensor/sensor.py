@@ -128,6 +128,10 @@ class Sensor(ContextPart, ISensor):
     def data(self, data: object) -> None:
         self._last[0] = data
 
+    def _view_data(self) -> Any:
+        """Return what is drawn: `data`, or that of the nearest kind; see `catalog.derived`."""
+        return self.data
+
     @refused_while_deciding
     def update(self, data: dict[str, Any]) -> None:
         """Ignore `data`: a built-in sensor sees for itself."""
@@ -160,7 +164,7 @@ class Sensor(ContextPart, ISensor):
         twin = self._copy_for_view()
         twin._owner = owner
         twin.sense(place)
-        return twin._last[0]
+        return twin.data
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:

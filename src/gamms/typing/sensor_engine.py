@@ -8,7 +8,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from gamms.arguments import as_ids, with_options
-from gamms.errors import BadType, NotOffered
+from gamms.errors import BadType, BadValue, NotOffered
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import Coverage, Sensed, SensorView
 from gamms.text import shown
@@ -31,6 +31,24 @@ class SensorType(Enum):
     OCCLUDED_AGENT = 11
     OCCLUDED_AERIAL = 12
     OCCLUDED_AERIAL_AGENT = 13
+
+
+def kind_called(name: str) -> SensorType:
+    """Return `SensorType.<name>`, which is added to the enumeration if it is new.
+
+    Raises:
+        BadValue: the name is no identifier, or means something else on an enum.
+    """
+    if name in SensorType.__members__:
+        return SensorType[name]
+    if not name.isidentifier() or hasattr(SensorType, name) or hasattr(SensorType.CUSTOM, name):
+        raise BadValue(f"{shown(name)} cannot be the name of a kind of sensor; use another identifier.")
+    member, value, tables = object.__new__(SensorType), len(SensorType), vars(SensorType)
+    vars(member).update({"_name_": name, "_value_": value})
+    type.__setattr__(SensorType, name, member)
+    tables["_member_names_"].append(name)
+    tables["_member_map_"][name] = tables["_value2member_map_"][value] = member
+    return member
 
 
 ON_GROUND = frozenset((SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT))
