@@ -360,7 +360,6 @@ def test_what_plain_functions_remember_is_in_no_columns():
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "orientation", (0.0, 1.0)),
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "team", "blue"),
         lambda ctx: ctx.game.scores.update(red=True),
-        lambda ctx: ctx.game.publish(to="red", secret=1),
         lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
         lambda ctx: ctx.rng.integers(9),
         lambda ctx: ctx.game.memories,
@@ -376,6 +375,153 @@ def test_games_in_which_a_rule_does_something_else_go_on_as_games_alone(act):
         ctx.game.publish(alarm=0)
         ctx.game.add(rule)
         check(ctx, stays=False)
+
+
+def whisper(ctx):
+    """Publish facts to single agents and teams, and note what each of them knows."""
+    game = ctx.game
+    for agent in game.agents:
+        if (agent.current_node_id + game.turn + ctx.seed) % 3 == 0:
+            game.publish(to=agent, secret=game.turn)
+            game.publish(to=agent.team, heard=agent.current_node_id)
+    game.emit("told", known=[repr(game.facts_of(to)) for to in ("red", "blue", "red_0", "blue_1")])
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("to", [None, "red", "blue_1"])
+def test_facts_of_agents_and_teams_are_those_of_their_games(to, phase):
+    with build([OUT, BACK], {"red": decide, "blue": decide}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        if to is not None:
+            ctx.game.publish(to=to, secret=5)
+        ctx.game.add(whisper, phase=phase)
+        check(ctx, seeds=range(40))
+
+
+def test_facts_of_agents_are_as_before_a_turn_in_which_a_rule_raises():
+    def whisper_or_trip(ctx):
+        whisper(ctx)
+        if switch["is_on"] and ctx.seed == 2:
+            raise ZeroDivisionError("tripped")
+
+    with build([TAG], {"red": decide}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        ctx.game.add(whisper_or_trip, phase="before")
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            switch["is_on"] = True
+            try:
+                with pytest.raises(ZeroDivisionError):
+                    games.step()
+            finally:
+                switch["is_on"] = False
+            games.run()
+            assert games.detached == {}
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+class Load:
+    """What an agent carries, in an object of a class of the program."""
+
+    def __init__(self):
+        self.weight = 0
+
+
+def load(ctx):
+    """Change objects that are attributes of agents, and refer to other agents."""
+    for agent in ctx.game.agents:
+        agent.load.weight += agent.current_node_id
+        mate = ctx.agent.get_agent(agent.mate.name)
+        ctx.game.emit("loaded", by=agent.load.weight, mate=agent.mate.current_node_id, is_mate=agent.mate is mate)
+        if agent.current_node_id % 4 == 0:
+            agent.mate = ctx.game.agents[0]
+
+
+@pytest.mark.parametrize("turns", [0, 2])
+def test_attributes_that_are_objects_are_those_of_their_games(turns):
+    with build([OUT, BACK]) as ctx:
+        agents = [*ctx.agent.create_iter()]
+        for number, agent in enumerate(agents):
+            agent.load = Load()
+            agent.mate = agents[number - 1]
+        ctx.game.add(load)
+        for _ in range(turns):
+            ctx.game.step()
+        weights = [agent.load.weight for agent in agents]
+        check(ctx, seeds=range(40))
+        assert [agent.load.weight for agent in agents] == weights
+
+
+@pytest.mark.parametrize("turns", [0, 3])
+def test_what_teams_remember_is_that_of_their_games_beside_strategies_in_arrays(turns):
+    @gamms.array_strategy
+    def wait(view):
+        asked = view.keep("asked", lambda games: {"asked": np.zeros((games, len(view.roster.names)), np.int64)})[
+            "asked"
+        ]
+        at, agents = np.nonzero(view.mask)
+        asked[view.games[at], view.agents[agents]] += 1
+        return np.where(asked[np.ix_(view.games, view.agents)] % 3 == 0, view.counts - 1, 0)
+
+    def recall(state):
+        shared = state["team_memory"]
+        shared["asked"] = shared.get("asked", 0) + 1
+        state["action"] = state["legal"][(shared["asked"] + len(shared)) % len(state["legal"])]
+
+    with build([OUT, BACK], {"red": recall, "blue": recall}) as ctx:
+        for name in ("red_0", "blue_0"):
+            ctx.agent.get_agent(name).register_strategy(wait(ctx))
+        for _ in range(turns):
+            ctx.game.step()
+        check(ctx)
+
+
+def test_games_begin_with_the_moves_that_agents_made_before_them():
+    def trace(ctx):
+        ctx.game.emit("trace", back=[agent.prev_node_id for agent in ctx.game.agents])
+
+    with build([TAG]) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.get_state()
+            agent.state["action"] = agent.state["sensor"]["next"][1][-1]
+            agent.set_state()
+        ctx.game.add(trace, phase="before")
+        check(ctx)
+
+
+def test_agents_that_were_deleted_before_the_batch_are_in_no_game():
+    with build([OUT, BACK], {"red": decide}) as ctx:
+        ctx.game.on_illegal = "stay"
+        ctx.game.publish(alarm=0)
+        ctx.game.add(look, phase="before", name="first")
+        ctx.game.add(change)
+        for turn in range(3):
+            ctx.agent.delete_agent(("red_1", "blue_0", "blue_2")[turn])
+            check(ctx)
+            ctx.game.step()
+
+
+def test_functions_are_called_for_teams_that_were_created_in_one_call():
+    def go_on(state):
+        state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
+        state["action"] = state["legal"][state["memory"]["asked"] % len(state["legal"])]
+
+    with gamms.create_context(seed=1, game={"max_turns": 9}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6))
+        ctx.agent.create_team("red", [0, 1, 2, 3], strategy=go_on, columns={"fuel": [1, 2, 3, 4]})
+        ctx.agent.create_team("blue", [20, 21, 22, 30], strategy=gamms.strategies.random_walk)
+        ctx.game.add(gamms.rules.tag("red", "blue"))
+        ctx.game.add(look, phase="before", name="first")
+        ctx.game.add(tire)
+        ctx.game.add(change)
+        ctx.game.conflicts = Conflicts(1)
+        for _ in range(3):
+            check(ctx)
+            ctx.game.step()
 
 
 def push(ctx):

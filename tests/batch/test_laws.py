@@ -168,7 +168,7 @@ def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alo
 
 
 @settings(LAWS, max_examples=12)
-@given(drawn=games_with_plain_parts(("one edge", "anywhere")), turns=st.integers(1, 6), **drawn_for_all)
+@given(drawn=games_with_plain_parts(), turns=st.integers(1, 6), **drawn_for_all)
 def test_games_that_have_begun_in_which_plain_functions_are_called_go_on_as_alone(
     drawn, turns, seeds, again, outside, lot
 ):

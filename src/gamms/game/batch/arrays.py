@@ -9,7 +9,16 @@ import numpy as np
 
 from gamms.game.batch.begun import Beginning
 from gamms.game.batch.channels import Radio, radio_of
-from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, in_threads, in_turns, kept_in
+from gamms.game.batch.columns import (
+    Failure,
+    PlayedGame,
+    Roster,
+    decider_of,
+    in_threads,
+    in_turns,
+    kept_in,
+    some_rows,
+)
 from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import key_of, strategy_spec_of
@@ -194,6 +203,14 @@ class GamesOnMap:
         for _, places in roads.by_map(games):
             yield games[places]
 
+    def _by_beginning(self, games: IntArray) -> Iterator[IntArray]:
+        """Yield the games in which agents have moved in the batch, and those in which they have not."""
+        if self._beginning.last_turn is None:
+            yield games
+            return
+        has_moved = self.state.turn[games] > self._beginning.turn
+        yield from filter(len, (games[has_moved], games[~has_moved]))
+
     def _take(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Write moves that were given into the block."""
         for team, wanted in given.items():
@@ -248,7 +265,8 @@ class GamesOnMap:
                 self.cursor.call(named, games)
             return
         for some in self._by_roads(games):
-            self._apply(named, some)
+            for few in self._by_beginning(some):
+                self._apply(named, few)
 
     def _apply(self, named: NamedRule, games: IntArray) -> None:
         """Call an array rule for some games."""
@@ -256,9 +274,13 @@ class GamesOnMap:
         turn = ArrayTurn(self.state, games)
         if self.state.deed_log is not None:
             turn._deeds = self.state.deed_log.done_in(games)
-        turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
-        if self.core.courses is not None:
-            turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
+        last = self._beginning.last_turn
+        if last is not None and self.state.turn[games[0]] == self._beginning.turn:
+            turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
+        else:
+            turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
+            if self.core.courses is not None:
+                turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
         turn._lock()
         try:
             form(turn)

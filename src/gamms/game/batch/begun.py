@@ -17,6 +17,7 @@ from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
+from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray, locked_columns
@@ -44,16 +45,6 @@ def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
 def goes_along_one_edge(game: PlayedGame, roster: Roster) -> bool:
     """Whether all agents of a game go along one edge in a turn, or anywhere."""
     return movement_type(game, roster) in (Movement, Anywhere)
-
-
-def has_last_moves(game: PlayedGame, roster: Roster) -> bool:
-    """Whether the games of a batch have how agents moved in the turn before it."""
-    moves = game.internals.state.moves
-    if moves is None:
-        return True
-    paths = [action.path for action in moves.actions.values()]
-    are_short = all(len(path) <= 2 and path[1:] != path[:1] for path in paths)
-    return are_short and game.settings()["order"] is None and goes_along_one_edge(game, roster)
 
 
 def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
@@ -90,6 +81,10 @@ class Beginning:
         columns: that the core writes, of all games.
         games: those that are on its map.
 
+    Attributes:
+        turn: how many turns were played.
+        last_turn: how agents moved in the last one, for array rules that look at it; None: there is none.
+
     Raises:
         UnknownName (KeyError): an agent has gone along a node that is not on the map any more.
     """
@@ -97,7 +92,7 @@ class Beginning:
     def __init__(self, game: PlayedGame, state: GameArrays, columns: Block, games: IntArray) -> None:
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
-        self._turn = game.turn
+        self.turn = game.turn
         self._scores = dict(values.scores)
         self._errors = [*values.errors]
         self._events = [*values.events]
@@ -107,12 +102,14 @@ class Beginning:
         own = [block.row_of(names[number]) for number in self._agents.tolist()]
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
         self._places = [rows([int(column[row]) for row in own]) for column in (block.node, block.previous)]
-        self._moves: LastTurn | None = None
-        if values.moves is not None and has_last_moves(game, state.roster):
-            self._moves = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
+        self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
+        self.last_turn: LastTurn | None = None
+        is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
+        if values.moves is not None and is_read:
+            self.last_turn = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
-        self._placed = [block.placed and name in known and block.row_of(name) in block.placed for name in names]
+        self._placed = [name in known and block.row_of(name) in block.placed for name in names]
         self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
         self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
@@ -120,7 +117,7 @@ class Beginning:
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
         self.put(state, columns, games)
-        state.has_begun = self._turn > 0
+        state.has_begun = self.turn > 0
         for one in game.rules:
             _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
         self._take_up_memories(game, state)
@@ -143,14 +140,15 @@ class Beginning:
 
     def put(self, state: GameArrays, columns: Block, games: IntArray) -> None:
         """Let some games begin here, which were reset."""
-        state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
+        state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
         state.placed[games] = self._placed
         for one in NUMBERS:
             state.numbers[one.name][games] = one.initial
             state.numbers[one.name][games[:, None], self._agents] = self._numbers[one.name]
         state.alive[games[:, None], self._agents] = self._alive
-        if self._turn:
-            state.node[games[:, None], self._agents], state.previous[games[:, None], self._agents] = self._places
+        if self.turn:
+            state.node[games[:, None], self._agents] = self._places[0]
+        state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
         for number, place in self._progress:
             if place is not None:
                 state.movement.put_on(games, number, place)
@@ -160,10 +158,6 @@ class Beginning:
             state.scores.add(key, games, points)
         self._put_logs(state, games)
         columns.begin(games)
-        if self._moves is not None:
-            columns.start[games] = self._moves.starts
-            columns.ends[games] = self._moves.ends
-            columns.takes_part[games] = self._moves.took_part
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
         for game in games.tolist():

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from gamms.core.copies import copied
+from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.game.batch.begun import fits_float
 from gamms.game.batch.channels import Radio
@@ -37,7 +37,8 @@ from gamms.typing.sensor_engine import owner_of
 
 # made when they are read
 _READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
-_OWN = ("over", "start", "team_memories")
+_OWN = ("agent_facts", "over", "start", "team_facts", "team_memories")
+_PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS))
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
@@ -193,6 +194,7 @@ class Cursor:
         functions: the plain functions that are called.
     """
 
+    _has_begun = False
     _living: _Living
 
     def __init__(
@@ -207,7 +209,7 @@ class Cursor:
     ) -> None:
         parts = game.internals.parts
         self._game = game
-        self._asked_numbers = asked
+        self._asked_names = {state.roster.names[number] for number in asked}
         self._pointed = pointed
         self._state = state
         self._core = core
@@ -218,10 +220,8 @@ class Cursor:
         self._values = parts.state
         self._phase = phase_of(game.ctx)
         self._own_of_ctx = vars(game.ctx)
-        self._has_begun = False
         self._why = ""  # why games leave the core
         self._core_keys = frozenset(_keys_in_core(game))
-        self._keeps_in_columns = keep_in_columns(game, state.roster)
         plans = game.settings()["plans"]
         deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
         collectors = parts.collectors.by_name.values()
@@ -232,6 +232,9 @@ class Cursor:
         games = range(len(state))
         self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
         self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
+        self._first_private_facts = parts.state.agent_facts, parts.state.team_facts
+        self._nothing_private: _PrivateFacts = ({}, {})  # of games without such facts
+        self._private_facts: list[_PrivateFacts | None] = [None for _ in games]  # None: there are none
         self._attributes: list[list[dict[str, Any]] | None] = [None for _ in games]  # None: as at the start
         self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
         self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
@@ -242,8 +245,10 @@ class Cursor:
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first_memories = parts.state.memories, parts.state.team_memories
         self._first_turn = game.turn
-        names = (state.roster.names[number] for number in asked)
-        self._first_undone = {name: why for name in names if (why := parts.state.blocked.get(name)) is not None}
+        self._first_moves: TurnMoves | None = parts.state.moves
+        self._first_counts = {name: counts.copy() for name, counts in parts.state.counts.items()}
+        blocked = parts.state.blocked.items()
+        self._first_undone = {name: why for name, why in blocked if name in self._asked_names}
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
@@ -261,23 +266,14 @@ class Cursor:
         self._number_of = {name: i for i, name in enumerate(self._state.roster.names)}
         self._agents = [self._ctx.agent.agents[name] for name in block.names]
         self._journal = Journal(block.names)
-        self._first_data = {key: one for key, one in values.data.items() if key not in self._core_keys}
-        self._facts = values.facts
-        self._first_facts = {
-            name: self._no(f"ctx.game.facts[{name!r}]") if name in self._core_keys else fact
-            for name, fact in self._facts.items()
-        }
-        self._first_attributes = [copied(vars(one)) for one in self._agents]
-        self._shared_attributes: list[dict[str, Any]] = [one.__dict__ for one in self._agents]
-        self._attributes_shown = self._shared_attributes
+        self._take_first_values()
         self._phase.before_reading = self._own_attributes
         self._living_of = lru_cache(1024)(self._new_living)
+        self._own_of_ctx["_rng"] = None  # `release` restores it
         values.__class__ = _PointedState
         values.start = _Start(self._read_field, self._replace_data, self._began, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
-        if self._keeps_in_columns:
-            values.team_memories = self._no("ctx.game.team_memories")
         values.blocked = BlockedAgents()
         self._block.journal = self._journal
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
@@ -289,10 +285,26 @@ class Cursor:
         self._take_sensors()
         self._looks = self._no("what agents have sensed")
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
+        self._is_public = True  # whether that is the order of agents that know the same facts
+        self._private_shown: _PrivateFacts | None = None
         self._forget_looks()
         self._read = dict[str, Any]()
         self._number = -1
         self._fixed = self._what_is_fixed()
+
+    def _take_first_values(self) -> None:
+        """Take the data, facts and attributes of agents with which games begin."""
+        values = self._values
+        self._first_data = {key: one for key, one in values.data.items() if key not in self._core_keys}
+        self._facts = values.facts
+        self._first_facts = {
+            name: self._no(f"ctx.game.facts[{name!r}]") if name in self._core_keys else fact
+            for name, fact in self._facts.items()
+        }
+        self._first_attributes = [copied_values(vars(one)) for one in self._agents]
+        self._are_shared = is_plain(self._first_attributes)  # those of games that have not read any that may change
+        self._shared_attributes: list[dict[str, Any]] = [one.__dict__ for one in self._agents]
+        self._attributes_shown = self._shared_attributes
 
     def release(self) -> None:
         """Restore the context as it was before it was pointed at games."""
@@ -309,10 +321,9 @@ class Cursor:
         values.stream_version += 1  # slots have memories and draws of games of the batch
         self._block.journal = PLAIN
         turns.is_playing = turns.is_moving = False
-        self._own_of_ctx["_rng"] = None
         self._phase.before_reading = None
         for agent, own in zip(self._agents, self._first_attributes, strict=True):
-            agent.__dict__ = copied(own)
+            agent.__dict__ = own
         for last in self._lasts:
             last[0] = {}
         self._pointed.release()
@@ -338,8 +349,8 @@ class Cursor:
     def _take_sensors(self) -> None:
         """Find the sensors of agents that are asked, and which of them count their looks."""
         self._sensors = [sensor for agent in self._agents for sensor in agent.sensors.values()]
-        asked = {self._state.roster.names[number] for number in self._asked_numbers}
-        carried = [one for agent in self._agents if agent.name in asked for one in agent.sensors.values()]
+        asked = (agent for agent in self._agents if agent.name in self._asked_names)
+        carried = [sensor for agent in asked for sensor in agent.sensors.values()]
         looks = [(one, one.in_arrays()) for one in carried if hasattr(one, "in_arrays")]
         self._notices = [one.notice for one, look in looks if look is not None and not look.is_plain]
         self._sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
@@ -350,20 +361,10 @@ class Cursor:
             raise NotTakenUp(self._why)
         if self._what_is_fixed() != self._fixed:
             self._leave("changes the map, settings, rules, sensors or strategies")
-        if not is_same(self._shared_attributes, self._first_attributes):
+        if self._are_shared and not is_same(self._shared_attributes, self._first_attributes):
             self._leave("changes the __dict__ of agents")
-        self._refuse_private_facts()
         if self._own_of_ctx["_rng"] is not None:
             self._leave("draws from ctx.rng")
-
-    def _refuse_private_facts(self) -> None:
-        of_agents, of_teams = self._values.agent_facts, self._values.team_facts
-        if any(of_agents.values()) or any(of_teams.values()):
-            self._leave("publishes facts to single agents or teams")
-        if of_agents or of_teams:  # a function has asked for them
-            of_agents.clear()
-            of_teams.clear()
-            self._alive = None
 
     def _forget_looks(self) -> None:
         for last in self._lasts:
@@ -377,17 +378,23 @@ class Cursor:
         for number in pointed.each(games):
             self._number = number
             self._read.clear()
-            if not self._keeps_in_columns:
-                values.team_memories = self._team_memories[number]
+            values.team_memories = self._team_memories[number]
             values.over = self._over = state.over[number]
-            if pointed.alive != self._alive:
+            private = self._private_facts[number] or self._nothing_private
+            if private is not self._private_shown:
+                self._private_shown = private
+                values.agent_facts, values.team_facts = private
+            if pointed.alive != self._alive or any(private) == self._is_public:
                 self._take_living(pointed.alive)
             if state.radio is not None:
                 self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
             facts = self._facts_of[number]
             if facts is not self._facts_own:
                 self._show_facts(facts)
-            attributes = self._attributes[number] or self._shared_attributes
+            attributes = self._attributes[number]
+            if attributes is None and not self._are_shared:
+                attributes = self._attributes[number] = [copied_values(own) for own in self._first_attributes]
+            attributes = attributes or self._shared_attributes
             if attributes is not self._attributes_shown:
                 self._show_attributes(attributes)
             yield number
@@ -421,8 +428,10 @@ class Cursor:
         """Let some games begin again."""
         self._pointed.forget(games)
         memories, of_teams = self._first_memories
+        first = self._first_private_facts
         known = {name: memory for name, memory in memories.items() if memory}
         for number in games.tolist():
+            self._private_facts[number] = copied(first) if any(first) else None
             self._data[number] = self._facts_of[number] = self._attributes[number] = None
             self._memories[number] = defaultdict(dict, copied(known))
             self._team_memories[number] = copied(of_teams)
@@ -443,11 +452,12 @@ class Cursor:
     def _take_living(self, alive: bytes) -> None:
         """Let the agents that live now take turns."""
         self._alive = alive
-        self._living = self._living_of(alive)
+        self._is_public = not any(self._private_shown)
+        self._living = self._living_of(alive, self._is_public)
         self._turns.take_order(self._living.order)
 
-    def _new_living(self, _: bytes) -> _Living:
-        """Return the order of the agents that live now."""
+    def _new_living(self, _: bytes, is_public: bool) -> _Living:  # noqa: ARG002 - on which the order depends
+        """Return the order of the agents that live now, which know the same facts or not."""
         return _Living(self._turns.order(), self._turns.draw_table, {})
 
     def _order_of(self, alive: bytes) -> TurnOrder:
@@ -526,13 +536,15 @@ class Cursor:
         state = self._state
         columns = {kind: state.counts[kind][self._number].tolist() for kind in COUNTED}
         names = enumerate(state.roster.names)
-        return {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
+        return self._first_counts | {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
 
     def _make_memories(self) -> NoReturn:
         self._leave("reads ctx.game.memories")
 
     def _make_moves(self) -> TurnMoves | None:
         """Return how agents have moved in the last turn of the game; None: there was none."""
+        if self._state.turn[self._number] == self._first_turn and not self._core.num_played_parts(self._number):
+            return self._first_moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(np.array([self._number])))
         if not took_part.any():
             return None
@@ -629,6 +641,9 @@ class Cursor:
             self._state.numbers[name][number, self._pointed.numbers] = getattr(self._block, name)
         if self._facts != self._facts_shown:
             self._take_facts()
+        if self._private_shown is self._nothing_private and any(self._nothing_private):
+            self._private_facts[number] = self._nothing_private
+            self._nothing_private = {}, {}
 
     def _take_roads(self) -> None:
         """Let the game have the roads that a function has left open."""
@@ -848,6 +863,7 @@ class Cursor:
         """Return a function that takes back all that happens from now on."""
         undo = self._state.checkpoint(self._core.moves)
         facts = [*self._facts_of]
+        private_facts = [one and copied(one) for one in self._private_facts]
         attributes = copied(self._attributes)
         delayed_looks = [{**looks} for looks in self._pointed.delayed_looks]
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
@@ -861,6 +877,7 @@ class Cursor:
             for one, values in zip(self._collectors, collected, strict=False):  # none if there are no collectors
                 one.restore(values)
             self._facts_of[:] = facts
+            self._private_facts[:] = private_facts
             self._attributes[:] = attributes
             self._pointed.delayed_looks[:] = delayed_looks
             self._memories[:] = [defaultdict(dict, each) for each in memories]
@@ -897,9 +914,3 @@ def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
         if core_form_of(game.settings(), agent) is None and not is_array_function:
             found.append(number)
     return found
-
-
-def keep_in_columns(game: PlayedGame, roster: Roster) -> bool:
-    """Whether what teams remember may be in columns of the batch, where array functions keep it."""
-    deciders = (decider_of(agent, game.settings()["plans"]) for agent in roster.agents)
-    return any(strategy_spec_of(one).array_form is not None for one in deciders)

@@ -384,6 +384,10 @@ class CoreGames:
         block = self._block
         return block.start[games], block.ends[games], block.takes_part[games] > 0
 
+    def num_played_parts(self, game: int) -> int:
+        """Return how many parts of the turn that is under way were played in a game."""
+        return int(self._block.part[game])
+
     @property
     def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
         """The columns of the last moves, how many parts of a turn were played, and where agents wanted to go."""

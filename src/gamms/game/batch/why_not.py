@@ -5,9 +5,9 @@ from itertools import chain
 from typing import Any
 
 from gamms.core import moves
-from gamms.game.batch.begun import goes_along_one_edge, has_last_moves, may_forget, movement_of, why_not_begun
+from gamms.game.batch.begun import goes_along_one_edge, may_forget, movement_of, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
-from gamms.game.batch.cursor import asked_of, is_plain_rule, keep_in_columns
+from gamms.game.batch.cursor import asked_of, is_plain_rule
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
@@ -16,7 +16,6 @@ from gamms.game.batch.strategy_steps import why_not_by_steps
 from gamms.game.batch.travelers import why_not_by
 from gamms.game.conflicts import ranked
 from gamms.game.settings import NamedRule, as_called
-from gamms.plain import is_plain
 from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 
@@ -25,7 +24,7 @@ def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     """Return what keeps games from being played in the core, in words; None: nothing but perhaps their map."""
     decided = why_not_decided(game, roster).values()
     is_plain = goes_along_one_edge(game, roster)
-    ruled = _why_not_ruled(game, roster)
+    ruled = _why_not_ruled(game)
     called = _why_not_called(game, roster)
     ordered = _why_not_in_order(game, roster, is_plain=is_plain)
     return next(chain(_why_not_played(game), ordered, _why_not_agents(game, roster), ruled, decided, called), None)
@@ -51,19 +50,9 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
     first = first_called(game, roster)
     if first is None:
         return
-    block, values, asked = game.ctx.agent.block, game.internals.state, asked_of(game, roster)
-    if game.ctx.rng_state() is not None or (not game.turn and list(block.previous) != list(block.node)):
-        yield f"{first}, in a game that was not at its start"
-    if values.departed or not has_last_moves(game, roster):
-        yield f"{first}, in a game that has begun"
-    if values.agent_facts or values.team_facts:
-        yield f"{first}, with facts of single agents or teams"
-    if block.has_teams or not all(is_plain(vars(agent)) for agent in roster.agents):
-        yield f"{first}, with attributes of agents that cannot be compared"
+    asked = asked_of(game, roster)
     if asked and _decides_at_arrivals(game):
         yield f"{first}, with agents that decide at arrivals"
-    if game.settings()["team_memory"] and asked and keep_in_columns(game, roster):
-        yield f"{first}, among others of which the teams remember something in columns"
 
 
 def _decides_at_arrivals(game: PlayedGame) -> bool:
@@ -117,7 +106,7 @@ def _why_not_agents(game: PlayedGame, roster: Roster) -> Iterator[str]:
             yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
 
 
-def _why_not_ruled(game: PlayedGame, roster: Roster) -> Iterator[str]:
+def _why_not_ruled(game: PlayedGame) -> Iterator[str]:
     """Yield the rules, checks and conflicts that the core does not have."""
     conflicts = game.settings()["conflicts"]
     for one in as_called(game.rules):
@@ -125,8 +114,6 @@ def _why_not_ruled(game: PlayedGame, roster: Roster) -> Iterator[str]:
             yield f"the check of the rule {one.name!r}"
         if not _is_played(one):
             yield f"the rule {one.name!r}"
-        if one.phase == "before" and not has_last_moves(game, roster):
-            yield f"the rule {one.name!r}, before a turn of a game that has begun"
     if conflicts is not None and ranked(conflicts) is None:
         yield f"the conflicts {as_code(conflicts)}"
 
