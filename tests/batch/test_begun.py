@@ -274,10 +274,18 @@ def test_games_that_are_observed_before_their_next_turn_keep_what_has_happened()
 
 
 def heedful(state):
-    """Go on if the way was free, and remember why not."""
+    """Go on if the way was free, and remember why not; scan where it goes, sometimes."""
     visits = state["memory"].setdefault("visits", [])
     visits.append((state["curr_pos"], state["blocked"]))
-    state["action"] = state["legal"][(len(visits) * 7 + state["curr_pos"]) % len(state["legal"])]
+    node = state["legal"][(len(visits) * 7 + state["curr_pos"]) % len(state["legal"])]
+    state["action"] = {"node_id": node, "do": {"scan": {"node": node}}} if node % 3 else node
+
+
+@gamms.array_rule
+def count_scans(turn):
+    """Note what agents have scanned."""
+    done = turn.performed("scan")
+    turn.emit("counted", done.at, agents={"agent": done.agents}, nodes={"node": done.nodes, "at": done.values["node"]})
 
 
 def trace(ctx):
@@ -296,7 +304,7 @@ def test_games_that_have_begun_go_on_in_the_core_with_plain_functions(way, phase
     rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]
     at_arrivals = "decide" in given
     conflicts = None if at_arrivals else {"capacity": 1, "allow_swaps": False}
-    scenario = scene(rules, side=4, settings=given, conflicts=conflicts, max_turns=9)
+    scenario = scene(rules, side=4, settings=given | {"deeds": DEEDS}, conflicts=conflicts, max_turns=9)
     if speed is not None:
         scenario = scenario.replace(**{f"teams.{team}.speed": speed for team in ("red", "blue")})
     with scenario.build(seed=3, strategies=None if at_arrivals else {"red": heedful}) as ctx:
@@ -304,6 +312,7 @@ def test_games_that_have_begun_go_on_in_the_core_with_plain_functions(way, phase
         ctx.game.add(look, phase=phase)
         if "order" not in given:
             ctx.game.add(gates, phase=phase)
+            ctx.game.add(count_scans, phase=phase)
         ctx.game.collect("nodes", lambda agent: agent.current_node_id, per="agent")
         for _ in range(3):
             ctx.game.step()

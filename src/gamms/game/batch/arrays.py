@@ -277,6 +277,7 @@ class GamesOnMap:
         last = self._beginning.last_turn
         if last is not None and self.state.turn[games[0]] == self._beginning.turn:
             turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
+            turn._deeds = self._beginning.last_deeds(len(games))
         else:
             turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
             if self.core.courses is not None:

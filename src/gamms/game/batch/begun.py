@@ -9,7 +9,8 @@ import numpy as np
 
 from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, some_rows
+from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.in_core import Block
 from gamms.game.batch.last_turn import LastTurn
@@ -104,9 +105,13 @@ class Beginning:
         self._places = [rows([int(column[row]) for row in own]) for column in (block.node, block.previous)]
         self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
         self.last_turn: LastTurn | None = None
+        self._last_deeds: list[ArrayDeeds] = []
         is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
         if values.moves is not None and is_read:
             self.last_turn = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
+            done = enumerate(game.performed())
+            deeds = [(0, names.index(one.agent), i, one.kind, one.values) for i, one in done if one.agent in names]
+            self._last_deeds = state.deeds.from_plain(deeds, self.last_turn.starts)
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
         self._placed = [name in known and block.row_of(name) in block.placed for name in names]
@@ -138,6 +143,15 @@ class Beginning:
             except NotTakenUp as error:  # what it keeps is not in `first` then
                 state.takes_up[:], state.why_not_first = False, f": {error}"
 
+    def last_deeds(self, games: int) -> list[ArrayDeeds]:
+        """Return what agents did in the last turn, in each of so many games."""
+        found = []
+        for one in self._last_deeds:
+            number = len(one.at)
+            repeated = some_rows(one, np.tile(np.arange(number), games))
+            found.append(repeated._replace(at=np.repeat(np.arange(games), number)))
+        return found
+
     def put(self, state: GameArrays, columns: Block, games: IntArray) -> None:
         """Let some games begin here, which were reset."""
         state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
@@ -164,7 +178,7 @@ class Beginning:
             state.errors[game] += self._errors
         state.events.begin(games, self._events)
         if state.radio is not None:
-            state.radio.go_on(games, self._messages, self._turn)
+            state.radio.go_on(games, self._messages, self.turn)
         if state.deed_log is not None:
             state.deed_log.begin(games, self._deeds)
 

@@ -161,6 +161,32 @@ class _Asked(NamedTuple):
     templates: list[tuple[str, dict[str, Any]]]
 
 
+class _First(NamedTuple):
+    """What games begin with; see `GameState`.
+
+    Attributes:
+        turn, moves, counts, blocked: how many turns were played, and what is known of agents in them.
+        memories, team_memories: what agents and teams remember.
+        private_facts: the facts of agents and those of teams.
+    """
+
+    turn: int
+    moves: TurnMoves | None
+    counts: dict[str, dict[str, int]]
+    blocked: dict[str, str]
+    memories: dict[str, dict[Any, Any]]
+    team_memories: dict[Any, dict[Any, Any]]
+    private_facts: _PrivateFacts
+
+    @classmethod
+    def of(cls, state: GameState) -> "_First":
+        """Return what the game of a context begins with."""
+        memories = {name: memory for name, memory in state.memories.items() if memory}
+        counts = {name: each.copy() for name, each in state.counts.items()}
+        private_facts = state.agent_facts, state.team_facts
+        return cls(state.turn, state.moves, counts, {**state.blocked}, memories, state.team_memories, private_facts)
+
+
 class _Living(NamedTuple):
     """The order of a turn of the agents that live in a game.
 
@@ -232,7 +258,6 @@ class Cursor:
         games = range(len(state))
         self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
         self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
-        self._first_private_facts = parts.state.agent_facts, parts.state.team_facts
         self._nothing_private: _PrivateFacts = ({}, {})  # of games without such facts
         self._private_facts: list[_PrivateFacts | None] = [None for _ in games]  # None: there are none
         self._attributes: list[list[dict[str, Any]] | None] = [None for _ in games]  # None: as at the start
@@ -243,12 +268,7 @@ class Cursor:
         self._asked_agents = frozenset(asked)
         self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
-        self._first_memories = parts.state.memories, parts.state.team_memories
-        self._first_turn = game.turn
-        self._first_moves: TurnMoves | None = parts.state.moves
-        self._first_counts = {name: counts.copy() for name, counts in parts.state.counts.items()}
-        blocked = parts.state.blocked.items()
-        self._first_undone = {name: why for name, why in blocked if name in self._asked_names}
+        self._first = _First.of(parts.state)
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
@@ -427,16 +447,15 @@ class Cursor:
     def forget(self, games: IntArray) -> None:
         """Let some games begin again."""
         self._pointed.forget(games)
-        memories, of_teams = self._first_memories
-        first = self._first_private_facts
-        known = {name: memory for name, memory in memories.items() if memory}
+        first = self._first
+        undone = {name: why for name, why in first.blocked.items() if name in self._asked_names}
         for number in games.tolist():
-            self._private_facts[number] = copied(first) if any(first) else None
             self._data[number] = self._facts_of[number] = self._attributes[number] = None
-            self._memories[number] = defaultdict(dict, copied(known))
-            self._team_memories[number] = copied(of_teams)
+            self._private_facts[number] = copied(first.private_facts) if any(first.private_facts) else None
+            self._memories[number] = defaultdict(dict, copied(first.memories))
+            self._team_memories[number] = copied(first.team_memories)
             self._collectors[number] = self._new_collectors()
-            self._undone[number] = self._first_undone.copy()
+            self._undone[number] = undone.copy()
             self._inboxes.pop(number, None)
 
     def _new_inboxes(self) -> Inboxes:
@@ -536,15 +555,15 @@ class Cursor:
         state = self._state
         columns = {kind: state.counts[kind][self._number].tolist() for kind in COUNTED}
         names = enumerate(state.roster.names)
-        return self._first_counts | {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
+        return self._first.counts | {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
 
     def _make_memories(self) -> NoReturn:
         self._leave("reads ctx.game.memories")
 
     def _make_moves(self) -> TurnMoves | None:
         """Return how agents have moved in the last turn of the game; None: there was none."""
-        if self._state.turn[self._number] == self._first_turn and not self._core.num_played_parts(self._number):
-            return self._first_moves
+        if self._state.turn[self._number] == self._first.turn and not self._core.num_played_parts(self._number):
+            return self._first.moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(np.array([self._number])))
         if not took_part.any():
             return None
@@ -620,16 +639,9 @@ class Cursor:
 
     def _take(self) -> None:
         """Write the changes of a game into the columns."""
-        read, number = self._read, self._number
-        if "scores" in read:
-            self._take_scores(read["scores"])
-        if "events" in read and len(read["events"]) != self._num_events:
-            if len(read["events"]) < self._num_events:
-                self._leave("deletes events")
-            self._note_events(read["events"][self._num_events :])
-        if "messages" in read and len(read["messages"]) != self._num_messages:
-            self._leave("changes ctx.game.messages")
-        over = self._values.over
+        number, over = self._number, self._values.over
+        if self._read:
+            self._take_logs(self._read)
         if over is not self._over:
             self._state.over[number] = over
             self._state.is_going[number] = over is None
@@ -644,6 +656,17 @@ class Cursor:
         if self._private_shown is self._nothing_private and any(self._nothing_private):
             self._private_facts[number] = self._nothing_private
             self._nothing_private = {}, {}
+
+    def _take_logs(self, read: dict[str, Any]) -> None:
+        """Write the changes of the scores and the events of a game that were read."""
+        if "scores" in read:
+            self._take_scores(read["scores"])
+        if "events" in read and len(read["events"]) != self._num_events:
+            if len(read["events"]) < self._num_events:
+                self._leave("deletes events")
+            self._note_events(read["events"][self._num_events :])
+        if "messages" in read and len(read["messages"]) != self._num_messages:
+            self._leave("changes ctx.game.messages")
 
     def _take_roads(self) -> None:
         """Let the game have the roads that a function has left open."""
@@ -850,7 +873,7 @@ class Cursor:
         undone = self._undone.get(self._number, {})
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
-            if state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first_turn:
+            if state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first.turn:
                 why.append(in_conflict(self._core.wanted(self._number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))
