@@ -308,7 +308,6 @@ EVERY_RULE = [
 ]
 OTHERWISE = {
     "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
-    "a part of the teams": {"settings": {"order": [["red"]]}},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
 }
 
@@ -552,13 +551,27 @@ def test_waypoints_that_are_loaded_are_nodes(number):
     ],
     ids=["detection", "arc", "fixed place", "no range"],
 )
-def test_agents_that_look_by_other_sensors_are_asked_one_by_one(change):
+def test_agents_that_look_by_other_sensors_are_asked_game_by_game(change):
     team = {"count": 2, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
     near = {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0}}}
     scenario = scene(teams={"red": team, "blue": {"count": 2, "strategy": WALK}}, **near)
     with scenario.batch(2) as games, scenario.replace(**change).batch(2) as others:
         assert is_in_core(games)
-        assert not is_in_core(others)
+        assert games.slow is None
+        assert is_in_core(others)
+        assert "chase" in others.slow
+        others.run()
+        assert plain(others.result(1)) == plain(scenario.replace(**change).play(seed=1))
+
+
+def test_strategies_by_metres_of_which_illegal_actions_are_raised_are_asked_game_by_game():
+    scenario = BY_METRES.replace(**{"settings.on_illegal": "raise"})
+    with BY_METRES.batch(2) as games, scenario.batch(2) as others:
+        assert games.slow is None
+        assert is_in_core(others)
+        assert "random_waypoints" in others.slow
+        others.run()
+        assert plain(others.result(1)) == plain(scenario.play(seed=1))
 
 
 def test_what_agents_remember_is_checked_when_it_was_loaded():

@@ -34,6 +34,7 @@ from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
 from gamms.game.messages import ANTENNA, Scene
+from gamms.game.order import left_out
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan, as_called
 from gamms.ir.game_state import PHASES
@@ -76,6 +77,7 @@ class GamesOnMap:
     Attributes:
         game, state: see above.
         before: the rules of the phase "before".
+        unlisted: (agents,) which are of teams that the order of play leaves out.
         core: plays them.
         cursor: calls plain functions; None: there are none.
 
@@ -93,6 +95,7 @@ class GamesOnMap:
         check = partial(checked_value, ctx=game.ctx)
         state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
         self._block = block
+        self.unlisted = roster.unlisted(settings["order"])
         self.before = [one for one in as_called(game.rules) if one.phase == "before"]
         self._groups = _groups(roster, settings["plans"])
         rules, asked = as_called(game.rules), asked_of(game, roster)
@@ -127,7 +130,7 @@ class GamesOnMap:
         """Yield a function that takes back what happens from now on, where functions may raise after rules or moves."""
         if self.cursor is not None:
             yield self.cursor.checkpoint()
-        elif (self._groups or self.state.radio is not None) and self.core.num_parts > 1:
+        elif ((self._groups or self.state.radio is not None) and self.core.num_parts > 1) or self.unlisted.any():
             yield self.state.checkpoint(self.core.moves)
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
@@ -137,6 +140,20 @@ class GamesOnMap:
         if self.cursor is not None:
             self.cursor.forget(games)
 
+    def refuse_unlisted(self, games: IntArray) -> None:
+        """Refuse to play games in which an agent lives whose team the order of play leaves out.
+
+        Raises:
+            BadValue: there is one.
+        """
+        lives = self.state.alive[games] & self.unlisted
+        if lives.any():
+            at, agent = np.argwhere(lives)[0].tolist()
+            roster, number = self.state.roster, int(games[at])
+            error = left_out(roster.names[agent], roster.teams[roster.team_of[agent]])
+            error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
+            raise error
+
     def check(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Refuse what is not legal before a rule is called."""
         self._take(games, given)
@@ -145,6 +162,7 @@ class GamesOnMap:
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
+        games = self._beginning.not_under_way(self.state, games)
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
@@ -280,8 +298,7 @@ class GamesOnMap:
             turn._deeds = self._beginning.last_deeds(len(games))
         else:
             turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
-            if self.core.courses is not None:
-                turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
+            turn.paths = self.core.paths(games)
         turn._lock()
         try:
             form(turn)
@@ -409,6 +426,9 @@ class ArrayEngine:
 
         Only where there are no array functions.
         """
+        if any(one.unlisted.any() for one in self._maps):  # who may be dead
+            self.step({})
+            return 1
         before = self._state.turn.copy()
         last = before + turns
         until = last if self._last is None else np.minimum(last, self._last)
@@ -443,30 +463,38 @@ class ArrayEngine:
         """Play one turn; the games of all maps come to the end of a phase before the next begins."""
         if self._at_arrivals and (given or numbers is not None):
             raise NotTakenUp("actions from outside, of agents that decide at arrivals")
-        self._block.part[:] = 0  # an error may have ended the last turn in another
         for log in self._logs_of_turn:
             log.begin_turn()
         if any(one.before for one in self._maps):
             playing = self._call_before(playing, given)
+        for one, games in zip(self._maps, playing, strict=True):
+            one.refuse_unlisted(games)
         if numbers is not None:
             self._block.given[:] = numbers.actions
         are_given = [one.take(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
+        first = self._block.part.copy()
+        try:
+            self._play_parts(playing, first, are_given, threads)
+        except BaseException:
+            self._block.part[:] = first
+            raise
+        self._finish(playing)
+
+    def _play_parts(
+        self, playing: list[IntArray], first: IntArray, are_given: Sequence[BoolArray | None], threads: int
+    ) -> None:
+        """Let agents decide and move, part by part; of each game those from the first part on that was not played."""
         begun = self._state.turn * self._num_parts
         for part in range(self._num_parts):
-            self._decide(playing, part, are_given)
+            for one, games, is_given in zip(self._maps, playing, are_given, strict=True):
+                if is_given is not None:
+                    one.decide(games[first[games] <= part], part, is_given)
             flaws, turns = self._admit(part), self._state.turn.copy()
             if self._deed_log is not None:
                 self._deed_log.do(part)
             self._play(playing, begun + part + 1, are_given, threads)
             for flaw in flaws:
                 self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
-        self._finish(playing)
-
-    def _decide(self, playing: list[IntArray], part: int, are_given: Sequence[BoolArray | None]) -> None:
-        """Ask the functions that decide for agents of a part of the turn."""
-        for one, games, is_given in zip(self._maps, playing, are_given, strict=True):
-            if is_given is not None:
-                one.decide(games, part, is_given)
 
     def _finish(self, playing: list[IntArray]) -> None:
         """Send messages, and call rules and collectors, in games that have moved."""

@@ -94,6 +94,7 @@ class Beginning:
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
         self.turn = game.turn
+        self._parts_played = values.parts_played
         self._scores = dict(values.scores)
         self._errors = [*values.errors]
         self._events = [*values.events]
@@ -152,6 +153,10 @@ class Beginning:
             found.append(repeated._replace(at=np.repeat(np.arange(games), number)))
         return found
 
+    def not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
+        """Return those of some games of whose turns nothing was played."""
+        return games if self._parts_played is None else games[state.turn[games] > self.turn]
+
     def put(self, state: GameArrays, columns: Block, games: IntArray) -> None:
         """Let some games begin here, which were reset."""
         state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
@@ -172,6 +177,9 @@ class Beginning:
             state.scores.add(key, games, points)
         self._put_logs(state, games)
         columns.begin(games)
+        if self._parts_played:
+            columns.part[games] = self._parts_played
+            columns.takes_part[games] = state.alive[games]
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
         for game in games.tolist():

@@ -274,6 +274,10 @@ class Roster(NamedTuple):
         parts = [next((i for i, part in enumerate(order or ()) if team in part), 0) for team in self.teams]
         return np.array(parts, np.int64)[self.team_of]
 
+    def unlisted(self, order: Sequence[Sequence[Hashable]] | None) -> BoolArray:
+        """Return which agents are of teams that an order of play leaves out, (agents,)."""
+        return ~self.plays_for(None if order is None else [team for part in order for team in part])
+
     def are_teams(self) -> BoolArray:
         """Which teams have mates, (teams,): all but those of no team (None)."""
         return np.array([team is not None for team in self.teams], np.bool_)

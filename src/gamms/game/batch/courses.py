@@ -220,6 +220,23 @@ class MetreCourses:
         return found._replace(legs=legs, edge=end, motion=motion, stays=stays, waits=waits, rests=end < 0)
 
 
+def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: int) -> Paths:
+    """Return the paths of agents along one edge, each in its part of the turn, (games, agents).
+
+    Args:
+        starts: of their moves.
+        ends: likewise.
+        part_of: (agents,) the parts in which they move.
+        parts: how many there are.
+    """
+    goes, waits = starts != ends, part_of > 0
+    lengths = np.where(goes, 2 + waits, 1)
+    nodes = np.stack((starts, np.where(waits, starts, ends), ends), axis=-1)
+    begin, end = part_of / parts, (part_of + 1) / parts
+    times = np.broadcast_to(np.stack((begin, np.where(waits, begin, end), end), axis=-1), nodes.shape).copy()
+    return _paths(nodes, times, lengths, starts)
+
+
 def _paths(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
     """Return paths of which so many nodes count."""
     counts = np.arange(nodes.shape[-1]) < lengths[..., None]

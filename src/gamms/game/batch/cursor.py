@@ -934,6 +934,6 @@ def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         is_array_function = strategy_spec_of(decider).array_form is not None
-        if core_form_of(game.settings(), agent) is None and not is_array_function:
+        if core_form_of(game.settings(), roster, number) is None and not is_array_function:
             found.append(number)
     return found

@@ -14,13 +14,13 @@ from gamms.core import conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue
 from gamms.game.arrivals import WAITS
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import Failure, PlayedGame, decider_of
-from gamms.game.batch.courses import EdgeCourses, MetreCourses
+from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
+from gamms.game.batch.courses import EdgeCourses, MetreCourses, paths_in_parts
 from gamms.game.batch.forms import strategy_spec_of
-from gamms.game.batch.movement import Anywhere
+from gamms.game.batch.movement import Anywhere, Paths
 from gamms.game.batch.roads import RoadTables
 from gamms.game.batch.state import CoreEvents, GameArrays
-from gamms.game.batch.strategy_steps import LOOKING, StrategySteps, always_act
+from gamms.game.batch.strategy_steps import LOOKING, MOST_LOOKING, StrategySteps, always_act, has_plain_looks
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
 from gamms.game.conflicts import Table, flat
@@ -30,7 +30,6 @@ from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
-from gamms.typing import IAgent
 from gamms.typing.game import EdgePlace
 
 ONE_THAT_SHOWS = "a winner that the core finds"
@@ -304,13 +303,15 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_form_of(settings: Mapping[str, Any], agent: IAgent) -> int | None:
+def core_form_of(settings: Mapping[str, Any], roster: Roster, number: int) -> int | None:
     """Return the number by which the core knows what decides for an agent, None: it does not play that.
 
     Args:
         settings: of the game.
-        agent: one without a strategy stays.
+        roster: its agents; one without a strategy stays.
+        number: of the agent.
     """
+    agent = roster.agents[number]
     decider = decider_of(agent, settings["plans"])
     if decider is None:
         return moves.STAY
@@ -319,10 +320,12 @@ def core_form_of(settings: Mapping[str, Any], agent: IAgent) -> int | None:
     if spec.core_form is not None:
         return spec.core_form
     kinds = {step.kind for step in steps}
+    by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
-    looks_at_edges = settings["speed_unit"] != "edges" and not kinds.isdisjoint(LOOKING)
-    is_played = always_act(steps) and not (goes_on or looks_at_edges) and settings["legal"] == "edges"
-    return moves.BY_STEPS if is_played else None
+    may_look = by_edges and len(roster.names) <= MOST_LOOKING and has_plain_looks(agent)
+    may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
+    is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
+    return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
 
 
 def is_function(rule: NamedRule) -> bool:
@@ -355,7 +358,7 @@ class CoreGames:
         self._keeps_courses = is_apart or any(map(is_function, as_called(game.rules)))
         self._conflicts = settings["conflicts"]
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        found = [core_form_of(settings, agent) for agent in state.roster.agents]
+        found = [core_form_of(settings, state.roster, number) for number in range(len(deciders))]
         forms = [moves.STAY if one is None else one for one in found]
         self._decides_by = np.array(forms, np.uint8)
         pairs = zip(forms, deciders, strict=True)
@@ -399,6 +402,13 @@ class CoreGames:
     def courses(self) -> EdgeCourses | MetreCourses | None:
         """How agents go that do not go along one edge a turn, where functions are called; None: there are none."""
         return None if self._columns is None else self._columns.courses
+
+    def paths(self, games: IntArray) -> Paths | None:
+        """Return how agents of some games have gone in their last turns; None: all along one edge at once, or none."""
+        starts, ends, took_part = self.last_moves(games)
+        if self.courses is not None:
+            return self.courses.paths(games, starts, took_part)
+        return None if self.num_parts == 1 else paths_in_parts(starts, ends, self.part_of, self.num_parts)
 
     def wanted(self, game: int, agent: int) -> int | EdgePlace:
         """Return the node or the edge to which an agent wanted to go that a conflict has stopped."""

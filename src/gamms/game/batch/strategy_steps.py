@@ -1,6 +1,6 @@
 """What agents along edges decide by in the core: the steps of strategies, sensors, memories, and tables of ways."""
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from functools import partial
 from itertools import accumulate, chain
 from typing import Any, NamedTuple
@@ -10,8 +10,8 @@ import numpy as np
 from gamms.arguments import as_int
 from gamms.core import routes, rules, strategies
 from gamms.errors import BadValue
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of
-from gamms.game.batch.forms import CoreStep, strategy_spec_of
+from gamms.game.batch.columns import Roster
+from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.roads import RoadMap, RoadTables
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.conflicts import flat
@@ -31,17 +31,6 @@ LOOKING = ("chase", "flee")
 _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
 
 
-def why_not_by_steps(game: PlayedGame, roster: Roster) -> Iterator[str]:
-    """Yield, in words, the reasons why the core cannot play strategies with steps."""
-    agents, plans = roster.agents, game.settings()["plans"]
-    steps = [_steps_of(decider_of(agent, plans)) for agent in agents]
-    looking = [agent for agent, own in zip(agents, steps, strict=True) if _looks(own)]
-    if looking and len(agents) > MOST_LOOKING:
-        yield "many agents that look at each other"
-    if not all(map(has_plain_looks, looking)):
-        yield "sensors that do more than to show who is near"
-
-
 def always_act(steps: Sequence[CoreStep]) -> bool:
     """Whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
     if not steps:
@@ -52,12 +41,6 @@ def always_act(steps: Sequence[CoreStep]) -> bool:
     if first.kind == "skip":
         return always_act(rest[first.number :])
     return first.kind in ("stay", "walk") or always_act(rest)
-
-
-def _steps_of(decider: object) -> Sequence[CoreStep]:
-    """Return the steps that a strategy is played by; one that the core knows by a number has none."""
-    spec = strategy_spec_of(decider)
-    return () if isinstance(spec.core_form, int) else spec.core_steps or ()
 
 
 def _looks(steps: Sequence[CoreStep]) -> bool:

@@ -2,9 +2,7 @@
 
 from collections.abc import Hashable, Iterator
 from itertools import chain
-from typing import Any
 
-from gamms.core import moves
 from gamms.game.batch.begun import goes_along_one_edge, may_forget, movement_of, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
 from gamms.game.batch.cursor import asked_of, is_plain_rule
@@ -12,22 +10,19 @@ from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sensing import why_not_asked_in_core
-from gamms.game.batch.strategy_steps import why_not_by_steps
 from gamms.game.batch.travelers import why_not_by
 from gamms.game.conflicts import ranked
 from gamms.game.settings import NamedRule, as_called
 from gamms.text import as_code, shown
-from gamms.typing import AgentType, IAgent
+from gamms.typing import AgentType
 
 
 def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     """Return what keeps games from being played in the core, in words; None: nothing but perhaps their map."""
     decided = why_not_decided(game, roster).values()
-    is_plain = goes_along_one_edge(game, roster)
     ruled = _why_not_ruled(game)
     called = _why_not_called(game, roster)
-    ordered = _why_not_in_order(game, roster, is_plain=is_plain)
-    return next(chain(_why_not_played(game), ordered, _why_not_agents(game, roster), ruled, decided, called), None)
+    return next(chain(_why_not_played(game, roster), _why_not_agents(game, roster), ruled, decided, called), None)
 
 
 def first_called(game: PlayedGame, roster: Roster) -> str | None:
@@ -63,10 +58,10 @@ def _decides_at_arrivals(game: PlayedGame) -> bool:
 
 def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
     """Return what of the map keeps agents that move so from being played in the core, in words; None: nothing."""
-    return next(chain(why_not_by(by, roster), why_not_by_steps(game, roster)), None)
+    return next(why_not_by(by, roster), None)
 
 
-def _why_not_played(game: PlayedGame) -> Iterator[str]:
+def _why_not_played(game: PlayedGame, roster: Roster) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
     settings, graph = game.settings(), game.ctx.graph
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
@@ -74,24 +69,9 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
         yield "a map without edges, by metres"
     if game.internals.after_observing:
         yield "what is recorded of states"
-    yield from why_not_begun(game)
-
-
-def _why_not_in_order(game: PlayedGame, roster: Roster, *, is_plain: bool) -> Iterator[str]:
-    """Yield what the core does not have of an order of play."""
-    order = game.settings()["order"]
-    if order is None:
-        return
-    for team in roster.teams:
-        if not any(team in part for part in order):
-            yield f"an order of play that leaves out team {shown(team)}"
-    if not is_plain:
+    if settings["order"] is not None and not goes_along_one_edge(game, roster):
         yield "an order of play, of agents that do not go along one edge in a turn"
-    if game.internals.state.parts_played:
-        yield "a turn of which a part was played"
-    for one in as_called(game.rules):
-        if one.spec.is_array_function:
-            yield f"the rule {one.name!r} in arrays, with an order of play"
+    yield from why_not_begun(game)
 
 
 def _why_not_agents(game: PlayedGame, roster: Roster) -> Iterator[str]:
@@ -126,28 +106,26 @@ def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
     """Return, by team and in words, the strategies and sensors that the core does not have."""
     found: dict[Hashable, str] = {}
     plans = game.settings()["plans"]
-    is_plain = goes_along_one_edge(game, roster)
-    for agent in roster.agents:
+    for number, agent in enumerate(roster.agents):
         for one in preparing(agent, plans):
             found.setdefault(agent.team, f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
-        why = None if decider is None else next(_why_not_asked(game, agent, decider, is_plain=is_plain), None)
+        why = None if decider is None else next(_why_not_asked(game, roster, number), None)
         if why is not None:
             found.setdefault(agent.team, why)
     return found
 
 
-def _why_not_asked(game: PlayedGame, agent: IAgent, decider: Any, *, is_plain: bool) -> Iterator[str]:
+def _why_not_asked(game: PlayedGame, roster: Roster, number: int) -> Iterator[str]:
     """Yield, in words, why the core does not have the decider of an agent."""
-    settings, spec = game.settings(), strategy_spec_of(decider)
+    settings, agent = game.settings(), roster.agents[number]
+    decider = decider_of(agent, settings["plans"])
+    spec = strategy_spec_of(decider)
     kind = f"plan of team {shown(agent.team)}" if agent.team in settings["plans"] else "strategy"
-    form = core_form_of(settings, agent)
     if _decides_at_arrivals(game) and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, of agents that decide at arrivals"
     if settings["time_budget"] is not None and spec.array_form is not None:
         yield f"the {kind} {as_code(decider)}, in arrays, with a time budget"
-    is_called = form is None and spec.array_form is None  # with all that it remembers
+    is_called = core_form_of(settings, roster, number) is None and spec.array_form is None  # with all that it remembers
     if may_forget(game, agent) and not is_called:
         yield f"the {kind} {as_code(decider)}, which remembers something"
-    if form == moves.BY_STEPS and not is_plain and settings["on_illegal"] == "raise":
-        yield f"the {kind} {as_code(decider)}, of which illegal actions are raised"

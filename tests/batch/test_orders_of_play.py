@@ -1,0 +1,90 @@
+"""Teams that play one after another: games of a batch are those that are played alone."""
+
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadValue
+from gamms.rules import Conflicts
+from gamms.strategies import random_walk, stay
+
+SEEDS = [*range(40)]
+ORDER = [["blue"], ["red"]]
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}
+
+
+def check(ctx, seeds):
+    """Check that games in the core are those that are played alone; return their results."""
+    with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+        games.run()
+        assert games.is_in_arrays, games.slow
+        for number, seed in enumerate(games.seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())
+        return [games.result(number) for number in range(len(seeds))]
+
+
+@gamms.array_rule
+def toll(turn):
+    """Note when agents are where."""
+    visits = turn.visits(turn.alive | turn.took_part)
+    when = {"since": visits.begin.tolist(), "until": visits.end.tolist()}
+    turn.emit("toll", visits.at, agents={"agent": visits.agents}, nodes={"node": visits.nodes}, values=when)
+
+
+@pytest.mark.parametrize("seeds", [SEEDS[:2], SEEDS], ids=len)
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_array_rules_know_when_agents_were_where(phase, seeds):
+    with scene([TAG], side=4, max_turns=6, settings={"order": ORDER}).build() as ctx:
+        ctx.game.add(toll, phase=phase)
+        times = {event["since"] for one in check(ctx, seeds) for event in one.events if event["kind"] == "toll"}
+    assert {0.0, 0.5, 1.0} <= times
+
+
+def test_an_agent_that_comes_back_to_a_team_without_a_part_is_refused_in_its_turn():
+    def revive(ctx):
+        if ctx.game.turn == 3:
+            ctx.game.respawn(ctx.agent.get_agent("blue_0"))
+
+    with scene(blue=1, settings={"order": [["red"]]}).build() as ctx, ctx.game.fork(0).ctx as other:
+        for one in (ctx, other):
+            one.game.eliminate(one.agent.get_agent("blue_0"))
+        assert [result.turns for result in check(ctx, SEEDS[:2])] == [12, 12]
+        other.game.add(revive)
+        with other.game.batch(2) as games:
+            with pytest.raises(BadValue, match="leaves out team 'blue'") as raised:
+                games.run()
+            assert "In game 0 of a batch, with the seed 0." in raised.value.__notes__
+            assert games.turn.tolist() == [3, 3]
+
+
+def in_the_middle_of_a_turn(steps=3):
+    """Return a game that begins where the agents of the second of two teams decide."""
+    forks = []
+
+    def ask(state):
+        forks.append(state["fork"](7))
+        state["action"] = state["draw"].choice(state["legal"])
+
+    with scene([], side=4, settings={"order": ORDER}).build() as ctx:
+        ctx.agent.get_agent("red_1").strategy = ask
+        for _ in range(steps):
+            ctx.game.step()
+    game = forks[-1].game
+    for agent in game.ctx.agent.create_iter():
+        agent.strategy = random_walk
+    return game
+
+
+@pytest.mark.parametrize("seeds", [SEEDS[:2], SEEDS], ids=len)
+@pytest.mark.parametrize("strategy", [stay, random_walk])
+def test_games_go_on_in_the_middle_of_a_turn(strategy, seeds):
+    game = in_the_middle_of_a_turn()
+    game.conflicts = Conflicts(1)
+    before = {agent.name: agent.current_node_id for agent in game.ctx.agent.create_iter()}
+    game.ctx.agent.get_agent("red_0").strategy = strategy
+    game.max_turns = game.turn + 1
+    for result in check(game.ctx, seeds):
+        assert all(one["node"] == before[name] for name, one in result.agents.items() if one["team"] == "blue")
+    game.max_turns = game.turn + 5
+    assert {result.turns for result in check(game.ctx, seeds)} == {game.turn + 5}
