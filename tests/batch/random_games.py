@@ -348,7 +348,12 @@ class Drawn:
             z = {} if self.heights is None else {"z": self.heights[number]}
             ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4, **z})
         for number, (source, target, length) in enumerate(self.streets):
-            edge = {"source": NODES[source], "target": NODES[target], "length": length, "slow": 2.0 - length}
+            edge = {
+                "source": NODES[source],
+                "target": NODES[target],
+                "length": length,
+                "slow": 2.0 - length if number % 7 else inf,
+            }
             edge["travel_time"] = 0.2 + number % 3 / 4
             if self.is_bent and number % 3:
                 (x, y), (x1, y1) = divmod(source, 7)[::-1], divmod(target, 7)[::-1]

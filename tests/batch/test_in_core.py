@@ -584,3 +584,26 @@ def test_what_agents_remember_is_checked_when_it_was_loaded():
         games.load(columns, 1)
         with pytest.raises(BadValue, match="remember numbers from -1 to 2"):
             games.step()
+
+
+def test_agents_by_metres_stay_on_a_map_without_edges():
+    with gamms.create_context(game={"max_turns": 5}) as ctx:
+        for number in range(3):
+            ctx.graph.graph.add_node({"id": number, "x": number, "y": 0})
+            ctx.agent.create_agent(f"a{number}", start_node_id=number, team="red", strategy=strategies.random_walk)
+        ctx.game.speed_unit = "metres"
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            assert is_in_core(games)
+            games.run()
+            assert [one["moves"] for one in games.result(1).agents.values()] == [0, 0, 0]
+            alone.game.reset(seed=1)
+            assert plain(games.result(1)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_ways_that_do_not_fit_into_memory_are_refused_by_the_core(unit):
+    with (
+        gamms.limits.allowing("20K"),
+        BY_METRES.replace(**{"settings.speed_unit": unit, "teams.red.speed": 1e9}).batch(2) as games,
+    ):
+        assert "may go along" in games.slow

@@ -17,7 +17,7 @@ from gamms.game.batch.maps import OneByOneOnMaps, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import first_called, movement_in_core, why_not_decided, why_not_in_core, why_not_on_map
+from gamms.game.batch.why_not import first_called, movement_in_core, why_not_decided, why_not_in_core
 from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
@@ -129,10 +129,6 @@ class Batch(Fixed):
         """Return what plays the games in the core; None: it has not all that their maps need, as `slow` says then."""
         games = [source.game for source in self._sources]
         movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
-        whys = map(why_not_on_map, games, self._rosters, movements)
-        self._put_public(slow=next(filter(None, whys), None))
-        if self.slow is not None:
-            return None
         self._begin = self._starts(self.seeds, self.maps)
         try:
             engine = ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)

@@ -1,7 +1,6 @@
 """Makes what the core plays games with that go along several edges a turn, or by metres."""
 
 from array import array
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,16 +8,16 @@ import numpy as np
 from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, strategies, travel
 from gamms.game.arrivals import MOST_ARRIVALS
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import Roster
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
-from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.conflicts import flat
 from gamms.game.travel import ENDLESS, Memories, Reach, Trips
 from gamms.ir.graph import IntArray
+from gamms.limits import refuse_above
 
-_MOST_LEGS = 1 << 17  # of the agents of a game, 500 bytes each
+_BYTES_PER_LEG = 500  # of the agents of a game
+_BYTES_PER_KEPT = 80
 _MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
 _MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
 _MOST_NEAR = 1 << 17  # nodes on short ways, likewise
@@ -39,21 +38,20 @@ def most_legs(by: ByMetres) -> int:
     return 3 + min(int(np.searchsorted(lengths, fastest, side="right")), by.streets.num_nodes)
 
 
-def why_not_by(by: Movement, roster: Roster) -> Iterator[str]:
-    """Yield, in words, the reasons why the core cannot play the moves of games."""
-    if isinstance(by, ByMetres):
-        yield from _why_not_by_metres(by, roster)
-    elif not np.isfinite(by.streets.weights("length")).all():
-        yield "edges that are infinitely long"
-    elif isinstance(by, ByEdges) and len(roster.names) * most_nodes(by) > _MOST_LEGS:
-        yield "agents that may go along very many edges in a turn"
+def _refuse_too_long(legs: int, kept: int) -> None:
+    """Refuse ways of agents through a turn that would not fit into memory.
 
+    Args:
+        legs: of the agents of a game at most, or nodes that they pass.
+        kept: those of all games, if functions may ask for them.
 
-def _why_not_by_metres(by: ByMetres, roster: Roster) -> Iterator[str]:
-    if not (np.isfinite(by.terms.costs).all() and np.isfinite(by.columns.lengths).all()):
-        yield "edges that are infinitely long"
-    if len(roster.names) * most_legs(by) > _MOST_LEGS:
-        yield "agents that may go along very many edges in a turn"
+    Raises:
+        TooLarge: they would not.
+    """
+    refuse_above(
+        _BYTES_PER_LEG * legs + _BYTES_PER_KEPT * kept,
+        f"A batch whose agents may go along {legs} edges in a turn, all of a game together,",
+    )
 
 
 def most_nodes(by: ByEdges) -> int:
@@ -112,8 +110,9 @@ class EdgeColumns:
         self._agents = state.node.shape[1]
         self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
-        shape = len(state), self._agents
-        self.courses = EdgeCourses(by, shape, most_nodes(by)) if keeps_courses else None
+        shape, most = state.node.shape, most_nodes(by)
+        _refuse_too_long(self._agents * most, state.node.size * most * keeps_courses)
+        self.courses = EdgeCourses(by, shape, most) if keeps_courses else None
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
         self._hops = Memories(by.columns, np.ones(len(lengths)), rows, 8)
         self._ways = Memories(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
@@ -167,7 +166,8 @@ class MetreColumns:
         self._by = by
         self._agents = state.node.shape[1]
         self._most = most_legs(by)
-        shape = len(state), self._agents
+        shape = state.node.shape
+        _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
         self.courses = MetreCourses(by, shape, self._most) if keeps_courses else None
         starts, ends = np.zeros((2, *shape), np.int64)
         self.ends = starts, ends

@@ -10,7 +10,6 @@ from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sensing import why_not_asked_in_core
-from gamms.game.batch.travelers import why_not_by
 from gamms.game.conflicts import ranked
 from gamms.game.settings import NamedRule, as_called
 from gamms.text import as_code, shown
@@ -56,20 +55,11 @@ def _decides_at_arrivals(game: PlayedGame) -> bool:
     return by_metres and bool(settings["decide"] == "arrival")
 
 
-def why_not_on_map(game: PlayedGame, roster: Roster, by: Movement) -> str | None:
-    """Return what of the map keeps agents that move so from being played in the core, in words; None: nothing."""
-    return next(why_not_by(by, roster), None)
-
-
 def _why_not_played(game: PlayedGame, roster: Roster) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
-    settings, graph = game.settings(), game.ctx.graph
-    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    if by_metres and not len(graph.columns().edge_ids):
-        yield "a map without edges, by metres"
     if game.internals.after_observing:
         yield "what is recorded of states"
-    if settings["order"] is not None and not goes_along_one_edge(game, roster):
+    if game.settings()["order"] is not None and not goes_along_one_edge(game, roster):
         yield "an order of play, of agents that do not go along one edge in a turn"
     yield from why_not_begun(game)
 
