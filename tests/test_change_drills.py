@@ -1,4 +1,4 @@
-"""The table in CONTRIBUTING.md is true: each drill changes the files that it names, in a copy, and the change works."""
+"""The table in CONTRIBUTING.md is true: each test changes the files that a row names, in a copy, and the change works."""
 
 import os
 import shutil
@@ -365,3 +365,125 @@ with gamms.recorder.open("game.ggr") as recording:
     print(recording.state(6).agents["node"].tolist() == nodes)
 """
     assert printed(source, tmp_path, program).splitlines() == ["None {}", "True True", "True"]
+
+
+WIND = '''
+    wind: float = kept(
+        float,
+        _same,
+        captured=to_plain,
+        restored=float,
+        axis="game",
+        event=ChangeEvent(0x04000010, "GAME_WIND", Audience.ALL, "wind"),
+    )
+'''
+
+
+def test_a_kind_of_event_that_notes_a_field_of_the_game_is_one_entry(tmp_path):
+    before = "    data: dict[str, Any] = kept("
+    source = changed(tmp_path, ("ir/game_state.py", before, WIND.lstrip("\n") + before))
+    program = f"""{GAMES}
+def blow(ctx):
+    ctx.game.internals.state.wind += 0.5 if ctx.agent.get_agent("ben").current_node_id > 3 else 0.25
+
+def wind_of(ctx):
+    return ctx.game.internals.state.wind
+
+with opened() as ctx:
+    ctx.game.add(blow)
+    in_batch_and_alone(ctx, wind_of)
+    ctx.record.start("game")
+    snapshot = ctx.game.snapshot()
+    ctx.game.run(3)
+    ctx.record.stop()
+    now = wind_of(ctx)
+    ctx.game.restore(snapshot)
+    print(now > wind_of(ctx) == 0.0)
+with gamms.recorder.open("game.ggr") as recording:
+    recording.save("page.html")
+    print([event[1] for log in recording.logs() for event in log if isinstance(event, tuple)])
+    with recording.resume(3) as ctx:
+        print(wind_of(ctx) == now)
+"""
+    assert printed(source, tmp_path, program).splitlines() == [
+        "the rule 'blow' {}",
+        "True True",
+        "True",
+        "[{'wind': 0.25}, {'turn': 1, 'pace': 1}, {'wind': 0.5}, {'wind': 0.75}]",
+        "True",
+    ]
+
+
+CROSSES = """
+def render_crosses(ctx, data):
+    for x, y in data["at"]:
+        ctx.visual.render_line(x - 0.2, y, x + 0.2, y, (1, 2, 3))
+        ctx.visual.render_line(x, y - 0.2, x, y + 0.2, (1, 2, 3))
+"""
+
+HTML = """
+def html(commands, camera, *, title, background, dpi):
+    from gamms.visual.backends.svg import svg
+
+    return b"<!doctype html>" + svg(commands, camera, title=title, background=background, dpi=dpi)
+"""
+
+
+def test_something_to_draw_and_a_way_to_show_it_are_one_file_each(tmp_path):
+    before = '@FORMATS.register(".png")\n'
+    source = changed(
+        tmp_path,
+        ("visual/backends/__init__.py", "backends import svg\n", "backends import svg, xhtml\n"),
+        ("visual/backends/__init__.py", before, 'FORMATS.register(".xhtml")(xhtml.html)\n\n\n' + before),
+    )
+    (source / "gamms" / "visual" / "backends" / "xhtml.py").write_text(HTML)
+    (source / "gamms" / "visual" / "drawers" / "crosses.py").write_text(CROSSES)
+    program = f"""{GAMES}
+from gamms.visual.backends.xhtml import html
+from gamms.visual.drawers.crosses import render_crosses
+
+gamms.testing.check_backend(html)
+with opened() as ctx:
+    ctx.visual.add_artist("crosses", {{"drawer": render_crosses, "at": [(1.0, 1.0)]}})
+    ctx.visual.save("now.svg")
+    ctx.visual.save("now.xhtml")
+drawn, shown = open("now.svg").read(), open("now.xhtml").read()
+print(drawn.count("#010203"), shown.count("#010203"), shown.endswith(drawn))
+"""
+    assert printed(source, tmp_path, program) == "1 1 True"
+
+
+NORTH = """
+def north(state):
+    state["action"] = max(state["legal"])
+"""
+
+
+def test_a_strategy_is_one_function(tmp_path):
+    source = changed(tmp_path)
+    (source / "gamms" / "strategies" / "north.py").write_text(NORTH)
+    program = f"""{GAMES}
+from gamms.strategies.north import north
+
+with opened() as ctx:
+    ctx.agent.get_agent("ben").register_strategy(north)
+    in_batch_and_alone(ctx, lambda ctx: [agent.current_node_id for agent in ctx.agent.agents.values()])
+"""
+    assert printed(source, tmp_path, program).splitlines() == ["the strategy north {}", "True True"]
+
+
+LOWEST = """
+
+def lowest_bit(bits: int) -> int:
+    return bits & 1
+"""
+
+
+def test_a_function_of_the_core_is_its_text_and_a_line_of_types(tmp_path, monkeypatch):
+    source = changed(
+        tmp_path, ("core/draws.pxd", "\ncpdef u64 mix(", "\ncpdef u64 lowest_bit(u64 bits) noexcept nogil\ncpdef u64 mix(")
+    )
+    with (source / "gamms" / "core" / "draws.py").open("a") as file:
+        file.write(LOWEST)
+    monkeypatch.setenv("GAMMS_CORE", "python")
+    assert printed(source, tmp_path, "from gamms.core import draws; print(draws.lowest_bit(7))") == "1"

@@ -15,7 +15,7 @@ import numpy as np
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType
 from gamms.ir.applied_to import State
-from gamms.ir.game_state import FIELDS, as_looks, as_over
+from gamms.ir.game_state import FIELD_EVENTS, FIELDS, as_looks, as_over
 from gamms.ir.messages import as_message
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
 from gamms.plain import Plain
@@ -402,7 +402,10 @@ def _count(state: State, data: Mapping[str, Plain]) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
 
-GAME_SCORES = _event(0x04000000, "GAME_SCORES", _ALL, "scores", _puts("scores"))
+for _field, (_code, _name, _audience, _key, _) in FIELD_EVENTS.items():
+    _event(_code, _name, _audience, f"{_key}:BY_AGENT" if FIELDS[_field].axis == "agent" else _key, _puts(_field))
+GAME_SCORES = FIELD_EVENTS["scores"].code
+GAME_BLOCKED = FIELD_EVENTS["blocked"].code
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
@@ -421,7 +424,6 @@ GAME_PRIVATE_FACTS = _event(
     0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents:BY_AGENT teams:BY_TEAM", _publish_privately
 )
 GAME_DEED = _logged(0x04000008, "GAME_DEED", _WITNESSED, "agent:AGENT deed at:NODE", "deeds")
-GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _ALL, "blocked:BY_AGENT", _puts("blocked"))
 GAME_MESSAGE = _logged(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
 USER_EVENT = _event(0x05000000, "USER_EVENT", _WITNESSED, "kind")
 

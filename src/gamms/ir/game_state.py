@@ -11,7 +11,7 @@ from typing import Any, Self, cast
 from gamms.core.copies import copied, copied_each, refill, refill_counts, refill_each
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
-from gamms.ir.schema import GameField, Memo, kept
+from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, kept
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
 from gamms.text import shown
@@ -291,6 +291,7 @@ class GameState:
         captured=lambda scores: list(to_plain(scores).items()),
         restored=as_scores,
         axis="game",
+        event=ChangeEvent(0x04000000, "GAME_SCORES", Audience.ALL, "scores"),
     )
     data: dict[str, Any] = kept(dict, copied, refill=refill, captured=plain_subset)
     over: dict[str, Any] | None = kept(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
@@ -306,6 +307,7 @@ class GameState:
         restored=as_blocked,
         is_seldom=True,
         axis="agent",
+        event=ChangeEvent(0x04000009, "GAME_BLOCKED", Audience.ALL, "blocked"),
     )
     facts: dict[str, Any] = kept(dict, _dict_of, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="agent")
@@ -414,6 +416,9 @@ class GameState:
 
 FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields(GameState)}
 """What is done with each field of a game."""
+
+FIELD_EVENTS = {name: one.event for name, one in FIELDS.items() if one.event is not None}
+"""Field of a game -> the kind of event that notes another value of it."""
 
 COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not None}
 """Field of a game -> what returns the copy of its value that snapshots hold."""

@@ -36,7 +36,7 @@ class Audience(Enum):
 
 
 class ChangeEvent(NamedTuple):
-    """The kind of event that notes a change of a column of agents.
+    """The kind of event that notes a change of a column of agents, or of a field of the game.
 
     Attributes:
         code: the number that stands for it in recordings.
@@ -222,6 +222,7 @@ class GameField(NamedTuple):
         is_seldom: whether keyframes have it only where it is not empty.
         axis: what agents know of it: all ("game"), or what is under the name of an agent or under a team ("agent",
             "team"); None: nothing.
+        event: notes the captured value where it has changed; None: other events say it, or nothing does.
     """
 
     copied: Callable[[Any, Memo | None], Any] | None = None
@@ -231,6 +232,7 @@ class GameField(NamedTuple):
     is_own: bool = False
     is_seldom: bool = False
     axis: Literal["game", "agent", "team"] | None = None
+    event: ChangeEvent | None = None
 
     def copy_for(self, value: Any, agents: Container[str], teams: Container[Any]) -> Any:
         """Return a copy of what some agents, of these teams, may know of a value."""

@@ -1,6 +1,7 @@
 """What has changed in a game since it was recorded last, as events."""
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from marshal import dumps
 from operator import attrgetter, is_not
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 from gamms.deciding import phase_of
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
+from gamms.ir.game_state import FIELD_EVENTS, FIELDS
 from gamms.plain import Plain, is_same, plain_subset, to_plain
 from gamms.recorder.keyframes import deciders, grouped, places_of
 from gamms.typing import IVisualizationEngine
@@ -18,7 +20,6 @@ Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and wha
 
 _NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
-_NUMBERS = (int, float)
 _HEAD = 5  # bytes before the items of a list: its type and length
 
 
@@ -114,11 +115,25 @@ class _Detector:
         return to_plain(value)
 
 
-class _Scores(_Detector):
-    def detect(self, value: Mapping[Any, float]) -> list[Any]:
-        if all(type(score) in _NUMBERS for score in value.values()) and value == self.known:
-            return []
-        return [{"scores": list(scores.items())} for scores in super().detect(value)]
+class _Value(_Detector):
+    """Another value of a whole field of the game.
+
+    Args:
+        name: of the field.
+        value: what it holds.
+    """
+
+    def __init__(self, name: str, value: Any) -> None:
+        self._name = name
+        super().__init__(value)
+
+    def detect(self, value: Any) -> list[Any]:
+        before, self.known = self.known, self._plain(value)
+        return [] if is_same(before, self.known) else [{self._name: self.known}]
+
+    def _plain(self, value: Any) -> Any:
+        captured = FIELDS[self._name].captured
+        return to_plain(value) if captured is None else captured(value)
 
 
 class _NewEntries(_Detector):
@@ -130,11 +145,6 @@ class _NewEntries(_Detector):
 
     def _plain(self, value: list[Any]) -> int:
         return len(value)
-
-
-class _Blocked(_Detector):
-    def detect(self, value: Mapping[str, str]) -> list[Any]:
-        return [{"blocked": known} for known in super().detect(value)]
 
 
 class _Items(_Detector):
@@ -218,12 +228,11 @@ class _DelayedLooks(_Memories):
         return {"looks": [[*key, one] for key, one in found.items()]}
 
 
-DETECTED: dict[str, tuple[int, type[_Detector]]] = {
+DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
     "events": (kinds.GAME_EVENT, _NewEntries),
     "deeds": (kinds.GAME_DEED, _NewEntries),
     "messages": (kinds.GAME_MESSAGE, _NewEntries),
-    "blocked": (kinds.GAME_BLOCKED, _Blocked),
-    "scores": (kinds.GAME_SCORES, _Scores),
+    **{name: (event.code, partial(_Value, name)) for name, event in FIELD_EVENTS.items()},
     "data": (kinds.GAME_DATA, _Items),
     "over": (kinds.GAME_OVER, _Detector),
     "facts": (kinds.GAME_FACTS, _Facts),
