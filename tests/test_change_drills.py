@@ -1,4 +1,4 @@
-"""The table in CONTRIBUTING.md is true: each test changes the files that a row names, in a copy, and the change works."""
+"""The table in CONTRIBUTING.md is true: a test changes, in a copy, the files that a row names, and the change works."""
 
 import os
 import shutil
@@ -367,7 +367,7 @@ with gamms.recorder.open("game.ggr") as recording:
     assert printed(source, tmp_path, program).splitlines() == ["None {}", "True True", "True"]
 
 
-WIND = '''
+WIND = """
     wind: float = kept(
         float,
         _same,
@@ -376,7 +376,7 @@ WIND = '''
         axis="game",
         event=ChangeEvent(0x04000010, "GAME_WIND", Audience.ALL, "wind"),
     )
-'''
+"""
 
 
 def test_a_kind_of_event_that_notes_a_field_of_the_game_is_one_entry(tmp_path):
@@ -472,6 +472,7 @@ with opened() as ctx:
     assert printed(source, tmp_path, program).splitlines() == ["the strategy north {}", "True True"]
 
 
+LINE = "cpdef u64 lowest_bit(u64 bits) noexcept nogil\n"
 LOWEST = """
 
 def lowest_bit(bits: int) -> int:
@@ -481,7 +482,8 @@ def lowest_bit(bits: int) -> int:
 
 def test_a_function_of_the_core_is_its_text_and_a_line_of_types(tmp_path, monkeypatch):
     source = changed(
-        tmp_path, ("core/draws.pxd", "\ncpdef u64 mix(", "\ncpdef u64 lowest_bit(u64 bits) noexcept nogil\ncpdef u64 mix(")
+        tmp_path,
+        ("core/draws.pxd", "\ncpdef u64 mix(", f"\n{LINE}cpdef u64 mix("),
     )
     with (source / "gamms" / "core" / "draws.py").open("a") as file:
         file.write(LOWEST)

@@ -391,9 +391,8 @@ class Interrupts:
         self.left = at
 
     def __call__(self, frame, event, arg):
-        if "/recorder/formats/" not in frame.f_code.co_filename and "/sinks.py" not in frame.f_code.co_filename:
-            return None
-        return self.line
+        is_writing = "/recorder/formats/" in frame.f_code.co_filename or "/compat.py" in frame.f_code.co_filename
+        return self.line if is_writing else None
 
     def line(self, frame, event, arg):
         if event == "line":

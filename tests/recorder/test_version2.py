@@ -14,9 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue
+from gamms.recorder.compat import Version2Writer
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import version2
-from gamms.recorder.formats.version2 import Tagged, Version2Writer
+from gamms.recorder.formats.version2 import Tagged
 
 SAMPLES = {path.stem: path.read_bytes() for path in sorted((Path(__file__).parent / "samples/version2").glob("*.ggr"))}
 MUTANTS = 2_000

@@ -2,15 +2,14 @@
 
 Read `ir/events.py` first: what can happen, and what it does to a state. A state is a live context (`replaying.py`) or
 columns (`detached.py`), and both are written as `keyframes.py` says. `recorder.py` is what users call; `session.py`
-writes what the journal notes and what has changed beside it (`changes.py`), by the encoders of both versions
-(`encoders.py`); `replaying.py` applies a recording to a context, `recording.py` reads one without, `cut.py` makes one
-of what a team knew. `formats/` knows plain values only: version 3 in `formats/__init__.py`, version 2, that of gamms
-1.0.0, in `formats/version2.py`. `components.py` has the user's own recorded objects. Nothing in a file is ever
+writes what the journal notes and what has changed beside it (`changes.py`), by an encoder (`encoders.py`; `compat.py`
+writes version 2); `replaying.py` applies a recording to a context, `recording.py` reads one without, `cut.py` makes one
+of what a team knew. `formats/` knows plain values only: version 3 in `formats/__init__.py`; `formats/version2.py` reads
+version 2, that of gamms 1.0.0. `components.py` has the user's own recorded objects. Nothing in a file is ever
 evaluated or imported.
 
 May import: typing, kernels, ir and below, never another engine. To record something new, add its kind to
-`ir/events.py`, and its field to `DETECTED` in `changes.py` if it is one of `GameState`; a new format is one file in
-`formats/`.
+`ir/events.py`; a field of the game names its own in `ir/game_state.py`. A new format is a class in `ENCODERS`.
 """
 
 from gamms.recorder.errors import RecordingError

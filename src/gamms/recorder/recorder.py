@@ -14,7 +14,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
 from gamms.plain import Plain, to_plain, why_not_plain
 from gamms.recorder.components import Components
-from gamms.recorder.encoders import NoEncoder, Version2Encoder, Version3Encoder, header_of
+from gamms.recorder.encoders import ENCODERS, NoEncoder, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.following import Follower
 from gamms.recorder.formats import version2
@@ -28,8 +28,6 @@ from gamms.recorder.streams import Target, format_of, locks, readable
 from gamms.text import shown
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import C, IRecorder, OpCodes
-
-_VERSIONS = (2, 3)
 
 
 class Recorder(Guarded, IRecorder):
@@ -124,14 +122,13 @@ class Recorder(Guarded, IRecorder):
         session = RecordingSession(
             self.ctx,
             with_sensed=sensed or bool(self._followers),
-            with_drawings=as_bool(drawings, "drawings") and version == 3,
+            with_drawings=as_bool(drawings, "drawings") and ENCODERS[version].has_drawings,
         )  # before there is a file: not every map can be written
         target: Target | None = None
         try:
             target = Target(path, overwrite=overwrite)
             output = Output(target.stream)
-            encoder = Version2Encoder(output) if version == 2 else Version3Encoder(output, header)
-            session.write_to(encoder, in_background=target.is_owned)
+            session.write_to(ENCODERS[version](output, header), in_background=target.is_owned)
             target.keep()
         except BaseException:
             session.abandon()
@@ -428,8 +425,8 @@ def _check_record(opcode: object, data: object) -> None:
 
 
 def _checked_options(version: object, created: object, provenance: Plain) -> dict[str, Any]:
-    if not isinstance(version, int) or version not in _VERSIONS:
-        raise BadValue(f"version must be 2 or 3, not {shown(version)}.")
+    if not isinstance(version, int) or version not in ENCODERS:
+        raise BadValue(f"version must be {' or '.join(map(str, ENCODERS))}, not {shown(version)}.")
     if flaw := why_not_plain(provenance):
         raise BadType(f"provenance must be plain values, not {shown(provenance)}: it{flaw}.")
     return {"created": None if created is None else as_int(created, "created"), "provenance": to_plain(provenance)}

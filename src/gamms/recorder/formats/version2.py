@@ -1,28 +1,25 @@
-"""Format version 2, the recordings of gamms 1.0.0: reads every one of them, and writes the same bytes.
+"""Format version 2, the recordings of gamms 1.0.0: reads every one of them; `compat.py` writes the same bytes.
 
 Layout: 4 bytes `MMGR`; the version, a big-endian uint32; then one CBOR map per event, one after the other, with the
 keys `timestamp` (int, nanoseconds), `opCode` (int) and, but for the last record of all, `data` (a map). There is no
 index and no checksum. The last record says TERMINATE; what may follow it is not read.
 
-Only this file loads cbor2, and only to write. `CborReader` reads CBOR (RFC 8949) as plain data and nothing else; it
-never makes an object that a file asks for. Numbers, texts, bytes, lists, maps, None, and sets (tag 258) come out as
-what they are; any other tag, such as a date, a regular expression or a shared reference, as a `Tagged`, unopened.
-Sizes, nesting and the number of items are bounded before anything is allocated.
+`CborReader` reads CBOR (RFC 8949) as plain data and nothing else; it never makes an object that a file asks for.
+Numbers, texts, bytes, lists, maps, None, and sets (tag 258) come out as what they are; any other tag, such as a date, a
+regular expression or a shared reference, as a `Tagged`, unopened. Sizes, nesting and the number of items are bounded
+before anything is allocated.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from struct import Struct
 from typing import Any, BinaryIO
 
-import numpy as np
-
-from gamms.errors import BadFile, BadType, BadValue
+from gamms.errors import BadFile, BadType
 from gamms.ir.events import EVENTS
 from gamms.limits import Keys
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
-from gamms.text import reason
 from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
 
 Record = dict[str, Plain]  # timestamp, opCode, data
@@ -316,56 +313,3 @@ def _check(record: Record, offset: int) -> None:
 
 def _damaged(offset: int, reason: str) -> RecordingError:
     return RecordingError(f"{ENDED} The record at byte {offset} is damaged: {reason}.")
-
-
-# -- writing ----------------------------------------------------------------------------------------------------
-
-# The records whose data holds what a user passed.
-_USERS = {OpCodes.AGENT_CREATE.value, OpCodes.COMPONENT_UPDATE.value}
-
-
-class Version2Writer:
-    """Writes records to a binary stream; each is written whole or not at all."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        import cbor2
-
-        self._dumps = cbor2.dumps
-        self._tag = cbor2.CBORTag
-        self._errors = (cbor2.CBOREncodeError, UnicodeEncodeError)
-        self._stream = stream
-        stream.write(_HEADER.pack(MAGIC_NUMBER, VERSION))
-
-    def write(self, timestamp: int, opcode: int, data: Mapping[str, Plain] | None = None) -> None:
-        """Write one record; None leaves `data` out, as in TERMINATE.
-
-        Raises:
-            BadType (TypeError): the data holds something that is no plain data; nothing was written.
-            BadValue (ValueError): it is too large or nested too deep to be read again; nothing was written.
-        """
-        record: Record = {"timestamp": timestamp, "opCode": opcode}
-        try:
-            if data is not None:
-                record["data"] = self._plain(data) if opcode in _USERS else data
-            encoded = self._dumps(record)
-            if opcode in _USERS:
-                CborReader(encoded).item()
-        except self._errors as error:
-            raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}. Use plain data.") from error
-        except (BadCbor, RecursionError) as error:
-            raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}.") from error
-        self._stream.write(encoded)
-
-    def _plain(self, value: Plain) -> Plain:
-        """Return the value as cbor2 takes it, with an order for sets, so that equal games give equal bytes."""
-        if isinstance(value, Mapping):
-            return {self._plain(key): self._plain(one) for key, one in value.items()}
-        if isinstance(value, list | tuple):
-            return tuple(self._plain(one) for one in value)
-        if isinstance(value, set | frozenset):
-            return self._tag(SET, tuple(sorted(map(self._plain, value), key=self._dumps)))
-        if isinstance(value, Tagged):
-            return self._tag(value.number, self._plain(value.value))
-        if isinstance(value, np.generic | np.ndarray):
-            return self._plain(value.tolist())
-        return value

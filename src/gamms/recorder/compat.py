@@ -1,0 +1,176 @@
+"""Writes recordings of format version 2, which gamms 1.0.0 reads; `formats/version2.py` reads them."""
+
+import io
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from copy import deepcopy
+from struct import Struct
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue
+from gamms.ir import events as kinds
+from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
+from gamms.plain import Plain
+from gamms.recorder.detached import DetachedState
+from gamms.recorder.errors import Damaged
+from gamms.recorder.formats.chunks import FORMS
+from gamms.recorder.formats.version2 import SET, VERSION, BadCbor, CborReader, Record, Tagged
+from gamms.recorder.formats.writer import Output
+from gamms.recorder.keyframes import Keyframe
+from gamms.recorder.replaying import TURN_NS
+from gamms.recorder.session import RecordingSession
+from gamms.text import reason
+from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
+
+_MOST_WAITING = 1 << 16  # bytes
+_FILE_HEADER = Struct(">4sI")
+# The records whose data holds what a user passed.
+_USERS = {OpCodes.AGENT_CREATE.value, OpCodes.COMPONENT_UPDATE.value}
+
+
+class Version2Writer:
+    """Writes records to a binary stream; each is written whole or not at all."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        import cbor2
+
+        self._dumps = cbor2.dumps
+        self._tag = cbor2.CBORTag
+        self._errors = (cbor2.CBOREncodeError, UnicodeEncodeError)
+        self._stream = stream
+        stream.write(_FILE_HEADER.pack(MAGIC_NUMBER, VERSION))
+
+    def write(self, timestamp: int, opcode: int, data: Mapping[str, Plain] | None = None) -> None:
+        """Write one record; None leaves `data` out, as in TERMINATE.
+
+        Raises:
+            BadType (TypeError): the data holds something that is no plain data; nothing was written.
+            BadValue (ValueError): it is too large or nested too deep to be read again; nothing was written.
+        """
+        record: Record = {"timestamp": timestamp, "opCode": opcode}
+        try:
+            if data is not None:
+                record["data"] = self._plain(data) if opcode in _USERS else data
+            encoded = self._dumps(record)
+            if opcode in _USERS:
+                CborReader(encoded).item()
+        except self._errors as error:
+            raise BadType(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}. Use plain data.") from error
+        except (BadCbor, RecursionError) as error:
+            raise BadValue(f"{OpCodes(opcode).name} cannot be recorded: {reason(error)}.") from error
+        self._stream.write(encoded)
+
+    def _plain(self, value: Plain) -> Plain:
+        """Return the value as cbor2 takes it, with an order for sets, so that equal games give equal bytes."""
+        if isinstance(value, Mapping):
+            return {self._plain(key): self._plain(one) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return tuple(self._plain(one) for one in value)
+        if isinstance(value, set | frozenset):
+            return self._tag(SET, tuple(sorted(map(self._plain, value), key=self._dumps)))
+        if isinstance(value, Tagged):
+            return self._tag(value.number, self._plain(value.value))
+        if isinstance(value, np.generic | np.ndarray):
+            return self._plain(value.tolist())
+        return value
+
+
+class Version2Encoder:
+    """Writes what gamms 1.0.0 reads; what that does not know is left out."""
+
+    has_drawings = False
+    is_current = True
+    values = 0  # no keyframe would save any from being read
+    blocks = 0  # likewise: what was flushed stays
+
+    def __init__(self, output: Output, _header: object) -> None:
+        self._output = output
+        self._waiting = io.BytesIO()
+        self._writer = Version2Writer(self._waiting)
+        self._agents: DetachedState  # where they are: what records of moves say as well, and events do not
+        self._turn = 0
+        self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
+        self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
+
+    def begin(self, session: RecordingSession, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
+        """Write what is in front of the records."""
+        self._agents = DetachedState(deepcopy(session.begin))
+        self.flush()
+
+    def add(self, logs: list[Log]) -> None:
+        """Write the logs of turns."""
+        for log in logs:
+            self._add(log)
+
+    def _add(self, log: Log) -> None:
+        is_over, timestamp = True, self._timestamp(self._turn)
+        for kind, data in steps_of(log):
+            if kind == kinds.REPLAYED:
+                self._copy(*data)
+                is_over, timestamp = is_over and data[0]["opCode"] != kinds.SIMULATE, self._timestamp(self._turn)
+                continue
+            mover = self._mover(kind, data)
+            self._follow(kind, data)
+            if kind in EVENTS and EVENTS[kind].records is not None:
+                self._write(timestamp, records_of(kind, data, mover))
+            is_over = is_over and kind != kinds.UNFINISHED
+        if is_over:
+            self._write(timestamp, [(kinds.SIMULATE, {})])
+        self._turn += 1
+        if self._waiting.tell() > _MOST_WAITING:
+            self.flush()
+
+    def _mover(self, kind: int, data: Plain) -> Mover | None:
+        """Return the agent that an event moves or turns."""
+        agents = self._agents.agents
+        if kind == kinds.MOVES or kind in FORMS:
+            row = agents.row_of(data[0])
+        elif kind == kinds.AERIAL_AGENT_POSITION and "node" in data:
+            row = agents.row(data["agent_name"])
+        else:
+            return None
+        return Mover(agents.columns["names"][row], int(agents.columns["node"][row]))
+
+    def _follow(self, kind: int, data: Plain) -> None:
+        """Apply an event that concerns agents, unless a program has written it and it cannot be."""
+        if kind == kinds.SNAPSHOT or kind >> 24 == kinds.AGENT_CREATE >> 24:
+            with suppress(Damaged):
+                self._agents.apply_event(kind, data)
+
+    def _timestamp(self, turn: int) -> int:
+        begin, timestamp = self._since
+        return timestamp + (turn - begin) * TURN_NS
+
+    def _copy(self, record: Record, noted: Log) -> None:
+        """Write a record of another recording as it is there, and go on from its time."""
+        for kind, data in steps_of(noted):
+            self._follow(kind, data)
+        self._since = self._turn, record["timestamp"]
+        if record["opCode"] == kinds.TERMINATE:
+            self._end = record
+        else:
+            self._write(record["timestamp"], [(record["opCode"], record.get("data"))])
+
+    def _write(self, timestamp: int, records: Iterable[tuple[int, Any]]) -> None:
+        for code, data in records:
+            self._writer.write(timestamp, code, data)
+            self._end = None
+
+    def keyframe(self, keyframe: Keyframe) -> None:
+        """There is no place for it."""
+
+    def flush(self) -> None:
+        """Hand over what was written to the system."""
+        if self._waiting.tell():
+            self._output.append(self._waiting.getvalue())
+            self._waiting.seek(0)
+            self._waiting.truncate()
+
+    def close(self) -> None:
+        """Write the end."""
+        timestamp = max(self._since[1], self._timestamp(self._turn - 1))
+        end = self._end or {"timestamp": timestamp, "opCode": kinds.TERMINATE}
+        self._writer.write(end["timestamp"], end["opCode"], end.get("data"))
+        self.flush()
