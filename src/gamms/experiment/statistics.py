@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue
-from gamms.extras import needing
+from gamms.errors import BadValue, needing
 from gamms.ir.graph import FloatArray, IntArray
 
 _RESAMPLES = 2_000

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gamms.errors import needing
 from gamms.experiment.statistics import Interval
-from gamms.extras import needing
 from gamms.ir.tables import table_of
 from gamms.text import printable_line
 

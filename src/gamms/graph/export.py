@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_target
-from gamms.errors import BadType, BadValue, UnknownType, nearest
-from gamms.extras import needing
+from gamms.errors import BadType, BadValue, UnknownType, nearest, needing
 from gamms.folders import whole_file, write_csv, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
 from gamms.arguments import as_text
-from gamms.errors import BadType, BadValue, MissingKey
-from gamms.extras import needing
+from gamms.errors import BadType, BadValue, MissingKey, needing
 from gamms.plain import Plain
 from gamms.text import printable_line, shown
 

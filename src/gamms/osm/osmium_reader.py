@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import BadFile, GammsError
-from gamms.extras import needing
+from gamms.errors import BadFile, GammsError, needing
 from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance, refuse_above

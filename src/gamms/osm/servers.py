@@ -20,8 +20,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from urllib.parse import urlencode, urlsplit
 
 from gamms.arguments import as_positive
-from gamms.errors import BadValue, NetworkError, PlaceError, TooLarge
-from gamms.extras import needing
+from gamms.errors import BadValue, NetworkError, PlaceError, TooLarge, needing
 from gamms.folders import cache_folder, write_whole
 from gamms.limits import max_memory
 from gamms.osm.settings import setting

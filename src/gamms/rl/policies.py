@@ -11,8 +11,7 @@ import msgspec
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_target
-from gamms.errors import BadFile, BadType, BadValue, MissingFile
-from gamms.extras import needing
+from gamms.errors import BadFile, BadType, BadValue, MissingFile, needing
 from gamms.folders import write_whole
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.game.batch.view import movement_in

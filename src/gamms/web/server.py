@@ -32,8 +32,7 @@ from time import monotonic, sleep, thread_time
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue, GammsError, NetworkError
-from gamms.extras import needing
+from gamms.errors import BadType, BadValue, GammsError, NetworkError, needing
 from gamms.plain import Plain
 from gamms.text import shown
 from gamms.web.idle import Client, Idle, Watched

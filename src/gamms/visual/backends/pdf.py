@@ -7,8 +7,7 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from gamms.errors import BadValue
-from gamms.extras import needing
+from gamms.errors import BadValue, needing
 from gamms.ir.draw import DrawCommands, DrawKind
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import image_size
