@@ -307,7 +307,6 @@ EVERY_RULE = [
     {"rule": "time_limit", "with": {"turns": 9}},
 ]
 OTHERWISE = {
-    "order by metres": {"settings": {"order": [["red"], ["blue"]], "speed_unit": "metres"}},
     "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
 }
 

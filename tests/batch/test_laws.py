@@ -153,7 +153,6 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres")
         has_checks=False,
         reserved={},
         conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
-        order=drawn.order if drawn.motion is None else None,
         eyes=draw(st.lists(kinds, min_size=1, max_size=3)),
         asked=draw(st.sampled_from(["a", "bc", "abc", "p", "bcw", "abcw"])),
         called=draw(st.lists(called, max_size=3)),

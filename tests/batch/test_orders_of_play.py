@@ -88,3 +88,45 @@ def test_games_go_on_in_the_middle_of_a_turn(strategy, seeds):
         assert all(one["node"] == before[name] for name, one in result.agents.items() if one["team"] == "blue")
     game.max_turns = game.turn + 5
     assert {result.turns for result in check(game.ctx, seeds)} == {game.turn + 5}
+
+
+MOTIONS = {
+    "edges": ({}, 2.5),
+    "metres": ({"speed_unit": "metres"}, 14.0),
+    "metres, at arrivals": ({"speed_unit": "metres", "decide": "arrival"}, 23.0),
+}
+RULES = [TAG, {"rule": "capture_flag", "with": {"flags": {"red": 3, "blue": 12}, "goal": None}}]
+
+
+def sweep(state):
+    """Go somewhere, and remember what was seen on the way."""
+    state["memory"]["seen"] = [*state["memory"].get("seen", []), state.get("xy"), state["blocked"]]
+    state["action"] = state["draw"].choice(state["legal"])
+
+
+def look(ctx):
+    """Note how agents have moved."""
+    tracks = {name: (list(one.path), one.legs) for name, one in ctx.game.moves.items()}
+    ctx.game.emit("look", what=repr(tracks))
+
+
+@pytest.mark.parametrize("seeds", [SEEDS[:2], SEEDS], ids=len)
+@pytest.mark.parametrize(
+    "more", [[], [toll], [look], [sweep], [look, sweep]], ids=["core", "arrays", "rule", "own", "both"]
+)
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_teams_with_speeds_play_one_after_another_as_alone(motion, more, seeds):
+    settings, speed = MOTIONS[motion]
+    if sweep in more and "arrivals" in motion:
+        pytest.skip("plain strategies of agents that decide at arrivals are asked one game after the other")
+    scenario = scene(RULES, side=4, max_turns=8, settings=settings | {"order": [["blue"], ["red"]]})
+    with scenario.build(seed=1) as ctx:
+        for number, agent in enumerate(ctx.agent.create_iter()):
+            agent.speed = [speed, None, 0.3 * speed][number % 3]
+            if sweep in more and number % 2:
+                agent.strategy = sweep
+        ctx.game.conflicts = Conflicts(2)
+        for rule in (one for one in more if one is not sweep):
+            ctx.game.add(rule)
+        results = check(ctx, seeds)
+    assert any(event["kind"] == "tag" for result in results for event in result.events)

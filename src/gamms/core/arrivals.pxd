@@ -37,8 +37,10 @@ cdef class Arrivals:
 
 @cython.locals(now=double, count=i64)
 cpdef int play(Games games, Arrivals a, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64, edge=i64)
+@cython.locals(i=i64, row=i64)
 cdef int set_out(Games games, Arrivals a, Travelers t, i64 game) except -1 nogil
+@cython.locals(row=i64, edge=i64)
+cdef int begin(Games games, Travelers t, i64 game, i64 i) except -1 nogil
 @cython.locals(leg=i64)
 cdef Py_ssize_t place_after(Travelers t, i64 row, i64 i, i64 legs) except -2 nogil
 @cython.locals(has_losers=bint, i=i64, row=i64)

@@ -117,26 +117,35 @@ def play(games: Games, a: Arrivals, game: int) -> int:
 
 
 def set_out(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
-    """Let all agents set out: those on their way go on, the others decide."""
+    """Let all agents of this part of the turn set out: those on their way go on, the others decide."""
     for i in range(games.agents):
         row = game * games.agents + i
         a.asked[i] = 0
-        by_metres.set_out(games, t, row, i)
-        edge = t.trips.edge[i]
-        if games.alive[row]:
-            if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[i]):
-                travel.go(t.roads, t.trips, i, t.trips.motion[i], 0)
-            else:
-                by_metres.choose(games, t, game, i)
-        by_metres.rest(t, i)
-        t.ends[row] = place_after(t, row, i, 0)
+        if by_metres.is_there(games, t, game, i):
+            t.ends[row] = t.starts[row]
+        else:
+            begin(games, t, game, i)
     give_way(games, a, t, game)
     for i in range(games.agents):
         row = game * games.agents + i
         if a.loses[i]:
             by_metres.stay(games, t, row, i)
-        if games.alive[row] and t.trips.legs[i] > 0:
+        if games.alive[row] and t.trips.legs[i] > 0 and t.movers.part_of[i] == t.movers.part[game]:
             depart(a, t, i)
+    return 0
+
+
+def begin(games: Games, t: Travelers, game: int, i: int) -> int:
+    """Let an agent go on, or decide, or wait for its part of the turn."""
+    row = game * games.agents + i
+    edge = t.trips.edge[i]
+    if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
+        if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[i]):
+            travel.go(t.roads, t.trips, i, t.trips.motion[i], 0)
+        else:
+            by_metres.choose(games, t, game, i)
+    by_metres.rest(t, i)
+    t.ends[row] = place_after(t, row, i, 0)
     return 0
 
 

@@ -50,11 +50,15 @@ cpdef int walk(Walks walks, i64 i, i64 count) except -1 nogil
 @cython.locals(number=i64)
 cdef int copy_walk(Steps steps, i64 row, Steps others, i64 other, i64 most) except -1 nogil
 
-@cython.locals(i=i64, row=i64, node=i64, target=i64, count=i64)
+@cython.locals(i=i64, row=i64, part=i64)
 cpdef int decide(Games games, Walkers w, i64 game) except -1 nogil
+@cython.locals(row=i64, node=i64, target=i64, count=i64)
+cdef int choose(Games games, Walkers w, i64 game, i64 i) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)
 cdef Py_ssize_t target_of(Games games, Walkers w, i64 game, i64 i) except -2 nogil
 @cython.locals(i=i64, row=i64, goes=bint)
 cpdef int give_way(Games games, Walkers w, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64)
+@cython.locals(i=i64, row=i64, part=i64)
 cpdef int move(Games games, Walkers w, i64 game) except -1 nogil
+@cython.locals(first=i64, place=i64)
+cdef int go_in_part(Walks walks, i64 i, i64 part, i64 parts) except -1 nogil

@@ -228,33 +228,49 @@ def copy_walk(steps: Steps, row: int, others: Steps, other: int, most: int) -> i
 
 
 def decide(games: Games, w: Walkers, game: int) -> int:
-    """Let the living agents of a game choose where they go, and find their ways through the turn."""
+    """Let the living agents of this part of a turn choose where they go, and find their ways; the others stay."""
+    part = w.movers.part[game]
     for i in range(games.agents):
         row = game * games.agents + i
-        node = games.node[row]
-        games.start[row] = node
-        w.movers.takes_part[row] = games.alive[row]
-        begin(w.walks, i, node, games.edge[row], games.share[row])
-        target = -1
-        count = 0
-        if games.alive[row]:
-            w.movers.blocked[row] = 0
-            if w.movers.decides_by[i] == moves.IS_GIVEN and w.movers.given[row] < 0:
-                count = w.movers.routes.take(row, w.walks.route)  # type: ignore[union-attr] # there are some
-            else:
-                target = target_of(games, w, game, i)
-        if count > 0:
-            walk(w.walks, i, count)
-        elif target >= 0 and target != node:
-            if w.walks.reach.listed[target] == w.walks.reach.search:
-                go_towards(w.walks, i, w.walks.hops, row, target)
-            else:
-                go_towards(w.walks, i, w.movers.by_steps.long_ways, row, target)  # type: ignore[union-attr,arg-type]
+        if part == 0:
+            games.start[row] = games.node[row]
+            w.movers.takes_part[row] = games.alive[row]
+        if w.movers.part_of[i] == part:
+            choose(games, w, game, i)
+        elif w.movers.part_of[i] > part:
+            begin(w.walks, i, games.node[row], -1, 0.0)
+        elif w.walks.keeps:
+            copy_walk(w.walks.kept, row, w.walks, i, w.walks.most)  # type: ignore[arg-type] # there is one
+        if w.movers.part_of[i] != part:
+            w.movers.ends[row] = games.node[row]
+    return 0
+
+
+def choose(games: Games, w: Walkers, game: int, i: int) -> int:
+    """Let an agent choose where it goes, and find its way through the turn."""
+    row = game * games.agents + i
+    node = games.node[row]
+    begin(w.walks, i, node, games.edge[row], games.share[row])
+    target = -1
+    count = 0
+    if games.alive[row]:
+        w.movers.blocked[row] = 0
+        if w.movers.decides_by[i] == moves.IS_GIVEN and w.movers.given[row] < 0:
+            count = w.movers.routes.take(row, w.walks.route)  # type: ignore[union-attr] # there are some
         else:
-            begin(w.walks, i, node, -1, 0.0)
-        games.edge[row] = w.walks.ahead[i]
-        games.share[row] = w.walks.covered[i]
-        w.movers.ends[row] = w.walks.nodes[i * w.walks.most + w.walks.lengths[i] - 1]
+            target = target_of(games, w, game, i)
+    if count > 0:
+        walk(w.walks, i, count)
+    elif target >= 0 and target != node:
+        if w.walks.reach.listed[target] == w.walks.reach.search:
+            go_towards(w.walks, i, w.walks.hops, row, target)
+        else:
+            go_towards(w.walks, i, w.movers.by_steps.long_ways, row, target)  # type: ignore[union-attr,arg-type]
+    else:
+        begin(w.walks, i, node, -1, 0.0)
+    games.edge[row] = w.walks.ahead[i]
+    games.share[row] = w.walks.covered[i]
+    w.movers.ends[row] = w.walks.nodes[i * w.walks.most + w.walks.lengths[i] - 1]
     return 0
 
 
@@ -284,7 +300,7 @@ def give_way(games: Games, w: Walkers, game: int) -> int:
     for i in range(games.agents):
         row = game * games.agents + i
         goes = w.walks.lengths[i] > 1 or games.edge[row] >= 0
-        if goes and w.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
+        if goes and w.movers.part_of[i] == w.movers.part[game] and w.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
             w.movers.wanted[row] = w.movers.ends[row]
             w.movers.ends[row] = games.start[row]
             w.walks.lengths[i] = 1
@@ -297,9 +313,27 @@ def give_way(games: Games, w: Walkers, game: int) -> int:
 
 def move(games: Games, w: Walkers, game: int) -> int:
     """Let agents go, and keep how they have gone if functions may ask for it."""
+    part = w.movers.part[game]
     moves.move(games, w.movers, game)
-    if w.walks.keeps:
-        for i in range(games.agents):
-            row = game * games.agents + i
-            copy_walk(w.walks, i, w.walks.kept, row, w.walks.most)  # type: ignore[arg-type] # there is one
+    for i in range(games.agents):
+        if w.movers.part_of[i] == part:
+            if w.movers.parts > 1 and w.walks.lengths[i] > 1:
+                go_in_part(w.walks, i, part, w.movers.parts)
+            if w.walks.keeps:
+                row = game * games.agents + i
+                copy_walk(w.walks, i, w.walks.kept, row, w.walks.most)  # type: ignore[arg-type] # there is one
+    return 0
+
+
+def go_in_part(walks: Walks, i: int, part: int, parts: int) -> int:
+    """Let an agent go its way in one of several equal parts of the turn; it waits on its first node until then."""
+    first = i * walks.most
+    for place in range(walks.lengths[i]):
+        walks.times[first + place] = (part + walks.times[first + place]) / parts
+    if part > 0:
+        for place in range(walks.lengths[i], 0, -1):
+            walks.nodes[first + place] = walks.nodes[first + place - 1]
+            walks.times[first + place] = walks.times[first + place - 1]
+        walks.times[first] = 0.0
+        walks.lengths[i] += 1
     return 0

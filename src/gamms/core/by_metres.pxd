@@ -31,6 +31,8 @@ cdef class Travelers:
 
 @cython.locals(i=i64, row=i64)
 cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
+@cython.locals(row=i64)
+cdef bint is_there(Games games, Travelers t, i64 game, i64 i) except -1 nogil
 cdef int set_out(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef int rest(Travelers t, i64 i) except -1 nogil
 @cython.locals(row=i64, target=i64, can_go=bint, slot=i64)
@@ -47,8 +49,9 @@ cdef Py_ssize_t by_steps(Travelers t, i64 game, i64 i) except -2 nogil
 cdef int stay(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)
 cpdef int give_way(Games games, Travelers t, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64)
+@cython.locals(i=i64, row=i64, part=i64)
 cpdef int move(Games games, Travelers t, i64 game) except -1 nogil
+cdef int go(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 
 
 cdef class Course(Steps):

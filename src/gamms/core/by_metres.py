@@ -73,15 +73,27 @@ class Travelers:
 
 
 def decide(games: Games, t: Travelers, game: int) -> int:
-    """Let the living agents of a game choose where they go, and find their ways through the turn."""
+    """Let the living agents of this part of a turn choose where they go, and find their ways; the others stay."""
     for i in range(games.agents):
         row = game * games.agents + i
-        set_out(games, t, row, i)
-        if games.alive[row]:
-            choose(games, t, game, i)
-        rest(t, i)
+        if not is_there(games, t, game, i):
+            if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
+                choose(games, t, game, i)
+            rest(t, i)
         t.ends[row] = place_of(t, i)
     return 0
+
+
+def is_there(games: Games, t: Travelers, game: int, i: int) -> bool:
+    """Return whether an agent went in an earlier part of the turn, and is where it came to; else it sets out."""
+    row = game * games.agents + i
+    if t.movers.part_of[i] >= t.movers.part[game]:
+        set_out(games, t, row, i)
+        return False
+    if t.keeps:
+        travel.copy_trip(t.kept, row, t.trips, i)  # type: ignore[arg-type] # there are some
+    t.starts[row] = place_of(t, i)
+    return True
 
 
 def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
@@ -206,7 +218,7 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
         row = game * games.agents + i
         leg = i * t.trips.most
         goes = t.trips.legs[i] > 0 and t.trips.begins[leg] != t.trips.ends[leg]
-        if goes and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
+        if goes and t.movers.part_of[i] == t.movers.part[game] and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
             t.movers.wanted[row] = t.ends[row]
             stay(games, t, row, i)
             t.movers.blocked[row] = 1
@@ -215,20 +227,30 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
 
 
 def move(games: Games, t: Travelers, game: int) -> int:
-    """Let agents go, and count those that come to other nodes; one turn more was played then."""
+    """Let agents of this part of a turn go, and count those that come to other nodes."""
+    part = t.movers.part[game]
     for i in range(games.agents):
         row = game * games.agents + i
         games.placed[row] = 0
         t.movers.ends[row] = t.trips.node[i]
-        games.node[row] = t.trips.node[i]
-        if t.trips.node[i] != games.start[row]:
-            t.movers.moves[row] += 1
-        games.edge[row] = t.trips.edge[i]
-        games.share[row] = t.trips.share[i]
-        t.motion[row] = t.trips.motion[i]
-        if t.keeps:
-            travel.copy_trip(t.trips, i, t.kept, row)  # type: ignore[arg-type] # there are some
-    games.turn[game] += 1
+        if t.movers.part_of[i] == part:
+            go(games, t, row, i)
+            if t.movers.parts > 1 and t.trips.legs[i] > 0:
+                travel.go_in_part(t.trips, i, part, t.movers.parts)
+            if t.keeps:
+                travel.copy_trip(t.trips, i, t.kept, row)  # type: ignore[arg-type] # there are some
+    moves.end_part(games, t.movers, game)
+    return 0
+
+
+def go(games: Games, t: Travelers, row: int, i: int) -> int:
+    """Let an agent be where its way leads."""
+    games.node[row] = t.trips.node[i]
+    if t.trips.node[i] != games.start[row]:
+        t.movers.moves[row] += 1
+    games.edge[row] = t.trips.edge[i]
+    games.share[row] = t.trips.share[i]
+    t.motion[row] = t.trips.motion[i]
     return 0
 
 

@@ -57,6 +57,7 @@ cdef Py_ssize_t node_by_steps(Games games, Movers m, i64 game, i64 i) except -1 
 cpdef int give_way(Games games, Movers m, i64 game) except -1 nogil
 @cython.locals(at=i64, row=i64)
 cpdef int move(Games games, Movers m, i64 game) except -1 nogil
+cdef int end_part(Games games, Movers m, i64 game) except -1 nogil
 
 
 cdef class StepsInParts(Steps):

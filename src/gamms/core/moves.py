@@ -74,7 +74,7 @@ class Movers:
         contests, requests: find who gives way, if `has_conflicts`; the requests have `node` of the games, `ends` and
             `takes_part`.
         part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
-        parts: how many parts a turn has; agents that do not go along one edge have one.
+        parts: how many parts a turn has.
         part: (games,) how many of them were played in the turn that is under way.
         ends: (rows,) where agents go in the turn that is played.
         takes_part: (rows,) 1: the agent was alive when this turn began.
@@ -211,6 +211,12 @@ def move(games: Games, m: Movers, game: int) -> int:
         if m.ends[row] != games.node[row]:
             games.node[row] = m.ends[row]
             m.moves[row] += 1
+    end_part(games, m, game)
+    return 0
+
+
+def end_part(games: Games, m: Movers, game: int) -> int:
+    """Note that one part more of a turn was played, and one turn more if it was the last."""
     m.part[game] += 1
     if m.part[game] == m.parts:
         m.part[game] = 0

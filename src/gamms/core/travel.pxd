@@ -121,7 +121,11 @@ cdef double stop_before_end(Trips trips, i64 row, i64 motion, double takes) exce
 @cython.locals(first=double, takes=double, until=double, stop=double, node=i64, place=i64)
 cdef bint cover(Roads roads, Trips trips, i64 row, i64 edge, i64 motion) except -1 nogil
 cpdef int stand(Trips trips, i64 row) except -1 nogil
-@cython.locals(number=i64, place=i64, end=i64)
+@cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64)
+cpdef int go_in_part(Trips trips, i64 row, i64 part, i64 parts) except -1 nogil
+cdef int put_leg(Trips trips, i64 leg, i64 edge, double share, double since, double until) except -1 nogil
+cdef int copy_leg(Trips trips, i64 leg, Trips others, i64 other) except -1 nogil
+@cython.locals(number=i64)
 cpdef int copy_trip(Trips trips, i64 row, Trips others, i64 other) except -1 nogil
 @cython.locals(at=i64, number=i64)
 cpdef Py_ssize_t without_edge(Roads roads, Trips trips, i64 node, i64 count) except -2 nogil

@@ -775,6 +775,57 @@ def stand(trips: Trips, row: int) -> int:
     return 0
 
 
+def go_in_part(trips: Trips, row: int, part: int, parts: int) -> int:
+    """Let an agent go its way in one of several equal parts of the turn; before and after it stands where it is then.
+
+    On a node it waits, and is there twice; on an edge it has a leg more before, and one after.
+    """
+    first = row * trips.most
+    node = row * (trips.most + 1)
+    stands = 0.0 < trips.begins[first] < 1.0
+    for leg in range(first, first + trips.legs[row]):
+        trips.since[leg] = (part + trips.since[leg]) / parts
+        trips.until[leg] = (part + trips.until[leg]) / parts
+    for place in range(node, node + trips.passed[row]):
+        trips.times[place] = (part + trips.times[place]) / parts
+    if part > 0 and stands:
+        for leg in range(first + trips.legs[row], first, -1):
+            copy_leg(trips, leg - 1, trips, leg)
+        put_leg(trips, first, trips.edges[first], trips.begins[first], 0.0, part / parts)
+        trips.legs[row] += 1
+    elif part > 0:
+        for place in range(node + trips.passed[row], node, -1):
+            trips.nodes[place] = trips.nodes[place - 1]
+            trips.times[place] = trips.times[place - 1]
+        trips.passed[row] += 1
+    if part > 0:
+        trips.times[node] = 0.0
+    if part + 1 < parts and trips.edge[row] >= 0:
+        put_leg(trips, first + trips.legs[row], trips.edge[row], trips.share[row], (part + 1) / parts, 1.0)
+        trips.legs[row] += 1
+    return 0
+
+
+def put_leg(trips: Trips, leg: int, edge: int, share: float, since: float, until: float) -> int:
+    """Write a leg of an agent that stands on an edge."""
+    trips.edges[leg] = edge
+    trips.begins[leg] = share
+    trips.ends[leg] = share
+    trips.since[leg] = since
+    trips.until[leg] = until
+    return 0
+
+
+def copy_leg(trips: Trips, leg: int, others: Trips, other: int) -> int:
+    """Copy a leg to the place of another."""
+    others.edges[other] = trips.edges[leg]
+    others.begins[other] = trips.begins[leg]
+    others.ends[other] = trips.ends[leg]
+    others.since[other] = trips.since[leg]
+    others.until[other] = trips.until[leg]
+    return 0
+
+
 def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
     """Copy the way of an agent into a row of other trips, which have room for it."""
     others.node[other] = trips.node[row]
@@ -784,13 +835,7 @@ def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
     others.legs[other] = trips.legs[row]
     others.passed[other] = trips.passed[row]
     for number in range(trips.legs[row]):
-        place = row * trips.most + number
-        end = other * others.most + number
-        others.edges[end] = trips.edges[place]
-        others.begins[end] = trips.begins[place]
-        others.ends[end] = trips.ends[place]
-        others.since[end] = trips.since[place]
-        others.until[end] = trips.until[place]
+        copy_leg(trips, row * trips.most + number, others, other * others.most + number)
     for number in range(trips.passed[row]):
         others.nodes[other * (others.most + 1) + number] = trips.nodes[row * (trips.most + 1) + number]
         others.times[other * (others.most + 1) + number] = trips.times[row * (trips.most + 1) + number]

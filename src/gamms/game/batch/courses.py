@@ -101,14 +101,16 @@ class EdgeCourses:
         by: how agents go.
         shape: how many games and agents there are.
         most: how many nodes an agent passes in a turn at most.
+        part_of: (agents,) the part of the turn in which each goes.
 
     Attributes:
         core: how they have gone, as the core writes it.
         routes: how they go.
     """
 
-    def __init__(self, by: ByEdges, shape: tuple[int, int], most: int) -> None:
+    def __init__(self, by: ByEdges, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
         self._by = by
+        self._are_at_once = not part_of.any()
         self._nodes = np.zeros((*shape, most), np.int64)
         self._times = np.zeros((*shape, most))
         self._lengths = np.ones(shape, np.int64)
@@ -125,10 +127,13 @@ class EdgeCourses:
         """Return what agents did that did more than to go along one edge, by their places among these."""
         nodes, lengths = self._nodes[game, agents], self._lengths[game, agents]
         has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
+        if not self._are_at_once:
+            has_gone_far = lengths > 1
         found = {}
         for place in np.flatnonzero(has_gone_far).tolist():
             path = self._by.streets.ids(nodes[place, : lengths[place]]).tolist()
-            found[place] = ResolvedAction(path[-1], tuple(path))
+            times = () if self._are_at_once else tuple(self._times[game, agents[place], : lengths[place]].tolist())
+            found[place] = ResolvedAction(path[-1], tuple(path), times=times)
         return found
 
     def paths(self, games: IntArray, starts: IntArray, took_part: BoolArray) -> Paths:
@@ -145,14 +150,16 @@ class MetreCourses:
         by: how agents go.
         shape: how many games and agents there are.
         most: how many legs an agent has in a turn at most.
+        part_of: (agents,) the part of the turn in which each goes.
 
     Attributes:
         core: how they have gone, as the core writes it.
         routes: how they go.
     """
 
-    def __init__(self, by: ByMetres, shape: tuple[int, int], most: int) -> None:
+    def __init__(self, by: ByMetres, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
         self._by = by
+        self._part_of = part_of
         self._shape = shape
         self._trips = Trips(shape[0] * shape[1], most, 0)
         self._trips.passed[:] = 1
@@ -204,18 +211,22 @@ class MetreCourses:
         ]
         legs = Legs(edge, back, *parts)
         arrives = is_leg & ((legs.end == 0.0) | (legs.end == 1.0))
-        lengths = 1 + arrives.sum(axis=-1)
+        stays = np.asarray((edge < 0).all(axis=-1))
+        waits = (self._part_of > 0) & ~stays
+        if most:
+            waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
+        lengths = 1 + waits + arrives.sum(axis=-1)
         width = int(lengths.max(initial=1))
         nodes, times = np.repeat(starts[..., None], width, axis=-1), np.zeros((*starts.shape, width))
         at = np.nonzero(arrives)
-        number = np.cumsum(arrives, axis=-1)[at]
+        number = (np.cumsum(arrives, axis=-1) + waits[..., None])[at]
         columns, edges = self._by.columns, legs.edge[at]
         nodes[(*at[:2], number)] = np.where(legs.end[at] > 0.0, columns.targets[edges], columns.sources[edges])
         times[(*at[:2], number)] = legs.until[at]
+        if waits.any():
+            times[..., 1] = np.where(waits, legs.since[..., 0], times[..., 1])
         end = np.where(took_part, trips.edge[rows], -1)
         motion = np.where(end >= 0, trips.motion[rows], int(Motion.STOPPED))
-        stays = np.asarray((edge < 0).all(axis=-1))
-        waits = np.zeros_like(stays)
         found = _paths(nodes, times, lengths, starts)
         return found._replace(legs=legs, edge=end, motion=motion, stays=stays, waits=waits, rests=end < 0)
 

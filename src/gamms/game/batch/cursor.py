@@ -576,7 +576,7 @@ class Cursor:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
                 moves.do(int(np.searchsorted(numbers, number)), deeds)
         parts = self._parts.settings.order
-        return moves if parts is None else moves.in_parts(parts)
+        return moves if parts is None or courses is not None else moves.in_parts(parts)
 
     # -- rules --------------------------------------------------------------------------------------------------
 

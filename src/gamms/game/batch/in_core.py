@@ -553,11 +553,12 @@ class CoreGames:
 
     def _new_columns(self) -> EdgeColumns | MetreColumns | None:
         """Return what threads share in games that do not go along one edge a turn."""
-        by = self._state.movement
+        by, go_by_steps = self._state.movement, any(self._steps)
+        keeps_courses = self._keeps_courses or self.num_parts > 1
         if isinstance(by, ByMetres):
-            return MetreColumns(self._state, by, go_by_steps=any(self._steps), keeps_courses=self._keeps_courses)
+            return MetreColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
         if isinstance(by, ByEdges):
-            return EdgeColumns(self._state, by, go_by_steps=any(self._steps), keeps_courses=self._keeps_courses)
+            return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
         return None
 
     def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:

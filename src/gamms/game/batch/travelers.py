@@ -101,18 +101,21 @@ class EdgeColumns:
     Args:
         state: of all games.
         by: how agents go.
+        part_of: (agents,) the part of the turn in which each goes.
         go_by_steps: whether some agents decide by steps, which may lead far.
         keeps_courses: whether functions are called, which may ask how agents have gone.
     """
 
-    def __init__(self, state: GameArrays, by: ByEdges, *, go_by_steps: bool, keeps_courses: bool) -> None:
+    def __init__(
+        self, state: GameArrays, by: ByEdges, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
+    ) -> None:
         self._by = by
         self._agents = state.node.shape[1]
         self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
-        shape, most = state.node.shape, most_nodes(by)
-        _refuse_too_long(self._agents * most, state.node.size * most * keeps_courses)
-        self.courses = EdgeCourses(by, shape, most) if keeps_courses else None
+        shape, self._most = state.node.shape, most_nodes(by) + int(part_of.any())
+        _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
+        self.courses = EdgeCourses(by, shape, self._most, part_of) if keeps_courses else None
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
         self._hops = Memories(by.columns, np.ones(len(lengths)), rows, 8)
         self._ways = Memories(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
@@ -125,7 +128,7 @@ class EdgeColumns:
         events: rules.Events,  # noqa: ARG002
     ) -> ThreadTravel:
         """Return what one thread plays with; see `MetreColumns`."""
-        by, most = self._by, most_nodes(self._by)
+        by, most = self._by, self._most
         reach = Reach(by.streets.num_nodes)
         nodes: Any = np.zeros(self._agents * most, np.int64).data
         times: Any = np.zeros(self._agents * most).data
@@ -153,6 +156,7 @@ class MetreColumns:
     Args:
         state: of all games.
         by: how agents go.
+        part_of: (agents,) the part of the turn in which each goes.
         go_by_steps: whether some agents decide by steps, which may lead far.
         keeps_courses: whether functions are called, which may ask how agents have gone.
 
@@ -162,13 +166,15 @@ class MetreColumns:
         ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
     """
 
-    def __init__(self, state: GameArrays, by: ByMetres, *, go_by_steps: bool, keeps_courses: bool) -> None:
+    def __init__(
+        self, state: GameArrays, by: ByMetres, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
+    ) -> None:
         self._by = by
         self._agents = state.node.shape[1]
-        self._most = most_legs(by)
+        self._most = most_legs(by) + 2 * int(part_of.any())
         shape = state.node.shape
         _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
-        self.courses = MetreCourses(by, shape, self._most) if keeps_courses else None
+        self.courses = MetreCourses(by, shape, self._most, part_of) if keeps_courses else None
         starts, ends = np.zeros((2, *shape), np.int64)
         self.ends = starts, ends
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}

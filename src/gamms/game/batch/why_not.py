@@ -21,7 +21,7 @@ def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     decided = why_not_decided(game, roster).values()
     ruled = _why_not_ruled(game)
     called = _why_not_called(game, roster)
-    return next(chain(_why_not_played(game, roster), _why_not_agents(game, roster), ruled, decided, called), None)
+    return next(chain(_why_not_played(game), _why_not_agents(game, roster), ruled, decided, called), None)
 
 
 def first_called(game: PlayedGame, roster: Roster) -> str | None:
@@ -55,12 +55,10 @@ def _decides_at_arrivals(game: PlayedGame) -> bool:
     return by_metres and bool(settings["decide"] == "arrival")
 
 
-def _why_not_played(game: PlayedGame, roster: Roster) -> Iterator[str]:
+def _why_not_played(game: PlayedGame) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
     if game.internals.after_observing:
         yield "what is recorded of states"
-    if game.settings()["order"] is not None and not goes_along_one_edge(game, roster):
-        yield "an order of play, of agents that do not go along one edge in a turn"
     yield from why_not_begun(game)
 
 
