@@ -22,6 +22,8 @@ _FLAGS = (
     "--remote-debugging-port=0",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # there is no network but for this machine
 )
+NODES = "(({state, world}) => [...state.agents.values()].map(({row}) => world.nodeIds[row]))(gamms.views[0].replay)"
+"""What gives the nodes of all agents that are shown."""
 _SECONDS = 60.0
 _LEFT = re.compile("navigated or closed|context was destroyed|Cannot find context")
 _IS_READ = "document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead"

@@ -1,36 +1,29 @@
-// Print what the viewer's reader finds in a recording: every state, forwards and by seeking, as JSON.
+// Print what the viewer's reader finds in a game: every state, forwards and by seeking, as JSON.
 import { readFileSync } from "node:fs";
-import { Recording } from "../../src/gamms/web/viewer/recording.js";
-import { stateAt } from "../../src/gamms/web/viewer/state.js";
-import { World } from "../../src/gamms/web/viewer/world.js";
+
+globalThis.document = { getElementById: () => null }; // themes are in pages
+const [{ Recording }, { Replay }] = await Promise.all(["recording", "replay"].map((name) => import(`../../src/gamms/web/viewer/${name}.js`)));
 
 /** What is compared of a state. */
-function plain(state) {
-  const agents = [...state.agents.values()];
-  const numbers = (values) => values.map((value) => (Number.isNaN(value) ? null : value));
+function plain({ state, world }) {
+  const agents = [...state.agents.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
   return {
-    name: agents.map((agent) => agent.name), team: agents.map((agent) => agent.team), alive: agents.map((agent) => Boolean(agent.alive)),
-    node: agents.map((agent) => agent.node), previous: agents.map((agent) => agent.previous),
-    position: agents.map((agent) => numbers([...agent.position].slice(0, 3))), quat: agents.map((agent) => numbers([...agent.quat])),
-    scores: Object.fromEntries(state.scores), over: state.over === null ? null : Object.fromEntries(state.over),
+    name: agents.map((agent) => agent.name), side: agents.map((agent) => agent.side), alive: agents.map((agent) => agent.alive),
+    node: agents.map((agent) => world.nodeIds[agent.row]), position: agents.map((agent) => agent.position ?? [null, null, null]),
+    scores: Object.fromEntries(state.scores), is_over: state.isOver,
   };
 }
 
-/** Return what is in a recording whose bytes come so many at once. */
+/** Return what is in a game whose bytes come so many at once. */
 function read(path, size) {
   const bytes = new Uint8Array(readFileSync(path));
   const recording = new Recording();
   for (let at = 0; at < bytes.length; at += size) recording.feed(bytes.slice(at, Math.min(at + size, bytes.length)));
-  const state = stateAt(recording, 0);
-  const forwards = [plain(state)];
-  while (state.turn < recording.turns) {
-    state.advance(recording);
-    forwards.push(plain(state));
-  }
-  const sought = [...forwards.keys()].filter((turn) => turn % 7 === 0).map((turn) => [turn, plain(stateAt(recording, turn))]);
-  const world = new World(recording.header.get("world"));
-  const map = { nodes: [...world.nodeIds], xy: [...world.xy], edges: [...world.edgeIds] };
-  return { turns: recording.turns, isComplete: recording.isComplete, forwards, sought, map };
+  const replay = new Replay(recording), { world } = replay;
+  const at = (/** @type {number} */ turn) => (replay.show(turn), plain(replay));
+  const forwards = Array.from({ length: recording.turns + 1 }, (_, turn) => at(turn));
+  const sought = [...forwards.keys()].filter((turn) => turn % 7 === 0).reverse().map((turn) => [turn, at(turn)]);
+  return { turns: recording.turns, forwards, sought, map: { nodes: [...world.nodeIds], xy: [...world.xy] } };
 }
 
 const paths = process.argv.slice(2);

@@ -12,19 +12,19 @@ import time
 import zlib
 from contextlib import suppress
 
+import browser
 import httpx
 import pytest
+from shown_game import ShownGame
 
 import gamms
 from gamms import recorder, scenario, strategies, web
 from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
 from gamms.recorder.cut import sides_of
 from gamms.recorder.errors import Damaged
-from gamms.recorder.formats.blocks import HEAD_SIZE, head_of
 from gamms.typing import OpCodes
-from gamms.web import server, streams
+from gamms.web import server, streams, turns
 from gamms.web.live import numbers_of
-from gamms.web.pages import drawn_log
 from gamms.web.painter import Painter
 
 HUNT = scenario.Scenario(
@@ -42,7 +42,7 @@ HUNT = scenario.Scenario(
 
 
 class Client:
-    """A client that has joined by a link: `bytes` is the recording that it was sent, `told` its messages."""
+    """A client that has joined by a link: `bytes` is the game that it was sent, `told` its messages."""
 
     def __init__(self, link):
         from websockets.sync.client import connect
@@ -64,23 +64,19 @@ class Client:
                 self.told.append(json.loads(found))
             else:
                 found = zlib.decompress(found)
-                self.bytes = found if found.startswith(b"MMGR") else self.bytes + found
+                self.bytes = found if found.startswith(turns.MAGIC) else self.bytes + found
 
     def read_turns(self, turns):
-        """Read until so many turns are there; return the recording."""
-        self.read(lambda client: client.bytes[8:] and self.recording().turns >= turns)
-        return self.recording()
+        """Read until so many turns are there; return the game."""
+        self.read(lambda client: client.bytes[8:] and self.game().turns >= turns)
+        return self.game()
 
-    def recording(self):
-        return recorder.open(io.BytesIO(self.bytes))
+    def game(self):
+        return ShownGame(self.bytes)
 
-    def blocks(self):
-        """The heads of the blocks that it was sent."""
-        found, at = [], 8
-        while at < len(self.bytes):
-            found.append(head_of(self.bytes[at : at + HEAD_SIZE], at))
-            at = found[-1].end
-        return found
+    def parts(self):
+        """The first turn of each part that it was sent, and whether that is whole."""
+        return [(part["first"], part["is_whole"]) for part in self.game().sent]
 
 
 @pytest.fixture
@@ -109,22 +105,27 @@ def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
         state = whole.detached(0).keyframe(0)
         header = {**whole.header, "world": whole.graph.packed, "sides": sides_of(whole.header, state)}
         with Painter(header, state) as painter:
-            expected = [drawn_log(log, painter) for log in whole.logs()]
-        assert repr(list(sent["everything"].logs())) == repr(expected)
-        for team in ("red", "blue"):
+            painter.begin()
+            for log in whole.logs():
+                painter.add(log)
+            expected = ShownGame(turns.MAGIC + turns.frame({"world": turns.frame([0])[4:]}) + painter.part())
+        assert list(sent["everything"].captions()) == list(expected.captions())
+        for team in ("everything", "red", "blue"):
             stream = io.BytesIO()
-            whole.cut(stream, team)
+            if team == "everything":
+                stream.write(whole.content())
+            else:
+                whole.cut(stream, team)
             with recorder.open(io.BytesIO(stream.getvalue())) as cut:
                 known = [state.agents for state in cut]
-                assert [state.agents["name"].tolist() for state in sent[team]] == [
-                    one["name"].tolist() for one in known
-                ]
-                assert [state.agents["node"].tolist() for state in sent[team]] == [
-                    one["node"].tolist() for one in known
-                ]
-            assert sent[team].header["audience"] == team
-            assert "seed" not in sent[team].header
+            assert [places(one.agents) for one in sent[team]] == [places(one) for one in known]
+            assert sent[team].header.get("audience", "everything") == team
+            assert ("seed" in sent[team].header) == (team == "everything")
     assert {len(state.agents["name"]) for state in sent["red"]} > {2}
+
+
+def places(agents):
+    return dict(zip(agents["name"].tolist(), agents["node"].tolist(), strict=True))
 
 
 def test_only_the_admin_link_steps_and_pauses(join):
@@ -140,10 +141,6 @@ def test_only_the_admin_link_steps_and_pauses(join):
         assert live.streams.turns == 1
 
 
-def kinds_and_turns(client):
-    return [(chr(one.type), one.first) for one in client.blocks()]
-
-
 def test_who_comes_late_begins_with_a_keyframe(join):
     with web.serve(HUNT, is_paused=True) as live:
         admin = join(live.links["admin"])
@@ -151,12 +148,12 @@ def test_who_comes_late_begins_with_a_keyframe(join):
         admin.read_turns(1)
         for link in (live.url, live.links["red"]):
             late = join(link)
-            known = [("H", 0), ("K", 0), ("T", 0)], [("H", 0), ("K", 1)]  # the first where another has been sent it
-            late.read(lambda client, known=known: client.bytes and kinds_and_turns(client) in known)
+            known = [(0, True), (1, False)], [(1, True)]  # the first where another has been sent it
+            late.read(lambda client, known=known: client.bytes and client.parts() in known)
         admin.say(type="step")
         admin.say(type="step")  # a turn is shown to a team when it senses, as the next one begins
-        late.read(lambda client: client.blocks()[-1].type == ord("T"))
-        assert late.blocks()[-1].first == 1
+        late.read(lambda client: not client.parts()[-1][1])
+        assert late.parts()[-1][0] == 2
 
 
 def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
@@ -166,25 +163,24 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
         ctx.record.follow(following)
         stream = following.of(web.links.Audience())
         messages, place, dropped = stream.read(stream.last_keyframe)
-        first = inflated(messages)
-        assert (head_of(first[:HEAD_SIZE]).type, place.turns, dropped) == (ord("K"), 0, 0)
+        assert (sent(stream, messages).sent[0]["is_whole"], place.turns, dropped) == (True, 0, 0)
         ctx.game.run(max_turns=200)
         assert following.of(web.links.Audience()) is stream
         messages, place, dropped = stream.read(place)
-        again = inflated(messages)
-        assert (head_of(again[:HEAD_SIZE]).type, head_of(again[:HEAD_SIZE]).first) == (ord("K"), 192)
+        again = sent(stream, messages).sent[0]
+        assert (again["is_whole"], again["first"]) == (True, 192)
         assert (dropped, place.turns) == (192, 200)
         assert sum(len(message) for messages, _ in stream._parts for message in messages) < 8000
 
 
-def inflated(messages):
-    return b"".join(map(zlib.decompress, messages))
+def sent(stream, messages):
+    """What a stream has given out in messages, as a game."""
+    return ShownGame(b"".join(map(zlib.decompress, [*stream.opening, *messages])))
 
 
 def sent_by(stream):
-    """All that a stream has given out, as a recording."""
-    parts = [message for messages, _ in stream._parts for message in messages]
-    return recorder.open(io.BytesIO(inflated([*stream.opening, *parts])))
+    """All that a stream has given out, as a game."""
+    return sent(stream, [message for messages, _ in stream._parts for message in messages])
 
 
 def test_a_player_of_two_agents_sees_what_both_see_though_they_look_one_after_the_other():
@@ -199,8 +195,8 @@ def test_a_player_of_two_agents_sees_what_both_see_though_they_look_one_after_th
         stream = following.of(web.links.Audience(agents=frozenset({"red_0", "blue_0"})))
         ctx.game.run(max_turns=3)
         following.end()
-        with sent_by(stream) as sent:
-            assert [state.agents["name"].tolist() for state in sent] == [["red_0", "blue_0", "red_1"]] * 4
+        names = [state.agents["name"].tolist() for state in sent_by(stream)]
+    assert names == [["red_0", "blue_0", "red_1"]] * 4
 
 
 def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_with_which_it_goes_on():
@@ -213,8 +209,7 @@ def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_wi
         ctx.agent.get_agent("blue_0").current_node_id = ctx.agent.get_agent("red_0").current_node_id
         ctx.game.run(max_turns=2)
         following.end()
-        with sent_by(stream) as sent:
-            known = [state.agents["name"].tolist() for state in sent]
+        known = [state.agents["name"].tolist() for state in sent_by(stream)]
     assert known[0] == ["red_0", "red_1"]
     assert "blue_0" in known[1]
 
@@ -253,7 +248,7 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
             admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
-        admin.read(lambda client: client.recording().turns == 12)
+        admin.read(lambda client: client.bytes and client.game().turns == 12)
         again = live.wait(60)
     assert (again.turns, again.seed, len(again.agents)) == (12, 9, 5)
 
@@ -312,7 +307,7 @@ def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
         path.write_text("{")
         watcher.read(lambda client: client.told and client.told[-1]["error"])
         path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 7}))
-        watcher.read(lambda client: client.bytes and client.recording().turns == 7)
+        watcher.read(lambda client: client.bytes and client.game().turns == 7)
         assert live.wait(60).turns == 7
 
 
@@ -361,8 +356,8 @@ def test_watching_says_what_is_wrong_with_a_changed_file_and_goes_on_when_it_is_
         admin.read(lambda client: client.told and client.told[-1]["error"] is None and client.told[-1]["over"])
     (folder / "mine.py").write_text(STAY.replace("state['curr_pos']", "min(state['legal'])"))
     (folder / "hunt.json").write_text(json.dumps({**HUNT.to_dict(), "max_turns": 2, "rules": []}))
-    admin.read(lambda client: client.recording().header and client.recording().turns == 2)
-    moves = [state.agents["node"].tolist()[:2] for state in admin.recording()]
+    admin.read(lambda client: client.bytes and client.game().turns == 2)
+    moves = [state.agents["node"].tolist()[:2] for state in admin.game()]
     assert moves[0] != moves[2], "the code of --strategy is read again, too"
 
 
@@ -402,6 +397,10 @@ def test_a_program_that_opens_a_window_else_serves_its_turns(join):
     assert [state.agents["node"].tolist() for state in shown] == [[node] for node in nodes]
 
 
+def last_nodes(client):
+    return list(client.game())[-1].agents["node"].tolist()
+
+
 def test_a_recording_that_begins_and_ends_while_a_game_is_served_is_whole(join, tmp_path):
     with HUNT.build() as ctx, web.serve(ctx, speed=None) as live:
         client = join(live.url)
@@ -415,7 +414,7 @@ def test_a_recording_that_begins_and_ends_while_a_game_is_served_is_whole(join, 
         nodes = [agent.current_node_id for agent in ctx.agent.create_iter()]
         with recorder.open(tmp_path / "part.ggr") as part:
             assert part.turns == 5
-        client.read(lambda client: len(client.blocks()) == 3 and client.recording()[1].agents["node"].tolist() == nodes)
+        client.read(lambda client: client.game().turns == 1 and last_nodes(client) == nodes)  # it was begun again
 
 
 # -- what is refused --------------------------------------------------------------------------------------------------
@@ -542,7 +541,7 @@ def test_hostile_messages_change_nothing(messages, join):
         attack(live, live.links["red"], messages)
         assert (live.ctx.game.turn, live.scenario, live.pace.speed, live.pace.is_paused, live._seed) == before
         live.pace.step()
-        witness.read(lambda client: client.blocks()[-1].type == ord("K") or client.blocks()[-1].type == ord("T"))
+        witness.read(lambda client: client.parts())
         assert live._thread.is_alive()
         assert all(len(one.inbox) == 0 for one in live.connections)
 
@@ -555,10 +554,7 @@ def test_nothing_of_others_is_on_the_wire_of_a_team(join):
             client.read(lambda client: client.bytes)
         live.pace.pause(is_paused=False)
         live.wait(60)
-        texts = [
-            str(list(found.logs())) + str([found.detached(turn).keyframe(turn) for turn in range(found.turns + 1)])
-            for found in (spectator.read_turns(40), red.read_turns(40))
-        ]
+        texts = [found.said() for found in (spectator.read_turns(40), red.read_turns(40))]
     assert "secret" in texts[0]
     assert "blue_0" in texts[0]
     assert "secret" not in texts[1]
@@ -586,7 +582,7 @@ def test_no_name_or_look_of_an_agent_out_of_sight_is_on_the_wire_of_a_team(join)
                 spectator.read(lambda client, before=before: client.bytes != before[0])
                 red.read(lambda client, before=before: client.bytes != before[1])
             found = [client.read_turns(3) for client in (spectator, red)]
-            said = [str(one.header) + str(list(one.logs())) + str(one.detached(0).keyframe(0)) for one in found]
+            said = [one.said() for one in found]
     assert [word in text for text in said for word in ("zqspy", "hotpink")] == [True, False, False, False]
 
 
@@ -782,14 +778,14 @@ def test_the_page_follows_the_game_and_shows_a_team_no_more_than_it_knows(chromi
         page.value("document.querySelector('[aria-label=\"Play one turn of the game\"]').click()")
         page.wait(f"gamms.turns == {turn + 1} && gamms.turn == {turn + 1}")
         nodes = [agent.current_node_id for agent in live.ctx.agent.create_iter()]
-        assert page.value("[...gamms.views[0].replay.state.agents.values()].map((agent) => agent.node)") == nodes
+        assert page.value(browser.NODES) == nodes
         page.key("Home")
         assert page.value("[gamms.turn == gamms.first, gamms.isLive]") == [True, False]
         assert page.messages == []
         chromium.open(live.links["red"], 390, 800, touch=True, scale=2)
         assert page.value("document.querySelector('.live .control').hidden")
         assert page.value("document.documentElement.scrollWidth") == 390
-        assert set(page.value("[...gamms.views[0].replay.state.byName.keys()]")) <= {
+        assert set(page.value("[...gamms.views[0].replay.state.agents.keys()]")) <= {
             "red_0",
             "red_1",
             "blue_0",

@@ -72,7 +72,7 @@ def test_what_happened_is_said_as_films_say_it(chromium, game):
     page, (path, said) = chromium, game
     page.open(path)
     words = page.value(
-        "gamms.views[0].replay.overview.captions.filter(({isMajor}) => !isMajor).map(({words}) => words)"
+        "gamms.views[0].replay.timeline.captions.filter(({isMajor}) => !isMajor).map(({words}) => words)"
     )
     assert words == [sentence for *_, sentences in said for sentence in sentences]
     assert "robot_0 arrives at node 3" in words

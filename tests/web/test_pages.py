@@ -1,29 +1,19 @@
 """A page holds the recording, and nothing of it becomes markup."""
 
-import base64
-import io
 import json
 import re
-import zlib
 from graphlib import TopologicalSorter
 
 import numpy as np
 import pytest
+from shown_game import game_in
 
 import gamms
 from gamms import recorder, rendering, web
 from gamms.errors import BadValue, MissingFolder
-from gamms.ir.events import events_of
 from gamms.web import bundle
-from gamms.web.painter import SHOWN
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
-
-
-def recording_in(page):
-    """Return the recording in the bytes of a page."""
-    [data] = re.findall(r'class="recording">([^<]*)<', page.decode())
-    return recorder.open(io.BytesIO(zlib.decompress(base64.b64decode(data))))
 
 
 def test_each_module_of_the_pages_imports_what_another_one_exports_and_none_imports_itself():
@@ -60,23 +50,17 @@ def test_a_page_holds_every_state_of_the_game(game, tmp_path):
         recording.save(tmp_path / "game.html", title="A walk")
         states = list(recording)
         graph = recording.graph.columns()
-    with recording_in((tmp_path / "game.html").read_bytes()) as found:
-        assert np.array_equal(found.graph.columns().node_ids, graph.node_ids)
-        assert np.allclose(found.graph.columns().xy, graph.xy, rtol=0.0, atol=1e-4)
-        assert found.turns == 80
-        for before, after in zip(states, found, strict=True):
-            assert before.scores == after.scores
-            for name in ("name", "node", "previous", "alive"):
-                assert np.array_equal(before.agents[name], after.agents[name]), name
-        said = [
-            (turn, data) for turn, log in enumerate(found.logs(), 1) for kind, data in events_of(log) if kind == SHOWN
-        ]
-        assert said[0][0] == 10
-        assert said[0][1]["captions"] == [{"words": "red 1", "agent": "red", "major": True, "marked": True}]
-        assert said[1] == (
-            12,
-            {"captions": [{"words": "red_0: storm", "agent": "red_0", "major": False, "marked": True}]},
-        )
+    found = game_in((tmp_path / "game.html").read_bytes())
+    assert np.array_equal(found.world["node_ids"], graph.node_ids)
+    assert np.allclose(found.world["xy"].T * found.world["step"], graph.xy, rtol=0.0, atol=1e-3)
+    assert found.turns == 80
+    for before, after in zip(states, found, strict=True):
+        assert before.scores == after.slots["scores"]
+        for name in ("name", "node", "alive"):
+            assert np.array_equal(before.agents[name], after.agents[name]), name
+    first, second, *_ = found.captions()
+    assert first == {"words": "red 1", "agent": "red", "major": True, "marked": True, "turn": 10}
+    assert second == {"words": "red_0: storm", "agent": "red_0", "major": False, "marked": True, "turn": 12}
 
 
 def test_the_same_recording_gives_the_same_bytes(game):

@@ -1,16 +1,16 @@
 """What a page shows of rules and artists is what pictures show, in both themes, and in every turn."""
 
 import io
+import zlib
 
 import numpy as np
 import pytest
+from shown_game import ShownGame, game_in
 
 import gamms
-from gamms import recorder
-from gamms.recorder.cut import sides_of
+from gamms import recorder, web
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.themes import THEMES
-from gamms.web.painter import SHOWN, Painter
 from gamms.web.streams import Streams
 
 
@@ -59,26 +59,19 @@ def drawn(ctx, theme):
 
 def test_signs_of_each_turn_are_those_of_pictures_in_both_themes(played):
     data, expected = played
-    known = {}
     with recorder.open(io.BytesIO(data)) as recording:
-        state = recording.detached(0).keyframe(0)
-        header = {**recording.header, "world": recording.graph.packed, "sides": sides_of(recording.header, state)}
-        with Painter(header, state) as painter:
-            known |= {one["artist"]: one for one in painter.present()["drawings"]}
-            for log, shown in zip(recording.logs(1, 13), expected, strict=True):
-                for kind, changes in painter.turn(log):
-                    assert kind == SHOWN
-                    for one in changes.get("drawings", []):
-                        known[one["artist"]] = one
-                now = {name: one for name, one in known.items() if "commands" in one}
-                assert {name for name, one in now.items() if len(one["commands"]["kind"])} == shown["light"].keys()
-                for theme, drawings in shown.items():
-                    for name, (colors, points) in drawings.items():
-                        styles = now[name]["commands"]["style"]
-                        assert np.array_equal(now[name]["colors"][theme][styles], colors) or name == "rule_warn"
-                        assert now[name]["commands"]["counts"].sum() == len(points)
-    assert {"flags", "held", "resources", "rule_warn"} <= known.keys()
-    assert known["resources"]["facts"].keys() == {"red_0", "red_1", "blue_2", "blue_3"}
+        states = list(game_in(web.page(recording)))
+    for state, shown in zip(states[1:], expected, strict=True):
+        slots = {slot.removeprefix("drawing "): one for slot, one in state.slots.items() if slot[:8] == "drawing "}
+        now = {name: one for name, one in slots.items() if one is not None}
+        assert {name for name, one in now.items() if len(one["commands"]["kind"])} == shown["light"].keys()
+        for theme, drawings in shown.items():
+            for name, (colors, points) in drawings.items():
+                styles = now[name]["commands"]["style"]
+                assert np.array_equal(now[name]["colors"][theme][styles], colors) or name == "rule_warn"
+                assert now[name]["commands"]["counts"].sum() == len(points)
+    assert {"flags", "held", "resources", "rule_warn"} <= now.keys()
+    assert now["resources"]["facts"].keys() == {"red_0", "red_1", "blue_2", "blue_3"}
 
 
 def test_a_rule_with_a_drawer_of_its_own_is_painted_and_its_words_are_said(chromium, played, tmp_path):
@@ -103,6 +96,7 @@ def test_who_looks_on_late_is_sent_what_artists_have_drawn_before():
         ctx.visual.add_artist("spot", {"drawer": lambda ctx, _: ctx.visual.render_circle(0, 0, 5, (1, 2, 3), 2)})
         ctx.game.run(max_turns=10)
         stream = following.of(gamms.web.links.Audience())
-        shown = stream._painter.present()
+        messages, *_ = stream.read(stream.last_keyframe)
         following.close()
-    assert {one["artist"] for one in shown["drawings"]} == {"flags", "spot"}
+    *_, state = ShownGame(b"".join(map(zlib.decompress, [*stream.opening, *messages])))
+    assert {slot for slot in state.slots if slot.startswith("drawing ")} == {"drawing flags", "drawing spot"}

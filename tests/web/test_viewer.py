@@ -3,6 +3,7 @@
 import html
 import json
 
+import browser
 import numpy as np
 import pytest
 
@@ -137,7 +138,7 @@ def test_dragging_the_timeline_shows_any_turn(page, game):
     assert abs(turn - 40) <= 1
     with recorder.open(game) as recording:
         nodes = recording[turn].agents["node"].tolist()
-    assert page.value("[...gamms.views[0].replay.state.agents.values()].map((agent) => agent.node)") == nodes
+    assert page.value(browser.NODES) == nodes
 
 
 def test_the_mouse_moves_the_map_and_the_wheel_zooms_around_it(page):
@@ -220,7 +221,7 @@ def test_hostile_names_execute_nothing(chromium, tmp_path):
     with recorder.open(tmp_path / "hostile.ggr") as recording:
         recording.save(tmp_path / "hostile.html", title=name)
     chromium.open(tmp_path / "hostile.html")
-    chromium.value("gamms.seek(2), gamms.panel.open(), gamms.select([...gamms.views[0].replay.state.byName.keys()][0])")
+    chromium.value("gamms.seek(2), gamms.panel.open(), gamms.select([...gamms.views[0].replay.state.agents.keys()][0])")
     chromium.settle()
     assert chromium.value("window.attacked") is None
     assert chromium.value("document.images.length") == 0
@@ -378,7 +379,7 @@ def test_fog_past_obstacles_is_that_of_sensors_where_ground_and_obstacles_have_h
     page = chromium.open(tmp_path / "hilly.html")
     replay, scene = "gamms.views[0].replay", "gamms.views[0].scene"
     found = page.value(
-        f"{json.dumps(list(covered))}.map((team) => [...{replay}.knowledge.sight({replay}.state, team).nodes]"
+        f"{json.dumps(list(covered))}.map((team) => [...{replay}.sight(team).nodes]"
         f".map((row) => {scene}.world.nodeIds[row]))"
     )
     assert dict(zip(covered, map(sorted, found), strict=True)) == covered

@@ -162,6 +162,15 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
     return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
 
 
+def parts_of(look: Look) -> tuple[list[int], list[int], list[tuple[int, int]], Any]:
+    """Return the ids of nodes and of edges that a look saw, numbers of agents with their nodes, and what else it gave."""
+    if look.form == _MAP:
+        return look.first, look.second, [], None
+    if look.form == _IDS:
+        return (look.first, [], [], None) if look.kind in _OF_NODES else ([], [], [], look.first)
+    return [], [], list(zip(look.first, look.second, strict=True)), look.other if look.form == _OTHER else None
+
+
 class Sighting(NamedTuple):
     """Where a sensor reported an agent to be.
 

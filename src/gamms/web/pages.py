@@ -1,7 +1,6 @@
 """A recording as one HTML page: the viewer, and behind it what the viewer reads of the recording, in base64.
 
-`painter.py` adds what rules, artists and captions show; `docs/page-format.md` describes the bytes. What the viewer does
-not read is left out: random streams, facts, what rules keep, components, attributes of streets. The scenery of the map,
+`painter.py` prepares what is shown in each turn; `docs/page-format.md` describes the bytes. The scenery of the map,
 which recordings name, is put in. So the file needs nothing else, and no server.
 """
 
@@ -9,57 +8,32 @@ import base64
 import json
 import re
 import zlib
-from collections.abc import Collection, Mapping
-from functools import lru_cache
+from collections.abc import Mapping
 from html import escape
 from io import BytesIO
 from typing import Any, Unpack
 
-import numpy as np
-
 from gamms.arguments import as_int
 from gamms.errors import BadValue
-from gamms.graph.map_file import MAGIC, VERSION, base_map_of, framed, scenery_called, unframed
-from gamms.ir import events as kinds
-from gamms.ir.events import Log
-from gamms.ir.packed_bytes import STORED
 from gamms.plain import Plain
-from gamms.recorder import Recording, Writer
+from gamms.recorder import Recording
 from gamms.recorder import open as opened
 from gamms.recorder.cut import sides_of
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
 from gamms.web.bundle import page_called
-from gamms.web.painter import Painter
+from gamms.web.painter import Painter, map_for_viewer
+from gamms.web.turns import MAGIC, frame
 
 __all__ = ["page", "page_of_two"]
 
 _OPTIONS = PageOptions.__annotations__.keys()
 _MOST_TRAILS = 200
-_KEYFRAME_MOVES = 1 << 14  # between two keyframes, which the viewer reads in some milliseconds
-_FEWEST_TURNS, _MOST_TURNS = 8, 64  # between them
-_UNREAD = {  # kinds of events that neither the viewer nor what paints for it reads
-    kinds.GAME_FACTS,
-    kinds.GAME_CHANCE,
-    kinds.GAME_PRIVATE_FACTS,
-    kinds.AGENT_STRATEGY,
-    kinds.AGENT_ATTRIBUTE,
-    kinds.DELAYED_LOOKS,
-    *kinds.COMPONENTS,
-}
-_PAINTED = {  # kinds of events that a page has as what they make it show
-    kinds.GAME_DATA,
-    kinds.GAME_EVENT,
-    kinds.USER_EVENT,
-    kinds.VISUALS,
-    kinds.VISUAL_COMMANDS,
-}
-_UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_facts")  # of keyframes
+_LEVEL = 7  # of zlib: 9 takes seven times as long for a tenth less
+_PART_MOVES = 1 << 14  # in a part, which the viewer reads in some milliseconds
+_FEWEST_TURNS, _MOST_TURNS = 8, 64  # in it
 _HEADER = ("format", "package", "seed", "created", "audience", "sides")
-_ATTRIBUTES = {"highway", "name", "tunnel", "z", "underground"}
-_STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
-_LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
 
 
 @pages.register("gamms")
@@ -168,7 +142,7 @@ def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
 
 def as_text_of(data: bytes) -> str:
     """Return bytes as a script element holds them: deflated, in base64."""
-    return base64.b64encode(zlib.compress(data, 9)).decode()
+    return base64.b64encode(zlib.compress(data, _LEVEL)).decode()
 
 
 def as_json(value: object) -> str:
@@ -186,98 +160,26 @@ def _title_of(recording: Recording) -> str:
 
 
 def _rewritten(recording: Recording, team: str | None) -> bytes:
-    """Return the recording with what the viewer reads, and with more keyframes, so that any turn comes at once."""
+    """Return what the viewer shows of a recording, in parts of some turns, so that any turn comes at once."""
     if team is not None:
         known = BytesIO()
         with_sensed(recording).cut(known, team)
         recording = opened(BytesIO(known.getvalue()))
-    agents = len(recording.detached(0).agents)
-    every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
-    stream = BytesIO()
-    sides = recording.header.get("sides") or sides_of(recording.header, recording.detached(0).keyframe(0))
+    state = recording.detached(0).keyframe(0)
+    every = min(max(_PART_MOVES // max(len(state["names"]), 1), _FEWEST_TURNS), _MOST_TURNS)
+    sides = recording.header.get("sides") or sides_of(recording.header, state)
     whole = {**recording.header, "world": recording.graph.packed, "sides": sides}
-    with Painter(whole, recording.detached(0).keyframe(0)) as painter:
-        writer = Writer(stream, {**drawn_header(whole), "shown": painter.present()}, seconds=None, is_deflated=False)
+    with Painter(whole, state) as painter:
+        parts = [MAGIC, frame(drawn_header(whole))]
+        painter.begin()
         for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
-            if turn % every == 0:
-                writer.keyframe(drawn_keyframe(recording.detached(turn).keyframe(turn)))
-            writer.add_turn(drawn_log(log, painter))
-    if not recording.turns:
-        writer.keyframe(drawn_keyframe(recording.detached(0).keyframe(0)))
-    writer.close()
-    return stream.getvalue()
+            if turn and turn % every == 0:
+                parts.append(painter.part(is_last=False))
+            painter.add(log)
+        return b"".join([*parts, painter.part()])
 
 
 def drawn_header(header: Mapping[str, Plain]) -> dict[str, Plain]:
     """Return what the viewer reads of a header, which holds its map."""
     chosen = {name: header[name] for name in _HEADER if header.get(name) is not None}
-    return {**chosen, "world": _map_for_viewer(header["world"])}
-
-
-def drawn_log(log: Log, painter: Painter) -> Log:
-    """Return what the viewer reads of the log of a turn, which the painter plays."""
-    read = [entry for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD]
-    kept = [_drawn_event(entry) for entry in read if type(entry) is not tuple or entry[0] not in _PAINTED]
-    return kept + painter.turn(read)
-
-
-def drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
-    """Return what the viewer reads of a keyframe."""
-    return {name: value for name, value in state.items() if name not in _UNREAD_STATE} | {"data": {}}
-
-
-def _drawn_event(entry: Any) -> Any:
-    """Return an event of a log, with a map as the viewer reads it."""
-    if type(entry) is tuple and entry[0] == kinds.WORLD:
-        return kinds.WORLD, {"world": _map_for_viewer(entry[1]["world"])}
-    return entry
-
-
-@lru_cache(maxsize=2)  # games that are begun again have the same map
-def _map_for_viewer(world: bytes) -> bytes:
-    return drawn_map(world, _ATTRIBUTES)
-
-
-# -- the map ------------------------------------------------------------------------------------------------------
-
-
-def drawn_map(
-    world: bytes, attributes: Collection[str] | None = None, lat_lon: "np.ndarray[Any, Any] | None" = None
-) -> bytes:
-    """Return a map with what is drawn of it: rounded, with its scenery, and not deflated.
-
-    Args:
-        world: the map, as it is saved.
-        attributes: those that it keeps; None: all.
-        lat_lon: (nodes, 2) degrees, which it then has, too; rounded to a centimetre.
-    """
-    state = unframed(world, MAGIC, VERSION)
-    base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.pop("scenery", None)))
-    if len(state["face_ids"]):  # which are drawn instead
-        base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
-    step = _step(state["xy"])
-    for name in ("xy", "bend_points", "face_corners"):
-        state[name] = _rounded(state[name], step)
-    state |= {
-        "base_map": base | {name: _rounded(base[name], step) for name in ("points", "face_corners")},
-        "lengths": np.zeros(len(state["edge_ids"])),
-    }
-    if attributes is not None:
-        state |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
-    if lat_lon is not None:
-        state["lat_lon"] = _rounded(lat_lon, _LAT_LON_STEP)
-    return framed(state, MAGIC, VERSION, STORED)
-
-
-def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
-    return {name: column for name, column in attributes.items() if name in names}
-
-
-def _step(xy: "np.ndarray[Any, Any]") -> float:
-    """Return a power of two to whose multiples coordinates are rounded, so that their last bytes are zeros."""
-    extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
-    return float(2.0 ** np.floor(np.log2(extent / _STEPS))) if extent > 0.0 else 2.0**-32
-
-
-def _rounded(places: "np.ndarray[Any, Any]", step: float) -> "np.ndarray[Any, Any]":
-    return np.round(places / step) * step
+    return {**chosen, "world": map_for_viewer(header["world"])}

@@ -1,12 +1,12 @@
-"""What each audience of a live game is sent: the recording format, header, keyframes and blocks of turns.
+"""What each audience of a live game is sent: what a page holds, a header and parts of turns.
 
-The thread that plays only hands over what has happened. It becomes bytes when a connection asks for it, in a block of
+The thread that plays only hands over what has happened. It becomes bytes when a connection asks for it, in a part of
 all turns since then, so that spectators cost a game that waits between its turns nothing. Each message is deflated by
 itself, once for all connections.
 
-A stream holds the blocks of the last turns only, and one keyframe at least; all connections of an audience read the
-same bytes. One that falls behind them begins again at the last keyframe, and the turns between are counted as dropped:
-no connection has a queue of its own, and none can make the game wait.
+A stream holds the parts of the last turns only, and at least one that is whole, which needs none before it; all
+connections of an audience read the same bytes. One that falls behind them begins again at the last whole part, and the
+turns between are counted as dropped: no connection has a queue of its own, and none can make the game wait.
 """
 
 import zlib
@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import partial
-from io import RawIOBase
 from itertools import islice
 from threading import Lock
 from typing import Any, NamedTuple
@@ -22,14 +21,14 @@ from typing import Any, NamedTuple
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
 from gamms.ir.graph import GraphColumns
-from gamms.recorder import Writer
 from gamms.recorder.cut import Cut, cut_header, sides_of
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.links import Audience
-from gamms.web.pages import drawn_header, drawn_keyframe, drawn_log
+from gamms.web.pages import drawn_header
 from gamms.web.painter import Painter
 from gamms.web.server import Connection
+from gamms.web.turns import MAGIC, frame
 
 _KEYFRAME_TURNS = 64
 _MOST_WAITING = 1 << 11  # agents in the parts of turns that wait to become bytes
@@ -47,26 +46,6 @@ class Place(NamedTuple):
     stream: "Stream"
     number: int  # of the next part
     turns: int  # that come before it
-
-
-class _Parts(RawIOBase):
-    """Takes what a writer writes; `taken` gives it."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._parts: list[bytes] = []
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, data: bytes | bytearray | memoryview) -> int:  # type: ignore[override] # what a writer hands over
-        self._parts.append(bytes(data))
-        return len(self._parts[-1])
-
-    def taken(self) -> bytes:
-        """Return what was written since the last call."""
-        parts, self._parts = self._parts, []
-        return b"".join(parts)
 
 
 class Stream:
@@ -90,47 +69,41 @@ class Stream:
         if self._cut is not None:
             state = self._cut.keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
-        self._painter = Painter(header, state)
+        self._painter = Painter(header, state, turns)
         self._turns = turns  # that were given out
         self._begun_at = turns
-        self._is_seen = False  # whether a keyframe or a turn says what is seen at the beginning
-        self._sink = _Parts()
-        options: Any = {"turns": _KEYFRAME_TURNS, "seconds": None, "first": turns, "is_deflated": False}
-        self._writer = Writer(self._sink, drawn_header(header), **options)  # type: ignore[arg-type]
-        self.opening = _messages(self._sink.taken())
+        self._is_seen = False  # whether a whole part or a turn says what is seen at the beginning
+        self.opening = _messages(MAGIC + frame(drawn_header(header)))
         self._lock = Lock()
         self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and how many turns are over behind them
         self._first = 0  # number of the first part
         self.last_keyframe = Place(self, 0, turns)
         self._size = self._since_keyframe = 0  # bytes
-        self._add_keyframe(state)
+        self._add_keyframe()
 
-    def hear(self, log: Log, whole: Log, *, is_over: bool, state: Callable[[], Keyframe]) -> None:
+    def hear(self, log: Log, whole: Log, *, is_over: bool) -> None:
         """Take what has happened; `write` gives it out.
 
         Args:
             log: since the last call.
             whole: since the last turn.
             is_over: whether this turn is over.
-            state: gives the whole state after it.
         """
         if self._cut is None:
             if is_over:
-                self._add_turn(whole, state)
+                self._add_turn(whole)
             return
         cut = self._cut
         for given in cut.add(log, is_end=is_over):
-            self._add_turn(given, self._known)
+            self._add_turn(given)
         if not self._is_seen and (cut.is_shown or is_over):  # what is seen before the first turn is in none
-            known = self._known()
-            self._painter.restore(known)
-            self._add_keyframe(known)
+            self._painter.restore(cut.keyframe(self._turns - self._begun_at))
+            self._add_keyframe()
             self._is_seen = True
 
     def write(self) -> None:
-        """Give out the turns that were taken, in a block of their own."""
-        self._writer.end_block()
-        if part := self._sink.taken():
+        """Give out the turns that were taken, in a part of their own."""
+        if part := self._painter.part():
             self._add(part)
 
     def close(self) -> None:
@@ -140,24 +113,20 @@ class Stream:
     def end(self) -> None:
         """Give out the last turn, behind which nothing is sensed."""
         for given in () if self._cut is None else self._cut.rest():
-            self._add_turn(given, self._known)
+            self._add_turn(given)
             self._is_seen = False  # if it goes on
         self.write()
 
-    def _known(self) -> Keyframe:
-        assert self._cut is not None  # noqa: S101 - callers look
-        return self._cut.keyframe(self._turns - self._begun_at)
-
-    def _add_turn(self, log: Log, state: Callable[[], Keyframe]) -> None:
-        self._writer.add_turn(drawn_log(log, self._painter))
+    def _add_turn(self, log: Log) -> None:
+        self._painter.add(log)
         self._turns += 1
         if (self._turns - self._begun_at) % _KEYFRAME_TURNS == 0 or self._since_keyframe > _KEYFRAME_BYTES:
-            self._add_keyframe(state())
+            self._add_keyframe()
 
-    def _add_keyframe(self, state: Keyframe) -> None:
+    def _add_keyframe(self) -> None:
         self.write()
-        self._writer.keyframe(drawn_keyframe(state) | {"shown": self._painter.present()})
-        self._add(self._sink.taken(), is_keyframe=True)
+        self._painter.begin()
+        self._add(self._painter.part(), is_keyframe=True)
 
     def _add(self, part: bytes, *, is_keyframe: bool = False) -> None:
         messages = _messages(part)
@@ -262,7 +231,7 @@ class Streams:
                 elif kind == kinds.VISUAL_COMMANDS:
                     self._drawings[data["artist"]] = data
         for stream in streams:
-            stream.hear(log, self._since, is_over=is_over, state=lambda: state.keyframe(self._turns))
+            stream.hear(log, self._since, is_over=is_over)
         if is_over:
             self._since = []
 
@@ -310,7 +279,7 @@ class Streams:
         header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
         stream = Stream(audience, header, state, self._turns, nearest_on(self._columns))
         if self._since:
-            stream.hear(self._since, self._since, is_over=False, state=dict)
+            stream.hear(self._since, self._since, is_over=False)
             stream.write()
         return stream
 

@@ -142,5 +142,6 @@ render_tags.__dict__.update(artist="tags", layer=Layer.TAGS, legend=_rows_of_tag
 _DRAWERS: tuple[Callable[..., None], ...] = render_tags, render_eliminated
 for _drawer in _DRAWERS:
     _drawer.once_a_turn = True  # type: ignore[attr-defined] # a mark does not glide
+    _drawer.settles_in = TAG_TURNS  # type: ignore[attr-defined] # then it is as pale as it gets, or gone
     _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
     _drawer.is_in_fog = True  # type: ignore[attr-defined] # teams that see little know of it

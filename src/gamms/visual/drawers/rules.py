@@ -131,6 +131,7 @@ class FlagsDrawer(KeyedDrawer):
     layer = Layer.FLAGS
     legend = _FLAGS
     is_mark = is_in_fog = True
+    settles_in = 0
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
         """Draw them."""
@@ -184,6 +185,7 @@ class TerritoryDrawer(KeyedDrawer):
     """
 
     once_a_turn = True
+    settles_in = 0
     layer = Layer.TERRITORIES
     legend = Rows("", (Row(SIGN, "territory", sign="band"),))
 
@@ -248,7 +250,7 @@ def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 render_flags.__dict__["legend"] = _FLAGS
-render_goals.__dict__.update(artist="goals", layer=Layer.GOALS, legend=_GOALS, once_a_turn=True)
+render_goals.__dict__.update(artist="goals", layer=Layer.GOALS, legend=_GOALS, once_a_turn=True, settles_in=0)
 for _drawer in (render_flags, render_goals):
     _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
     _drawer.is_in_fog = True  # type: ignore[attr-defined] # teams that see little know of it

@@ -175,3 +175,4 @@ render_cooldowns.__dict__.update(
 )
 for _drawer in (render_held, render_discovered, render_amounts, render_cooldowns):
     _drawer.__dict__["is_in_fog"] = True  # teams that see little know of it
+    _drawer.__dict__["settles_in"] = 0

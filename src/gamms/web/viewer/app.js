@@ -95,15 +95,10 @@ export class App {
   readOn() {
     const until = performance.now() + SLICE_MS;
     let isMore = true;
-    while (isMore && performance.now() < until) isMore = this.views.map((view) => view.replay.overview.readOn(view.replay.recording)).some(Boolean);
+    while (isMore && performance.now() < until) isMore = this.views.map((view) => view.replay.timeline.readOn(view.replay.recording)).some(Boolean);
     if (isMore) {
       setTimeout(() => this.readOn(), 0);
       return;
-    }
-    const position = this.position; // drawings and what was sensed are known only now
-    for (const view of this.views) {
-      view.replay.show(Math.min(Math.ceil(position), view.replay.turns));
-      view.replay.refresh();
     }
     this.controls.renew();
     this.settings.renew();
@@ -121,16 +116,12 @@ export class App {
   /** Take further turns of a game that goes on, which have come. */
   grow() {
     const [{ replay, scene }] = this.views;
-    const { overview } = replay;
-    const offered = [overview.hasSensed, overview.hasMessages, overview.sides.size].join();
-    while (overview.readOn(replay.recording));
-    if (offered !== [overview.hasSensed, overview.hasMessages, overview.sides.size].join()) {
-      this.settings.renew();
-    }
+    const offers = () => [replay.timeline.hasSensed, replay.timeline.hasMessages, replay.timeline.sides.size].join(), offered = offers();
+    if (replay.repeats !== replay.recording.repeats || replay.state.turn >= replay.turns - 1) replay.refresh();
+    while (replay.timeline.readOn(replay.recording));
+    if (offered !== offers()) this.settings.renew();
     scene.sightKey = "";
     scene.caches.clear();
-    if (replay.beginnings !== replay.recording.beginnings) replay.refresh();
-    else if (replay.state.turn >= replay.turns - 1) replay.learn();
     this.controls.renew();
     this.panel.renew();
     this.needsPaint = true;
@@ -187,7 +178,7 @@ export class App {
 
   /** Select an agent, or none. @param {string | null} name @param {boolean} [isFollowed] */
   select(name, isFollowed = false) {
-    this.look.selected = name !== null && this.views.some((view) => view.replay.state.byName.has(name)) ? name : null;
+    this.look.selected = name !== null && this.views.some((view) => view.replay.state.agents.has(name)) ? name : null;
     this.isFollowing = isFollowed && this.look.selected !== null;
     if (this.isFollowing) this.#lookCloser();
     if (this.look.selected !== null && this.isWide) this.panel.open();

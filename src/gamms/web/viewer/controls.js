@@ -94,14 +94,14 @@ export class Controls {
     const colors = scene.colors(app.look);
     const sides = new Map(replay.sides().map((side) => [side, { living: 0, all: 0 }]));
     for (const agent of replay.state.agents.values()) {
-      const side = sides.get(agent.team ?? agent.name);
+      const side = sides.get(agent.side);
       if (side === undefined) continue;
       side.all++;
       side.living += agent.alive ? 1 : 0;
     }
-    const { scores, over } = replay.state;
+    const { scores, isOver } = replay.state;
     const names = [...new Set([...sides.keys(), ...scores.keys()])].slice(0, 8);
-    const hasScores = scores.size > 0 || replay.overview.scores.length > 0;
+    const hasScores = scores.size > 0 || replay.timeline.scores.some((one) => one.scores.size > 0);
     refill(this.teams, ...names.map((name) => {
       const side = sides.get(name);
       const isForeign = app.options.audience !== undefined && app.options.audience !== name;
@@ -109,15 +109,15 @@ export class Controls {
       const score = hasScores ? Number((scores.get(name) ?? 0).toPrecision?.(5) ?? 0) : "";
       return element("div", { class: "team" }, dot(colors.get(name)), element("span", { class: "who", text: name }), element("span", { class: "count", text: count }), element("span", { class: "score", text: score }));
     }));
-    const ending = replay.overview.captions.filter((one) => one.isMajor).pop();
-    this.end.textContent = over !== null && ending !== undefined && ending.turn === replay.state.turn ? ending.words : "";
+    const ending = replay.timeline.captions.filter((one) => one.isMajor).pop();
+    this.end.textContent = isOver && ending !== undefined && ending.turn === replay.state.turn ? ending.words : "";
   }
 
   #renewCaptions() {
     const { app } = this;
     const [{ replay, scene }] = app.views;
     const colors = scene.colors(app.look);
-    const now = replay.overview.captions.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
+    const now = replay.timeline.captions.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
     refill(this.captions, ...now.map((one) => {
       const color = colors.get(replay.sideOf(one.agent ?? ""));
       return element("p", { class: one.turn === app.turn ? "now" : "" }, dot(color), element("span", { text: one.words }));
@@ -128,8 +128,7 @@ export class Controls {
   #isOpen(caption) {
     const [{ replay, scene }] = this.app.views;
     if (this.app.look.fog === null || caption.agent === null) return true;
-    const agent = replay.state.byName.get(caption.agent);
-    return agent === undefined || scene.visible === null || scene.visible.has(agent.number);
+    return scene.visible === null || !replay.state.agents.has(caption.agent) || scene.visible.has(caption.agent);
   }
 
   #paintMarks() {
@@ -144,7 +143,7 @@ export class Controls {
     to.clearRect(0, 0, width, height);
     app.views.forEach(({ replay, scene }) => {
       const colors = scene.colors(app.look);
-      for (const one of replay.overview.captions) {
+      for (const one of replay.timeline.captions) {
         if (!one.isMarked) continue;
         to.fillStyle = colors.get(replay.sideOf(one.agent ?? "")) ?? theme.faint;
         const x = this.#share(one.turn) * width, high = one.isMajor ? 16 : 9;
@@ -172,7 +171,7 @@ export class Controls {
     const box = this.marks.getBoundingClientRect();
     const share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
     const at = app.first + share * (app.turns - app.first), turn = Math.round(at), far = Math.max((4 / box.width) * (app.turns - app.first), 0.5);
-    const near = app.views[0].replay.overview.captions.filter((one) => one.isMarked && Math.abs(one.turn - at) <= far && this.#isOpen(one)).slice(0, 4);
+    const near = app.views[0].replay.timeline.captions.filter((one) => one.isMarked && Math.abs(one.turn - at) <= far && this.#isOpen(one)).slice(0, 4);
     const parts = app.options.parts && Math.abs(app.options.parts - at) <= far ? ["here the games part"] : [];
     this.tip.textContent = [`Turn ${near.length ? near[0].turn : turn}`, ...near.map((one) => one.words), ...parts].join(" · ");
     this.tip.style.left = `${share * 100}%`;

@@ -1,7 +1,7 @@
 // Paint draw commands (ir/draw.py) on a canvas: signs of rules, and what artists of a program drew.
 import { Camera } from "./camera.js";
 import { rgba } from "./themes.js";
-import { ByteReader } from "./values.js";
+import { interleaved } from "./values.js";
 
 const CIRCLE = 1, RECTANGLE = 2, LINE = 3, POLYGON = 4, TEXT = 5;
 const SCREEN = 1;
@@ -24,12 +24,9 @@ export function commandsOf(drawing, theme) {
   return /** @type {Commands} */ ({ ...columns, inks, points: pointsOf(drawing, recorded.get("points")), text: recorded.get("text") ?? [], agents: recorded.get("agents") ?? [], sides: recorded.get("sides") ?? [] });
 }
 
-/** Return the points of a drawing as x, y, x, y, … @param {Map<string, any>} drawing @param {Uint8Array} bytes a column of x and one of y */
-export function pointsOf(drawing, bytes) {
-  const commands = drawing.get("commands"), step = commands.get("step"), reader = new ByteReader(bytes);
-  const count = commands.get("counts").reduce((/** @type {number} */ sum, /** @type {number} */ one) => sum + one, 0);
-  const columns = [reader.sums(count), reader.sums(count)];
-  return Float64Array.from({ length: 2 * count }, (_, i) => step * columns[i % 2][i >> 1]);
+/** Return the points of a drawing as x, y, x, y, … @param {Map<string, any>} drawing @param {ArrayLike<number>} columns all x, then all y */
+export function pointsOf(drawing, columns) {
+  return interleaved(columns, 2, drawing.get("commands").get("step"));
 }
 
 /**

@@ -83,10 +83,9 @@ export class Live {
 
   /** @param {Uint8Array} bytes */
   #feed(bytes) {
-    const begins = bytes.length >= 4 && String.fromCharCode(...bytes.subarray(0, 4)) === "MMGR";
-    if (begins) this.recording = new Recording();
+    if (Recording.begins(bytes)) this.recording = new Recording();
     this.recording.feed(bytes);
-    if (this.recording.keyframes.length === 0) return;
+    if (this.recording.parts.length === 0) return;
     const shown = this.app?.views[0].replay.recording;
     if (this.app === null) this.#begin();
     else if (shown !== this.recording) this.app.replace(new Replay(this.recording));

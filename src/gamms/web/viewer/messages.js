@@ -3,38 +3,24 @@ import { faded } from "./themes.js";
 
 const HEIGHT = 0.12; // of an arc, in lengths of the way
 const MOST = 2000;
+const HEARD = 0, OVERHEARD = 1; // fates
+const ALPHAS = [0.8, 0.45];
 
 /** @typedef {import("./scene.js").Scene} Scene */
 
 /**
- * Paint what agents hear next, and what was lost or jammed in this turn, in the colours of the senders.
+ * Paint what agents hear next, and what was lost in this turn, in the colors of the senders.
  * @param {CanvasRenderingContext2D} to @param {Scene} scene @param {import("./scene.js").Look} look
  */
 export function paintMessages(to, scene, look) {
-  const { state } = scene.replay;
-  const next = state.gameTurn + 1;
   const discs = new Map(scene.discs.map((disc) => [disc.name, disc]));
-  const isOwn = (/** @type {string} */ name) => look.fog === null || discs.get(name)?.side === look.fog;
-  let count = 0;
-  for (const message of state.messages) {
-    const sender = discs.get(message.get("sender"));
-    for (const key of ["heard", "overheard"]) {
-      for (const [name, arrival] of message.get(key) ?? []) {
-        const receiver = discs.get(name);
-        if (arrival !== next || receiver === undefined || ++count > MOST) continue;
-        if (!isOwn(name) && !(isOwn(message.get("sender")) && key === "heard")) continue;
-        if (sender === undefined) ring(to, receiver.px, receiver.py, "#808080");
-        else arc(to, sender, receiver, faded(sender.color, key === "heard" ? 0.8 : 0.45), key === "heard" ? [] : [3, 5]);
-      }
-    }
-  }
-  for (const message of state.log.messages) {
-    const sender = discs.get(message.get("sender"));
-    if (sender === undefined || !isOwn(message.get("sender"))) continue;
-    for (const name of [...(message.get("lost") ?? []), ...(message.get("jammed") ?? [])]) {
-      const receiver = discs.get(name);
-      if (receiver !== undefined && ++count <= MOST) lost(to, sender, receiver);
-    }
+  const isOwn = (/** @type {string | null} */ name) => look.fog === null || discs.get(name ?? "")?.side === look.fog;
+  for (const { sender, receiver, fate } of scene.replay.state.messages.slice(0, MOST)) {
+    const from = discs.get(sender ?? ""), end = discs.get(receiver), isHeard = fate <= OVERHEARD;
+    if (end === undefined || !((isOwn(sender) && fate !== OVERHEARD) || (isOwn(receiver) && isHeard))) continue;
+    if (from === undefined && isHeard) ring(to, end.px, end.py, "#808080");
+    else if (from !== undefined && isHeard) arc(to, from, end, faded(from.color, ALPHAS[fate]), fate === HEARD ? [] : [3, 5]);
+    else if (from !== undefined) lost(to, from, end);
   }
 }
 

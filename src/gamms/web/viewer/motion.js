@@ -1,97 +1,55 @@
 // Where agents are during a turn: they glide along the edges that they took.
-import { State } from "./state.js";
 import { World } from "./world.js";
 
-/** @typedef {import("./state.js").Agent} Agent */
-/** @typedef {{name: string, number: number, team: string | null, points: ArrayLike<number>, lengths: number[], agent: Agent, before: Agent | null}} Way */
+/** @typedef {import("./recording.js").Agent} Agent */
+/** @typedef {{name: string, points: ArrayLike<number>, lengths: number[], agent: Agent, before: Agent | null}} Way */
 
-/**
- * Return where an agent is at the end of a turn, x and y.
- * @param {World} world @param {Agent} agent @returns {[number, number]}
- */
+/** Return where an agent is at the end of a turn, x and y. @param {World} world @param {Agent} agent @returns {[number, number]} */
 export function placeOf(world, agent) {
-  if (!world.rowOf.has(agent.node)) return [NaN, NaN]; // it is out of sight
-  if (agent.flies && Number.isFinite(agent.position[0])) return [agent.position[0], agent.position[1]];
-  if (agent.share > 0) {
-    const from = world.rowOf.get(agent.source), to = world.rowOf.get(agent.target);
-    if (from !== undefined && to !== undefined) {
-      return along(world.pointsBetween(from, to), agent.share);
-    }
-  }
-  const row = world.rowOf.get(agent.node);
-  return row === undefined ? [NaN, NaN] : [world.xy[2 * row], world.xy[2 * row + 1]];
-}
-
-/**
- * Return where an agent looks, as cosine and sine; zeros while it has no heading.
- * @param {World} world @param {Agent} agent @returns {[number, number]}
- */
-export function headingOf(world, agent) {
-  const [w, x, y, z] = agent.quat;
-  if (agent.flies && Number.isFinite(w)) return unit(1 - 2 * (y * y + z * z), 2 * (x * y + w * z));
-  if (Number.isFinite(agent.heading[0])) return [agent.heading[0], agent.heading[1]];
-  const isOnEdge = agent.share > 0;
-  const from = world.rowOf.get(isOnEdge ? agent.source : agent.previous), to = world.rowOf.get(isOnEdge ? agent.target : agent.node);
-  if (from === undefined || to === undefined || from === to) return [0, 0];
-  if (!isOnEdge) return unit(world.xy[2 * to] - world.xy[2 * from], world.xy[2 * to + 1] - world.xy[2 * from + 1]);
-  const points = world.pointsBetween(from, to);
-  const [here, ahead] = [along(points, agent.share), along(points, Math.min(agent.share + 1e-3, 1))];
-  return unit(ahead[0] - here[0], ahead[1] - here[1]);
-}
-
-/** @param {number} x @param {number} y @returns {[number, number]} */
-function unit(x, y) {
-  const length = Math.hypot(x, y);
-  return length > 1e-9 ? [x / length, y / length] : [0, 0];
+  if (agent.row < 0) return [NaN, NaN]; // it is out of sight
+  if (agent.position !== null) return [agent.position[0], agent.position[1]];
+  if (agent.edge === null) return [world.xy[2 * agent.row], world.xy[2 * agent.row + 1]];
+  const points = world.pointsBetween(agent.edge.from, agent.edge.to), lengths = lengthsOf(points);
+  return onLine(points, lengths, agent.edge.share * lengths[lengths.length - 1]);
 }
 
 /**
  * Return the ways of all living agents in a turn.
- * @param {World} world @param {State} state after the turn @param {Map<number, Agent>} before the agents before it
+ * @param {World} world @param {Map<string, Agent>} now @param {World} lastWorld @param {Map<string, Agent>} before where they were before it, on which map
  * @returns {Way[]}
  */
-export function waysOf(world, state, before) {
+export function waysOf(world, now, lastWorld, before) {
   const found = [];
-  for (const agent of state.agents.values()) {
-    const was = before.get(agent.number) ?? null;
+  for (const agent of now.values()) {
+    const was = before.get(agent.name) ?? null;
     if (!agent.alive && !(was !== null && was.alive)) continue;
-    const points = wayOf(world, agent, was, state.log.moves.get(agent.number));
-    const lengths = [0];
-    for (let i = 2; i < points.length; i += 2) lengths.push(lengths[lengths.length - 1] + Math.hypot(points[i] - points[i - 2], points[i + 1] - points[i - 1]));
-    found.push({ name: agent.name, number: agent.number, team: agent.team, points, lengths, agent, before: was });
+    const points = wayOf(world, agent, was === null ? null : placeOf(lastWorld, was), was);
+    found.push({ name: agent.name, points, lengths: lengthsOf(points), agent, before: was });
   }
   return found;
 }
 
-/** @param {World} world @param {Agent} agent @param {Agent | null} was @param {number[] | undefined} moves @returns {ArrayLike<number>} */
-function wayOf(world, agent, was, moves) {
+/** Return the rows of the nodes that an agent went to in a turn. @param {Agent} agent @param {Agent | null} was @returns {number[]} */
+export function passedBy(agent, was) {
+  return agent.way ?? (was === null || agent.row === was.row ? [] : [agent.row]);
+}
+
+/** @param {World} world @param {Agent} agent @param {[number, number] | null} start @param {Agent | null} was @returns {ArrayLike<number>} */
+function wayOf(world, agent, start, was) {
   const end = placeOf(world, agent);
-  if (was === null || (moves !== undefined && moves.length === 0)) return end;
-  const start = placeOf(world, was);
-  if (agent.flies || agent.share > 0 || was.share > 0) return moves === undefined || agent.flies ? [...start, ...end] : viaNodes(world, start, was, moves, end);
-  if (moves === undefined) return end;
-  /** @type {number[]} */
+  if (was === null || start === null || agent.way?.length === 0) return end;
+  if (agent.flies) return [...start, ...end];
+  const isBetween = agent.edge !== null || was.edge !== null;
   const points = [...start];
-  let from = world.rowOf.get(was.node);
-  for (const node of moves) {
-    const to = world.rowOf.get(node);
-    if (from !== undefined && to !== undefined && from !== to) {
-      const shape = world.pointsBetween(from, to);
-      for (let i = 2; i < shape.length; i++) points.push(shape[i]);
+  let from = was.row;
+  for (const to of passedBy(agent, was)) {
+    if (to >= 0 && to !== from) {
+      const shape = isBetween ? [world.xy[2 * to], world.xy[2 * to + 1]] : world.pointsBetween(from, to);
+      for (let i = isBetween ? 0 : 2; i < shape.length; i++) points.push(shape[i]);
     }
     from = to;
   }
-  return points;
-}
-
-/** Return the way of an agent that begins or ends on an edge. */
-function viaNodes(/** @type {World} */ world, /** @type {number[]} */ start, /** @type {Agent} */ was, /** @type {number[]} */ moves, /** @type {number[]} */ end) {
-  const points = [...start];
-  for (const node of moves) {
-    const row = world.rowOf.get(node);
-    if (row !== undefined && node !== was.node) points.push(world.xy[2 * row], world.xy[2 * row + 1]);
-  }
-  return [...points, ...end];
+  return isBetween ? [...points, ...end] : points;
 }
 
 /** Return the place after a share of a way. @param {Way} way @param {number} share @returns {[number, number]} */
@@ -103,11 +61,11 @@ export function placeOn(way, share) {
   return onLine(points, lengths, share * total);
 }
 
-/** @param {ArrayLike<number>} points @param {number} share @returns {[number, number]} */
-function along(points, share) {
+/** Return how far along a polyline each of its points is. @param {ArrayLike<number>} points */
+function lengthsOf(points) {
   const lengths = [0];
   for (let i = 2; i < points.length; i += 2) lengths.push(lengths[lengths.length - 1] + Math.hypot(points[i] - points[i - 2], points[i + 1] - points[i - 1]));
-  return onLine(points, lengths, share * lengths[lengths.length - 1]);
+  return lengths;
 }
 
 /** @param {ArrayLike<number>} points @param {number[]} lengths @param {number} distance @returns {[number, number]} */

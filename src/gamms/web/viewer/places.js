@@ -10,6 +10,7 @@ import { outlineOf } from "./scenario_text.js";
 import { Squares } from "./squares.js";
 import { Streets } from "./streets.js";
 import { THEMES, faded, isBright } from "./themes.js";
+import { valueOf } from "./values.js";
 import { World } from "./world.js";
 
 const RESTS_MS = 160; // after which the map is painted sharply
@@ -429,7 +430,7 @@ function isInside(points, x, y) {
 /** Show the map in the page. */
 async function begin() {
   const options = JSON.parse(document.getElementById("options")?.textContent || "{}");
-  const world = new World(await bytesIn(document.getElementById("map")));
+  const world = new World(valueOf(await bytesIn(document.getElementById("map"))));
   Object.defineProperty(window, "gamms", { value: new Places(/** @type {HTMLElement} */ (document.getElementById("viewer")), world, options) });
 }
 

@@ -1,276 +1,167 @@
-// A recording of version 3 as it comes: a whole file, or block by block. docs/recording-format.md describes the bytes.
-import { ByteReader, unpackedValue, valueOf } from "./values.js";
+// What a page holds, and a live game sends piece by piece: a header, and turns in parts. docs/page-format.md describes them.
+import { valueOf } from "./values.js";
 
-const HEAD_SIZE = 36;
-const HEADER = 0x48, KEYFRAME = 0x4b, TURNS = 0x54, END = 0x45; // H, K, T, E
-const MOST_TURNS = 1 << 16, MOST_MOVES = 1 << 22, MOST_EVENTS = 1 << 20; // of a block
-const MOST_DECODED = 1 << 26; // bytes of blocks of turns that are kept decoded
-export const FLIGHT = 0x01100020;
-export const TURN_IN_SPACE = 0x01100021;
-const FORMS = new Map([[FLIGHT, { nodes: 1, floats: 3 }], [TURN_IN_SPACE, { nodes: 0, floats: 4 }]]);
+const MAGIC = "GAMMSPLY";
+const MOST_DECODED = 1 << 26; // bytes of parts whose columns are kept
+const THERE = 1, ALIVE = 2, FLIES = 4; // bits of the status of an agent
+const SHARES = 1 << 16, TURN = 256; // parts of an edge, and of a full turn
 
 /**
- * @typedef {{type: number, first: number, turns: number, moves: number, events: number, body: Uint8Array}} Block
- * @typedef {{first: number, turns: number, bytes: number, moveEnds: Float64Array, eventEnds: Float64Array, rows: Float64Array,
- *   nodes: Float64Array, after: Float64Array, kinds: Float64Array, data: (event: number) => any}} Chunk
- *   The turns of a block. Turn i has the moves from moveEnds[i] to moveEnds[i + 1], and so for events.
+ * @typedef {object} Part some turns
+ * @property {number} first @property {number} end the numbers of the first of them, and of the one behind the last
+ * @property {number} size how many it has, one more where the next part says the last one again
+ * @property {boolean} isWhole whether it needs no part before it
+ * @property {string[]} agents @property {any[]} changes @property {any[]} facts @property {Uint8Array} bytes of its columns
+ * @property {number} step in which positions are counted
+ *
+ * @typedef {object} Agent
+ * @property {string} name @property {string} side @property {boolean} alive @property {boolean} flies
+ * @property {number} row of the node it is on, or above; -1: none
+ * @property {{from: number, to: number, share: number} | null} edge that it is on: rows of nodes
+ * @property {[number, number, number] | null} position in the air
+ * @property {number | null} heading in the air, radians
+ * @property {number[] | null} way rows of the nodes that it passed, where it did not simply go from its node to the next; none: it did not travel
  */
 
-/** The blocks of a recording, which may still grow. */
+/** The parts of a game, which may still grow. */
 export class Recording {
   constructor() {
     /** @type {Map<string, any>} */ this.header = new Map();
-    /** @type {Block[]} */ this.keyframes = [];
-    /** @type {Block[]} */ this.chunks = [];
+    /** @type {Part[]} */ this.parts = [];
     this.first = 0; // turns that come before it, and are not in it
     this.turns = 0;
-    this.beginnings = 0; // keyframes before its first turn, of which the last counts
-    this.isComplete = false;
-    this.hasBegun = false;
-    this.key = 0;
+    this.repeats = 0; // whole parts, each of which has said the last turn again
     this.rest = new Uint8Array(0);
-    /** @type {Map<number, Chunk>} */ this.decoded = new Map(); // the one decoded first is the first
+    this.hasBegun = false;
+    /** @type {Map<Part, Map<string, any>>} */ this.decoded = new Map(); // the one decoded first is the first
     this.bytesDecoded = 0;
   }
 
-  /**
-   * Take the next bytes of the recording; blocks that are whole count at once.
-   * @param {Uint8Array} bytes
-   */
+  /** Whether these bytes begin a game. @param {Uint8Array} bytes */
+  static begins(bytes) {
+    return String.fromCharCode(...bytes.subarray(0, MAGIC.length)) === MAGIC;
+  }
+
+  /** Take the next bytes; parts that are whole count at once. @param {Uint8Array} bytes */
   feed(bytes) {
-    const data = this.rest.length ? joined(this.rest, bytes) : bytes;
-    let at = this.hasBegun ? 0 : this.#begin(data);
-    for (let block; at >= 0 && !this.isComplete && (block = blockAt(data, at, this.key)) !== null; ) {
-      at += HEAD_SIZE + block.body.length;
-      this.#add(block, data);
+    const data = new Uint8Array(this.rest.length + bytes.length);
+    data.set(this.rest);
+    data.set(bytes, this.rest.length);
+    const view = new DataView(data.buffer);
+    let at = 0;
+    if (!this.hasBegun) {
+      if (!Recording.begins(data)) throw new Error("This is no game of GAMMS.");
+      this.hasBegun = true;
+      at = MAGIC.length;
     }
-    this.rest = data.slice(Math.max(at, 0));
+    for (let end; at + 4 <= data.length && (end = at + 4 + view.getUint32(at, true)) <= data.length; at = end) this.#add(valueOf(data.subarray(at + 4, end)));
+    this.rest = data.slice(at);
   }
 
-  /** Check the first bytes; return where the first block is, -1 while they are not there. @param {Uint8Array} data */
-  #begin(data) {
-    if (data.length < 8) return -1;
-    const version = new DataView(data.buffer, data.byteOffset, 8).getUint32(4);
-    if (String.fromCharCode(...data.subarray(0, 4)) !== "MMGR") throw new Error("This is not a recording of GAMMS.");
-    if (version !== 3) throw new Error(`This recording has format version ${version}; version 3 is read here.`);
-    this.hasBegun = true;
-    return 8;
-  }
-
-  /** @param {Block} block */
-  #add(block) {
-    if (block.type === HEADER) {
-      this.header = unpackedValue(block.body);
-      this.key = crc32(block.body);
-    } else if (block.type === KEYFRAME) {
-      if (this.chunks.length === 0) this.first = this.turns = block.first;
-      this.keyframes.push(block);
-      if (block.first === this.first) this.beginnings++;
-    } else if (block.type === TURNS) {
-      if (block.first !== this.turns) throw new Error("Some turns of this recording are missing.");
-      this.chunks.push(block);
-      this.turns += block.turns;
-    } else if (block.type === END) {
-      this.isComplete = true;
+  /** @param {Map<string, any>} value */
+  #add(value) {
+    if (this.header.size === 0) {
+      this.header = value;
+      return;
     }
+    const first = value.get("first"), end = first + value.get("turns"), isWhole = value.get("is_whole");
+    const part = { first, end, size: end - first, isWhole, agents: value.get("agents"), changes: value.get("changes"), facts: value.get("facts"), bytes: value.get("columns"), step: value.get("step") };
+    if (this.parts.length === 0) this.first = first;
+    else if (isWhole && first === this.turns) { // it says the last turn again, perhaps with more
+      this.parts[this.parts.length - 1].end--;
+      this.repeats++;
+    } else if (first !== this.turns + 1) throw new Error("Some turns of this game are missing.");
+    this.parts.push(part);
+    this.turns = end - 1;
   }
 
-  /**
-   * Return the block of turns that has a turn, decoded.
-   * @param {number} turn from 0
-   * @returns {Chunk}
-   */
-  chunk(turn) {
-    const number = lastBefore(this.chunks, turn);
-    const known = this.decoded.get(number);
+  /** Return the part that has a turn; undefined where there is none. @param {number} turn @returns {Part | undefined} */
+  partOf(turn) {
+    let low = 0, high = this.parts.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.parts[middle].end <= turn) low = middle + 1;
+      else high = middle;
+    }
+    return turn < this.first ? undefined : this.parts[low];
+  }
+
+  /** Return the columns of a part. @param {Part} part @returns {Map<string, any>} */
+  columns(part) {
+    const known = this.decoded.get(part);
     if (known !== undefined) return known;
-    const chunk = chunkOf(this.chunks[number]);
-    this.bytesDecoded += chunk.bytes;
-    for (const [other, { bytes }] of this.decoded) {
+    const columns = valueOf(part.bytes);
+    for (const name of ["on_edges", "in_air", "ways"]) {
+      const found = columns.get(name);
+      found.set("index", new Map(Array.from(found.get("at"), (place, i) => [place, i])));
+    }
+    columns.get("ways").set("ends", endsOf(columns.get("ways").get("counts")));
+    this.bytesDecoded += part.bytes.length;
+    for (const [other] of this.decoded) {
       if (this.bytesDecoded <= MOST_DECODED) break;
-      this.bytesDecoded -= bytes;
+      this.bytesDecoded -= other.bytes.length;
       this.decoded.delete(other);
     }
-    this.decoded.set(number, chunk);
-    return chunk;
+    this.decoded.set(part, columns);
+    return columns;
   }
 
-  /**
-   * Return the last keyframe that stands before a turn.
-   * @param {number} turn
-   * @returns {{first: number, state: Map<string, any>}}
-   */
-  keyframe(turn) {
-    const number = lastBefore(this.keyframes, turn);
-    if (number < 0) throw new Error("This recording does not say how it begins.");
-    const { first, body } = this.keyframes[number];
-    return { first, state: unpackedValue(body) };
+  /** Return the agents at the end of a turn, by their names. @param {number} turn @returns {Map<string, Agent>} */
+  agentsAt(turn) {
+    const part = this.partOf(turn), found = new Map();
+    if (part === undefined) return found;
+    const columns = this.columns(part), { size } = part;
+    const [status, nodes, side, sides] = ["status", "nodes", "side", "sides"].map((name) => columns.get(name));
+    part.agents.forEach((name, i) => {
+      const at = i * size + turn - part.first;
+      if (!(status[at] & THERE)) return;
+      found.set(name, {
+        name, side: sides[side[at]], alive: Boolean(status[at] & ALIVE), flies: Boolean(status[at] & FLIES), row: nodes[at],
+        edge: edgeAt(columns.get("on_edges"), at), ...airAt(columns.get("in_air"), at, part.step), way: wayAt(columns.get("ways"), at),
+      });
+    });
+    return found;
   }
 
-  /** Return how many turns come before the keyframe that `keyframe(turn)` returns. @param {number} turn */
-  keyframeBefore(turn) {
-    const number = lastBefore(this.keyframes, turn);
-    return number < 0 ? -1 : this.keyframes[number].first;
+  /** Return how often nodes were visited up to a turn, by their rows. @param {number} turn @param {string | null} side null: by all @param {number} nodes how many there are */
+  visits(turn, side, nodes) {
+    const counts = new Float64Array(nodes);
+    for (const part of this.parts) {
+      if (part.first > turn) break;
+      const columns = this.columns(part), { size } = part, ways = columns.get("ways"), wanted = columns.get("sides").indexOf(side);
+      const isCounted = (/** @type {number} */ at) => columns.get("status")[at] & ALIVE && (side === null || columns.get("side")[at] === wanted) && part.first + (at % size) < Math.min(turn + 1, part.end);
+      for (let at = 0; at < part.agents.length * size; at++) if (isCounted(at) && columns.get("nodes")[at] >= 0) counts[columns.get("nodes")[at]]++;
+      ways.get("at").forEach((/** @type {number} */ at, /** @type {number} */ i) => {
+        if (isCounted(at)) for (let k = ways.get("ends")[i]; k < ways.get("ends")[i + 1] - 1; k++) if (ways.get("nodes")[k] >= 0) counts[ways.get("nodes")[k]]++;
+      });
+    }
+    return counts;
   }
 }
 
-/**
- * Call back for what happens in one turn, in its order.
- * @param {Chunk} chunk
- * @param {number} turn of the recording
- * @param {(row: number, node: number) => void} onMove
- * @param {(kind: number, data: any) => void} onEvent
- */
-export function replayTurn(chunk, turn, onMove, onEvent) {
-  const i = turn - chunk.first;
-  let move = chunk.moveEnds[i];
-  for (let event = chunk.eventEnds[i]; event < chunk.eventEnds[i + 1]; event++) {
-    for (; move < chunk.after[event]; move++) onMove(chunk.rows[move], chunk.nodes[move]);
-    onEvent(chunk.kinds[event], chunk.data(event));
-  }
-  for (; move < chunk.moveEnds[i + 1]; move++) onMove(chunk.rows[move], chunk.nodes[move]);
+/** @param {Map<string, any>} columns @param {number} at */
+function edgeAt(columns, at) {
+  const i = columns.get("index").get(at);
+  return i === undefined ? null : { from: columns.get("from")[i], to: columns.get("to")[i], share: columns.get("share")[i] / SHARES };
 }
 
-/**
- * Return the block that begins at a byte; null while it is not all there.
- * @param {Uint8Array} data @param {number} at @param {number} key @returns {Block | null}
- */
-function blockAt(data, at, key) {
-  if (at + HEAD_SIZE > data.length) return null;
-  const view = new DataView(data.buffer, data.byteOffset + at, HEAD_SIZE);
-  if (view.getUint8(0) !== 0xd3 || view.getUint8(1) !== 0x47 || view.getUint8(2) !== 0x42) throw damaged(at);
-  if (crc32(data.subarray(at, at + 32)) !== view.getUint32(32, true)) throw damaged(at);
-  const [size, crc, ofKey, first, turns, moves, events] = [4, 8, 12, 16, 20, 24, 28].map((place) => view.getUint32(place, true));
-  const type = view.getUint8(3);
-  if ((type === HEADER ? 0 : key) !== ofKey || turns > MOST_TURNS || moves > MOST_MOVES || events > MOST_EVENTS) throw damaged(at);
-  if (at + HEAD_SIZE + size > data.length) return null;
-  const body = data.subarray(at + HEAD_SIZE, at + HEAD_SIZE + size);
-  if (crc32(body) !== crc) throw damaged(at);
-  return { type, first, turns, moves, events, body };
+/** @param {Map<string, any>} columns @param {number} at @param {number} step */
+function airAt(columns, at, step) {
+  const i = columns.get("index").get(at);
+  if (i === undefined) return { position: null, heading: null };
+  const heading = columns.get("heading")[i];
+  return { position: /** @type {[number, number, number]} */ (["x", "y", "z"].map((axis) => step * columns.get(axis)[i])), heading: heading < 0 ? null : (heading / TURN) * 2 * Math.PI };
 }
 
-/** @param {number} at */
-function damaged(at) {
-  return new Error(`This recording is damaged at byte ${at} of what came last.`);
+/** @param {Map<string, any>} columns @param {number} at @returns {number[] | null} */
+function wayAt(columns, at) {
+  const i = columns.get("index").get(at), ends = columns.get("ends");
+  return i === undefined ? null : [...columns.get("nodes").subarray(ends[i], ends[i + 1])];
 }
 
-/** @param {Block} block @returns {Chunk} */
-function chunkOf({ first, turns, moves, events, body }) {
-  const packed = new ByteReader(body);
-  const values = packed.unpacked();
-  const reader = new ByteReader(packed.unpacked());
-  const moveEnds = ends(reader.column(turns), moves);
-  const eventEnds = ends(reader.column(turns), events);
-  const rows = reader.sums(moves);
-  const nodes = tracks(reader, rows);
-  const after = reader.sums(events);
-  const kinds = reader.column(events);
-  const valueEnds = ends(reader.column(events), values.length);
-  const columns = new Map();
-  for (const kind of [...FORMS.keys()].sort((a, b) => a - b)) {
-    const places = [...kinds.keys()].filter((event) => kinds[event] === kind);
-    if (places.length) columns.set(kind, { places: new Map(places.map((event, i) => [event, i])), ...numbersOf(reader, kind, places.length) });
-  }
-  const data = (/** @type {number} */ event) => {
-    const numbers = columns.get(kinds[event]);
-    if (numbers === undefined) return valueOf(values.subarray(valueEnds[event], valueEnds[event + 1]));
-    const row = numbers.places.get(event);
-    return [numbers.rows[row], ...numbers.columns.map((/** @type {ArrayLike<number>} */ column) => column[row])];
-  };
-  const bytes = values.length + 16 * (turns + moves + events); // and what is decoded of floats
-  return { first, turns, bytes, moveEnds, eventEnds, rows, nodes, after, kinds, data };
-}
-
-/** Return where each part ends that has such a size, after a 0. @param {Float64Array} sizes @param {number} total */
-function ends(sizes, total) {
-  const found = new Float64Array(sizes.length + 1);
-  for (let i = 0; i < sizes.length; i++) {
-    if (!(sizes[i] >= 0)) throw new Error("a block of turns is damaged");
-    found[i + 1] = found[i] + sizes[i];
-  }
-  if (found[sizes.length] !== total) throw new Error("a block of turns is damaged");
+/** Return where each of several runs ends that have these lengths, behind a 0. @param {ArrayLike<number>} counts */
+export function endsOf(counts) {
+  const found = new Float64Array(counts.length + 1);
+  for (let i = 0; i < counts.length; i++) found[i + 1] = found[i] + counts[i];
   return found;
-}
-
-/** Return which entries belong to which row: rows ascending, each with its entries. @param {Float64Array} rows */
-function entriesOf(rows) {
-  /** @type {Map<number, number[]>} */
-  const found = new Map();
-  for (let i = 0; i < rows.length; i++) {
-    const known = found.get(rows[i]);
-    if (known === undefined) found.set(rows[i], [i]);
-    else known.push(i);
-  }
-  return [...found.keys()].sort((a, b) => a - b).map((row) => /** @type {number[]} */ (found.get(row)));
-}
-
-/** Return a number for each row, from the columns of the firsts and of the others. */
-function tracks(/** @type {ByteReader} */ reader, /** @type {Float64Array} */ rows) {
-  const entries = entriesOf(rows);
-  const firsts = reader.sums(entries.length);
-  const others = reader.column(rows.length - entries.length);
-  const found = new Float64Array(rows.length);
-  let at = 0;
-  entries.forEach((places, track) => {
-    let value = (found[places[0]] = firsts[track]);
-    for (let i = 1; i < places.length; i++) found[places[i]] = value += others[at++];
-  });
-  return found;
-}
-
-/** The data of flights, or of turns in space. */
-function numbersOf(/** @type {ByteReader} */ reader, /** @type {number} */ kind, /** @type {number} */ count) {
-  const form = /** @type {{nodes: number, floats: number}} */ (FORMS.get(kind));
-  const rows = reader.sums(count);
-  const columns = [];
-  for (let i = 0; i < form.nodes; i++) columns.push(tracks(reader, rows));
-  for (let i = 0; i < form.floats; i++) columns.push(floats(reader, rows));
-  return { rows, columns };
-}
-
-/** Return floats whose bits are written as differences of differences. */
-function floats(/** @type {ByteReader} */ reader, /** @type {Float64Array} */ rows) {
-  const entries = entriesOf(rows);
-  const firsts = reader.wideColumn(entries.length);
-  const others = reader.wideColumn(rows.length - entries.length);
-  const bits = new BigInt64Array(rows.length);
-  let at = 0, first = 0n;
-  entries.forEach((places, track) => {
-    first += firsts[track];
-    let value = (bits[places[0]] = first), step = 0n;
-    for (let i = 1; i < places.length; i++) bits[places[i]] = value += step += others[at++];
-  });
-  return new Float64Array(bits.buffer);
-}
-
-/** Return the number of the last block that begins at or before a turn; -1 if there is none. */
-function lastBefore(/** @type {Block[]} */ blocks, /** @type {number} */ turn) {
-  let low = 0, high = blocks.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (blocks[middle].first <= turn) low = middle + 1;
-    else high = middle;
-  }
-  return low - 1;
-}
-
-/** @param {Uint8Array} first @param {Uint8Array} second */
-function joined(first, second) {
-  const both = new Uint8Array(first.length + second.length);
-  both.set(first);
-  both.set(second, first.length);
-  return both;
-}
-
-const CRC_TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
-  let crc = byte;
-  for (let bit = 0; bit < 8; bit++) crc = crc & 1 ? (crc >>> 1) ^ 0xedb88320 : crc >>> 1;
-  return crc >>> 0;
-});
-
-/** @param {Uint8Array} bytes */
-function crc32(bytes) {
-  let crc = 0xffffffff;
-  for (let i = 0; i < bytes.length; i++) crc = CRC_TABLE[(crc ^ bytes[i]) & 255] ^ (crc >>> 8);
-  return (crc ^ 0xffffffff) >>> 0;
 }

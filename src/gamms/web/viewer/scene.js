@@ -1,13 +1,11 @@
 // Paint one frame: the map, what teams know, drawings, sensors, trails, agents, messages, names and the scale bar.
 import { Camera } from "./camera.js";
 import { commandsOf, paintCommands, pointsOf } from "./draw_commands.js";
-import { fieldOf } from "./fields.js";
 import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
 import { paintMessages } from "./messages.js";
-import { sideOf } from "./sensed.js";
 import { THEMES, faded, isBright, rgba } from "./themes.js";
 
 const AGENT_LAYER = 20; // artists below it are behind the agents
@@ -28,7 +26,7 @@ const VIRIDIS = ["#440154", "#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d
  * @property {boolean | "auto"} labels @property {boolean} sensors @property {boolean} messages
  * @property {string | null} heat "" for visits of all, or a team @property {string | null} selected name of an agent @property {string | null} hovered
  * @typedef {{name: string, px: number, py: number, radius: number}} Mark what has a name, and how much around it is kept clear
- * @typedef {{name: string, number: number, team: string | null, side: string, x: number, y: number, px: number, py: number, radius: number, color: string, way: import("./motion.js").Way}} Disc
+ * @typedef {{name: string, side: string, x: number, y: number, px: number, py: number, radius: number, color: string, way: import("./motion.js").Way}} Disc
  */
 
 export class Scene {
@@ -49,7 +47,7 @@ export class Scene {
     /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
     /** @type {((scene: Scene) => void) | null} */ this.overlay = null; // paints what a person may choose
-    /** @type {Set<number> | null} */ this.visible = null; // numbers of the agents that the fog leaves
+    /** @type {Set<string> | null} */ this.visible = null; // names of the agents that the fog leaves
   }
 
   /** Fit the canvas to its place on the page. */
@@ -145,7 +143,7 @@ export class Scene {
     const { replay } = this;
     const key = `${look.fog} ${replay.state.turn}`;
     if (look.fog === null) this.sightOfTeam = null;
-    else if (this.sightKey !== key || this.sightOfTeam === null) this.sightOfTeam = replay.knowledge.sight(replay.state, look.fog);
+    else if (this.sightKey !== key || this.sightOfTeam === null) this.sightOfTeam = replay.sight(look.fog);
     this.sightKey = key;
     this.visible = this.sightOfTeam?.agents ?? null;
   }
@@ -155,18 +153,18 @@ export class Scene {
     const { replay, camera } = this;
     this.see(look);
     const colors = this.colors(look);
-    const ways = replay.ways.filter((way) => (way.agent.alive || share < 1) && (this.visible === null || this.visible.has(way.number)));
+    const ways = replay.ways.filter((way) => (way.agent.alive || share < 1) && (this.visible === null || this.visible.has(way.name)));
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
     const { box, unit } = replay.world;
     const extent = Math.max(box.right - box.left, box.top - box.bottom) || unit;
     const radius = Math.max(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, least);
-    const starts = spreadOf(ways, (way) => way.before?.node ?? way.agent.node), ends = spreadOf(ways, (way) => way.agent.node);
+    const starts = spreadOf(ways, (way) => way.before?.row ?? way.agent.row), ends = spreadOf(ways, (way) => way.agent.row);
     this.discs = ways.map((way, i) => {
       const [x, y] = placeOn(way, share);
       const [px, py] = camera.toScreen(x, y);
       const right = (1 - share) * starts[i][0] + share * ends[i][0], down = (1 - share) * starts[i][1] + share * ends[i][1];
-      const side = sideOf(way.agent);
-      return { name: way.name, number: way.number, team: way.team, side, x, y, px: px + right * radius, py: py + down * radius, radius, color: colors.get(side) ?? "#888888", way };
+      const { side } = way.agent;
+      return { name: way.name, side, x, y, px: px + right * radius, py: py + down * radius, radius, color: colors.get(side) ?? "#888888", way };
     }).filter((disc) => Number.isFinite(disc.px));
   }
 
@@ -177,7 +175,7 @@ export class Scene {
     const { camera, replay, world } = this;
     to.fillStyle = faded(theme.background, 0.72);
     to.fillRect(0, 0, camera.width, camera.height);
-    const since = replay.knowledge.firstSeen(look.fog);
+    const since = replay.sights.firstSeen(look.fog, world.nodeIds.length);
     const shadeOf = (/** @type {number} */ row) => (sight.nodes.has(row) ? 2 : since[row] >= 0 && since[row] <= replay.state.turn ? 1 : 0);
     const paths = [null, new Path2D(), new Path2D()];
     for (const edge of world.streets) {
@@ -196,7 +194,7 @@ export class Scene {
   /** Show how often nodes were visited. @param {CanvasRenderingContext2D} to @param {string} side "" for all */
   #paintHeat(to, side) {
     const { camera, replay, world } = this;
-    const counts = replay.visits(side === "" ? null : side);
+    const counts = replay.recording.visits(replay.state.turn, side === "" ? null : side, world.nodeIds.length);
     const most = Math.log1p(counts.reduce((a, b) => Math.max(a, b), 0)) || 1;
     const radius = Math.max(0.5 * world.unit * camera.scale, 2.5);
     const paths = VIRIDIS.map(() => new Path2D());
@@ -246,8 +244,7 @@ export class Scene {
 
   /** Whether the fog hides an agent. @param {string | undefined} name */
   #isHidden(name) {
-    const agent = name ? this.replay.state.byName.get(name) : undefined;
-    return agent !== undefined && this.visible !== null && !this.visible.has(agent.number);
+    return Boolean(name) && this.visible !== null && this.replay.state.agents.has(name ?? "") && !this.visible.has(name ?? "");
   }
 
   /** Return the marks of a drawing that have names. @param {Map<string, any>} drawing @returns {Mark[]} */
@@ -267,10 +264,10 @@ export class Scene {
     const { to, camera, replay } = this;
     const trails = replay.trails(look.trails);
     to.lineCap = to.lineJoin = "round";
-    for (const { number, way, color, radius, x, y } of this.discs) {
+    for (const { name, way, color, radius, x, y } of this.discs) {
       to.lineWidth = Math.max(0.7 * radius, 2);
       let last = /** @type {[number, number] | null} */ (null);
-      for (const { turn, points } of trails.get(number) ?? []) {
+      for (const { turn, points } of trails.get(name) ?? []) {
         to.strokeStyle = faded(color, Math.max(0.55 * (1 - (replay.state.turn - turn) / (look.trails + 1)), 0.05));
         last = this.#paintWay(points, last);
       }
@@ -298,24 +295,20 @@ export class Scene {
     const shown = chosen.length ? chosen : look.sensors && living.length <= MOST_SIGHTS ? living : [];
     for (const disc of shown) {
       const color = colors.get(disc.side) ?? "#888888";
-      for (const seen of replay.sensed.get(disc.number) ?? []) {
-        const sensor = replay.state.sensors.get(disc.way.agent.sensors.get(seen.sensor) ?? "");
-        this.#paintField(disc, sensor, color);
+      for (const seen of replay.sensed.get(disc.name) ?? []) {
+        if (seen.shape !== null) this.#paintShape(disc, seen.shape, color);
         if (seen.nodes.length > 0.9 * world.nodeIds.length) continue;
         to.fillStyle = to.strokeStyle = faded(color, SEEN_ALPHA);
         if (seen.agents.length === 0) this.#paintNodes(seen.nodes);
         to.lineWidth = Math.max(3, 0.2 * world.unit * camera.scale);
         to.lineCap = "round";
         const path = new Path2D();
-        for (const id of seen.edges) {
-          const edge = this.#edgeRow(id);
-          if (edge !== undefined) addLine(path, camera, world.pointsOf(edge));
-        }
+        for (const edge of Array.from(seen.edges)) addLine(path, camera, world.pointsOf(edge));
         to.stroke(path);
         to.strokeStyle = color;
         to.lineWidth = 2;
-        for (const number of seen.agents) {
-          const other = this.discs.find((one) => one.number === number);
+        for (const { name } of seen.agents) {
+          const other = this.discOf(name);
           if (other === undefined || other.side === disc.side) continue;
           to.beginPath();
           to.arc(other.px, other.py, 1.7 * other.radius + 1, 0, 2 * Math.PI);
@@ -325,22 +318,13 @@ export class Scene {
     }
   }
 
-  /** Paint the field of a sensor with a range. */
-  #paintField(/** @type {Disc} */ disc, /** @type {import("./fields.js").Sensor | undefined} */ sensor, /** @type {string} */ color) {
-    const { to, camera, replay } = this;
-    const field = sensor === undefined ? null : fieldOf(this.world, disc.way.agent, sensor);
-    if (sensor === undefined || field === null || field.far * camera.scale > 2 * Math.max(camera.width, camera.height)) return;
-    const isCarried = !sensor.keywords.has("at"); // it goes with its agent
-    const [px, py] = isCarried ? camera.toScreen(disc.x, disc.y) : camera.toScreen(field.x, field.y);
-    const { far, ahead, fov } = field;
+  /** Paint the outline of what a sensor covers. @param {Disc} disc @param {import("./sights.js").Shape} shape @param {string} color */
+  #paintShape(disc, { isCarried, points }, color) {
+    const { to, camera } = this, far = points.reduce((most, one) => Math.max(most, Math.abs(one)), 0);
+    if (isCarried && far * camera.scale > 2 * Math.max(camera.width, camera.height)) return;
+    const [x, y] = isCarried ? [disc.x, disc.y] : [0, 0];
     to.beginPath();
-    if (field.lines !== null || field.eye !== null) {
-      const corners = replay.knowledge.fields.outline(field);
-      for (let i = 0; i < corners.length; i += 2) to.lineTo(...camera.toScreen(corners[i], corners[i + 1]));
-    } else if (ahead !== null) {
-      to.moveTo(px, py);
-      to.arc(px, py, far * camera.scale, -ahead - fov / 2, -ahead + fov / 2);
-    } else to.arc(px, py, far * camera.scale, 0, 2 * Math.PI);
+    for (let i = 0; i < points.length; i += 2) to.lineTo(...camera.toScreen(x + points[i], y + points[i + 1]));
     to.closePath();
     to.fillStyle = faded(color, 0.07);
     to.fill();
@@ -349,25 +333,17 @@ export class Scene {
     to.stroke();
   }
 
-  /** @param {number[]} ids */
-  #paintNodes(ids) {
+  /** @param {ArrayLike<number>} rows */
+  #paintNodes(rows) {
     const { to, camera, world } = this;
     const radius = Math.max(0.11 * world.unit * camera.scale, 2.5);
     to.beginPath();
-    for (const id of ids) {
-      const row = world.rowOf.get(id);
-      if (row === undefined) continue;
+    for (const row of Array.from(rows)) {
       const [x, y] = camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]);
       to.moveTo(x + radius, y);
       to.arc(x, y, radius, 0, 2 * Math.PI);
     }
     to.fill();
-  }
-
-  /** @param {number} id of an edge */
-  #edgeRow(id) {
-    if (this.edgeRows?.of !== this.world) this.edgeRows = { of: this.world, rows: new Map(Array.from(this.world.edgeIds, (one, row) => [one, row])) };
-    return this.edgeRows.rows.get(id);
   }
 
   /** @param {Look} look @param {import("./themes.js").Theme} theme */
@@ -416,16 +392,14 @@ export class Scene {
 
   /** An agent in the air has a ring around it, and a nose that points where it looks. */
   #paintFlyer(/** @type {Disc} */ { px, py, radius, color, way }, /** @type {string} */ edge) {
-    const [w, x, y, z] = way.agent.quat;
+    const { heading } = way.agent;
     this.#ring(px, py, 1.8 * radius, edge, 4);
     this.#ring(px, py, 1.8 * radius, color, 2);
-    const [cos, sin] = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)];
-    const length = Math.hypot(cos, sin);
-    if (!(length > 1e-9)) return;
+    if (heading === null) return;
     for (const [ink, width] of /** @type {[string, number][]} */ ([[edge, 5], [color, 3]])) {
       this.to.beginPath();
       this.to.moveTo(px, py);
-      this.to.lineTo(px + (2.6 * radius * cos) / length, py - (2.6 * radius * sin) / length);
+      this.to.lineTo(px + 2.6 * radius * Math.cos(heading), py - 2.6 * radius * Math.sin(heading));
       this.to.strokeStyle = ink;
       this.to.lineWidth = width;
       this.to.stroke();
@@ -454,7 +428,7 @@ export class Scene {
     to.textAlign = "left";
     for (const { px, py, radius, name, way, must } of named) {
       if (px < 0 || py < 0 || px > camera.width || py > camera.height) continue;
-      const height = way?.agent.flies && way.agent.position[2] > 0 ? ` ${way.agent.position[2].toFixed(0)} m` : "";
+      const z = way?.agent.position?.[2] ?? 0, height = z > 0 ? ` ${z.toFixed(0)} m` : "";
       const words = (name.length > 24 ? `${name.slice(0, 23)}…` : name) + height;
       const width = to.measureText(words).width, far = radius + 4;
       const places = [[px + far - 2, py - far - 4], [px + far, py + far + 3], [px - far - width, py - far - 4], [px - far - width, py + far + 3], [px + far + 2, py], [px - width / 2, py - far - 8]];
@@ -489,7 +463,7 @@ function spreadOf(/** @type {import("./motion.js").Way[]} */ ways, /** @type {(w
   const groups = new Map();
   const found = ways.map(() => [0, 0]);
   ways.forEach((way, i) => {
-    if (way.agent.flies || way.agent.share > 0) return;
+    if (way.agent.flies || way.agent.edge !== null) return;
     const node = nodeOf(way);
     const known = groups.get(node);
     if (known === undefined) groups.set(node, [i]);
@@ -497,12 +471,12 @@ function spreadOf(/** @type {import("./motion.js").Way[]} */ ways, /** @type {(w
   });
   for (const members of groups.values()) {
     if (members.length < 2) continue;
-    const sides = [...new Set(members.map((i) => sideOf(ways[i].agent)))];
+    const sides = [...new Set(members.map((i) => ways[i].agent.side))];
     const isMany = members.length > MOST_SPREAD;
     const slots = isMany ? sides.length : members.length;
     if (slots < 2) continue;
     members.forEach((i, place) => {
-      const slot = isMany ? sides.indexOf(sideOf(ways[i].agent)) : place;
+      const slot = isMany ? sides.indexOf(ways[i].agent.side) : place;
       const angle = Math.PI * (1 + (2 * slot) / slots) - (slots % 2 ? Math.PI / 2 : 0);
       const far = SPREAD[Math.min(slots, SPREAD.length - 1)];
       found[i] = [far * Math.cos(angle), far * Math.sin(angle)];
@@ -529,8 +503,8 @@ function stacksOf(discs) {
   const byNode = new Map();
   for (const disc of discs) {
     if (disc.way.agent.flies) continue;
-    const known = byNode.get(disc.way.agent.node);
-    if (known === undefined) byNode.set(disc.way.agent.node, [disc]);
+    const known = byNode.get(disc.way.agent.row);
+    if (known === undefined) byNode.set(disc.way.agent.row, [disc]);
     else known.push(disc);
   }
   return [...byNode.values()].filter((members) => members.length > MOST_SPREAD).flatMap((members) =>

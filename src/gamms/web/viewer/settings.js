@@ -76,15 +76,15 @@ export class Settings {
     const { app } = this;
     const { look } = app;
     const [{ replay }] = app.views;
-    const { overview } = replay;
+    const { timeline } = replay;
     const sides = replay.sides();
     const hasSides = sides.length <= 20;
     refill(this.menu, element("h2", { text: "Show" }),
       this.#box("Names", look.labels === true || (look.labels === "auto" && replay.ways.length <= 30), (isOn) => app.change({ labels: isOn })),
       this.#box("Trails", look.trails > 0, (isOn) => app.change({ trails: isOn ? TRAILS : 0 })),
-      overview.hasSensed ? this.#box("What sensors see", look.sensors, (isOn) => app.change({ sensors: isOn })) : null,
-      overview.hasMessages ? this.#box("Messages", look.messages, (isOn) => app.change({ messages: isOn })) : null,
-      overview.hasSensed && hasSides && !app.options.audience ? this.#choice("Fog of war", look.fog, [[null, "none: all is seen"], ...sides.map((side) => /** @type {[string, string]} */ ([side, `as ${side} sees it`]))], (fog) => app.change({ fog })) : null,
+      timeline.hasSensed ? this.#box("What sensors see", look.sensors, (isOn) => app.change({ sensors: isOn })) : null,
+      timeline.hasMessages ? this.#box("Messages", look.messages, (isOn) => app.change({ messages: isOn })) : null,
+      timeline.hasSensed && hasSides && !app.options.audience ? this.#choice("Fog of war", look.fog, [[null, "none: all is seen"], ...sides.map((side) => /** @type {[string, string]} */ ([side, `as ${side} sees it`]))], (fog) => app.change({ fog })) : null,
       this.#choice("Heat map", look.heat, [[null, "none"], ["", "visits of all agents"], ...(hasSides ? sides.map((side) => /** @type {[string, string]} */ ([side, `visits of ${side}`])) : [])], (heat) => app.change({ heat })));
   }
 

@@ -1,9 +1,7 @@
-// Plain values from bytes: packed bytes, columns of integers and MessagePack with extensions, as docs/recording-format.md
-// describes them. A dict becomes a Map, so that no key of a file can reach a prototype.
+// Plain values from bytes: MessagePack with extensions, as docs/recording-format.md describes it. A dict becomes a Map, so
+// that no key of a file can reach a prototype.
 
 const MOST_DEPTH = 32;
-const TABLE = 9; // instead of how many bytes the integers of a column need: it has a table
-const MOST_IN_BYTE = 8; // numbers of its entries
 const TWO_32 = 4294967296;
 const LARGEST_HIGH = 1 << 21; // a high word below it makes an exact number
 const TUPLE = 0, LIST = 1, DICT = 2, SET = 3, FROZENSET = 4, BYTES = 5, INT = 6, TEXT = 7, ARRAY = 8;
@@ -11,7 +9,7 @@ const WIDTHS = { bool: 1, int8: 1, uint8: 1, int16: 2, uint16: 2, int32: 4, uint
 const text = new TextDecoder();
 
 /** Reads bytes from front to back, never past their end. */
-export class ByteReader {
+class ByteReader {
   /** @param {Uint8Array} bytes */
   constructor(bytes) {
     this.bytes = bytes;
@@ -25,114 +23,6 @@ export class ByteReader {
     this.at += size;
     return this.bytes.subarray(this.at - size, this.at);
   }
-
-  /** Return the next number of seven bits a byte. */
-  varint() {
-    let value = 0;
-    for (let scale = 1; scale < 2 ** 49; scale *= 128) {
-      const byte = this.take(1)[0];
-      value += (byte & 127) * scale;
-      if (byte < 128) return value;
-    }
-    throw new Error("a number is too long");
-  }
-
-  /** Return the next packed bytes, a stream of stored blocks: pages and messages are deflated as a whole. */
-  unpacked() {
-    const parts = [], size = this.varint();
-    for (let isLast = false; !isLast; ) {
-      const [head, low, high] = this.take(5);
-      if (head > 1) throw new Error("packed bytes are deflated");
-      isLast = head === 1;
-      parts.push(this.take(low + 256 * high));
-    }
-    if (parts.length === 1 && parts[0].length === size) return parts[0];
-    const data = new Uint8Array(parts.reduce((sum, part) => sum + part.length, 0));
-    parts.reduce((at, part) => (data.set(part, at), at + part.length), 0);
-    if (data.length !== size) throw new Error(`${size} bytes are promised and ${data.length} are there`);
-    return data;
-  }
-
-  /**
-   * Return the next column of integers.
-   * @param {number} size how many
-   * @returns {Float64Array}
-   */
-  column(size) {
-    const found = new Float64Array(size);
-    const table = this.#table();
-    if (table !== null) return this.#named(found, table.map(Number));
-    const planes = this.#planes(size);
-    for (let i = 0; i < size; i++) {
-      let zigzag = 0;
-      for (let plane = planes.length - 1; plane >= 0; plane--) zigzag = zigzag * 256 + planes[plane][i];
-      found[i] = zigzag % 2 ? -(zigzag + 1) / 2 : zigzag / 2;
-    }
-    return found;
-  }
-
-  /** Return the next column as 64-bit integers. @param {number} size @returns {BigInt64Array} */
-  wideColumn(size) {
-    const found = new BigInt64Array(size);
-    const table = this.#table();
-    if (table !== null) return this.#named(found, table);
-    const planes = this.#planes(size);
-    for (let i = 0; i < size; i++) {
-      let zigzag = 0n;
-      for (let plane = planes.length - 1; plane >= 0; plane--) zigzag = (zigzag << 8n) | BigInt(planes[plane][i]);
-      found[i] = zigzag & 1n ? -(zigzag + 1n) / 2n : zigzag / 2n;
-    }
-    return found;
-  }
-
-  /** Return the next column, which holds differences, as what they are differences of. @param {number} size */
-  sums(size) {
-    const found = this.column(size);
-    for (let i = 1; i < size; i++) found[i] += found[i - 1];
-    return found;
-  }
-
-  /** Return the table of the next column, or null if it has none. @returns {bigint[] | null} */
-  #table() {
-    if (this.bytes[this.at] !== TABLE) return null;
-    const size = this.take(2)[1] + 1;
-    if (this.bytes[this.at] === TABLE) throw new Error("a table is damaged");
-    let sum = 0n;
-    return Array.from(this.wideColumn(size), (step) => (sum = BigInt.asIntN(64, sum + step)));
-  }
-
-  /**
-   * Return the entries of a table that the next bytes name.
-   * @template {Float64Array | BigInt64Array} Column
-   * @param {Column} found to be filled
-   * @param {Column[number][]} entries
-   * @returns {Column}
-   */
-  #named(found, entries) {
-    const [each] = this.take(1);
-    const base = entries.length;
-    const most = base ** each;
-    if (each < 1 || each > MOST_IN_BYTE || most > 256) throw new Error("a table is damaged");
-    const groups = this.take(Math.ceil(found.length / each));
-    for (let i = 0, group = 0; i < found.length; i++) {
-      group = i % each ? Math.floor(group / base) : groups[i / each];
-      if (group >= most) throw new Error("a column does not fit its table");
-      found[i] = entries[group % base];
-    }
-    return found;
-  }
-
-  /** @param {number} size @returns {Uint8Array[]} */
-  #planes(size) {
-    const count = this.take(1)[0];
-    if (count > 8 || (count === 0) !== (size === 0)) throw new Error("a column is damaged");
-    return Array.from({ length: count }, () => this.take(size));
-  }
-}
-
-/** Return the value that is packed in bytes. @param {Uint8Array} body */
-export function unpackedValue(body) {
-  return valueOf(new ByteReader(body).unpacked());
 }
 
 /** Return the plain value in bytes. @param {Uint8Array} bytes @returns {any} */
@@ -282,4 +172,10 @@ function widestInts(/** @type {Uint8Array} */ planes, /** @type {number} */ stri
     found[i] = Number(sum);
   }
   return found;
+}
+
+/** Return points whose columns follow each other, x, y, x, y, …, counted in steps. @param {ArrayLike<number>} columns @param {number} axes @param {number} step */
+export function interleaved(columns, axes, step) {
+  const size = columns.length / axes;
+  return Float64Array.from({ length: columns.length }, (_, i) => step * columns[(i % axes) * size + Math.floor(i / axes)]);
 }

@@ -1,7 +1,6 @@
-// The map of a recording: nodes, edges with their shapes, buildings, parks and water, from the bytes of a saved graph.
-import { unpackedValue } from "./values.js";
+// The map of a game: nodes, edges with their shapes, buildings, parks and water.
+import { interleaved } from "./values.js";
 
-const MAGIC = "GAMMSMAP";
 const MOST_POINTS = 1 << 23;
 export const PATH = 0;
 export const SERVICE = 1;
@@ -17,29 +16,23 @@ const CLASS_OF = new Map([
 
 /** A map, in columns; rows are numbers of nodes and edges in their lists. */
 export class World {
-  /** @param {Uint8Array} bytes of a file that `ctx.graph.save` writes */
-  constructor(bytes) {
-    if (String.fromCharCode(...bytes.subarray(0, 8)) !== MAGIC) throw new Error("The map of this recording is damaged.");
-    const state = unpackedValue(bytes.subarray(20));
+  /** @param {Map<string, any>} state as `gamms.web.maps` gives it */
+  constructor(state) {
+    const placesOf = (/** @type {Map<string, any>} */ from, /** @type {string} */ name, axes = 2) => interleaved(from.get(name) ?? [], axes, state.get("step"));
     /** @type {string | null} */ this.crs = state.get("crs");
     /** @type {string | null} */ this.attribution = state.get("attribution");
     /** @type {Float64Array} */ this.nodeIds = state.get("node_ids");
-    /** @type {Float64Array} */ this.xy = state.get("xy");
-    /** @type {Float64Array} */ this.edgeIds = state.get("edge_ids");
+    /** @type {Float64Array} */ this.xy = placesOf(state, "xy");
     /** @type {Float64Array} */ this.sources = state.get("sources");
     /** @type {Float64Array} */ this.targets = state.get("targets");
     /** @type {Map<number, number>} */ this.rowOf = new Map(Array.from(this.nodeIds, (id, row) => [id, row]));
-    /** @type {Map<number, Float64Array>} */ this.bends = bendsOf(state, this.sources.length);
+    /** @type {Map<number, Float64Array>} */ this.bends = bendsOf(state, placesOf(state, "bend_points"), this.sources.length);
     /** @type {Float64Array | null} */ this.latLon = state.get("lat_lon") ?? null; // degrees, where a page needs them
     this.attributes = { node: state.get("node_attributes"), edge: state.get("edge_attributes") };
     const base = state.get("base_map") ?? new Map();
-    const own = state.get("face_corners");
-    this.buildings = footprints(own.length ? own : base.get("face_corners") ?? own, own.length ? state.get("face_types") : base.get("face_types") ?? []);
-    this.walls = own; // x, y, z of four corners each
-    this.wallBoxes = boxesOf(own);
-    this.heights = this.#numbersOfNodes("z"); // of the ground
-    this.tunnels = this.#numbersOfNodes("underground").map(Math.trunc); // 0: on the surface
-    this.shapes = shapesOf(base);
+    const from = state.get("face_corners").length ? state : base;
+    this.buildings = footprints(placesOf(from, "face_corners", 3), from.get("face_types") ?? []);
+    this.shapes = shapesOf(base, placesOf(base, "points"));
     this.#check();
     this.isMetric = this.crs !== null && this.crs !== "EPSG:4326" && this.crs !== "OGC:CRS84";
     this.streets = this.#oneWayEach();
@@ -76,23 +69,6 @@ export class World {
       else high = middle;
     }
     return rows[low] === row ? values[codes[low]] : undefined;
-  }
-
-  /** Return a number for each node, 0 where it has none. @param {string} name of an attribute @returns {Float64Array} */
-  #numbersOfNodes(name) {
-    const found = new Float64Array(this.nodeIds.length), [rows, codes, values] = this.attributes.node.get(name) ?? [[], [], []];
-    for (let i = 0; i < rows.length; i++) if (Number.isFinite(values[codes[i]])) found[rows[i]] = values[codes[i]];
-    return found;
-  }
-
-  /** Return the row of the node nearest to a place, the first of several. @param {number} x @param {number} y */
-  nearest(x, y) {
-    let [best, least] = [-1, Infinity];
-    for (let row = 0; row < this.nodeIds.length; row++) {
-      const far = Math.hypot(this.xy[2 * row] - x, this.xy[2 * row + 1] - y);
-      if (far < least) [best, least] = [row, far];
-    }
-    return best;
   }
 
   /** Return the edge from one node to another, as rows; undefined where there is none. @param {number} from @param {number} to */
@@ -170,9 +146,9 @@ export function lengthOf(points) {
   return length;
 }
 
-/** @param {Map<string, any>} state @param {number} edges @returns {Map<number, Float64Array>} */
-function bendsOf(state, edges) {
-  const [rows, sizes, points] = [state.get("bend_rows"), state.get("bend_sizes"), state.get("bend_points")];
+/** @param {Map<string, any>} state @param {Float64Array} points @param {number} edges @returns {Map<number, Float64Array>} */
+function bendsOf(state, points, edges) {
+  const [rows, sizes] = [state.get("bend_rows"), state.get("bend_sizes")];
   const found = new Map();
   let at = 0;
   for (let i = 0; i < rows.length; i++) {
@@ -184,21 +160,9 @@ function bendsOf(state, edges) {
   return found;
 }
 
-/** Return the least and the greatest x, y and z of each obstacle. @param {Float64Array} corners as of `footprints` */
-function boxesOf(corners) {
-  const found = new Float64Array(corners.length / 2);
-  for (let i = 0, at = 0; i < corners.length; i += 12) {
-    for (let axis = i; axis < i + 3; axis++) {
-      found[at++] = Math.min(corners[axis], corners[axis + 3], corners[axis + 6], corners[axis + 9]);
-      found[at++] = Math.max(corners[axis], corners[axis + 3], corners[axis + 6], corners[axis + 9]);
-    }
-  }
-  return found;
-}
-
-/** Return parks, water and rails: kind and points of each. @param {Map<string, any>} base */
-function shapesOf(base) {
-  const [kinds, sizes, points] = [base.get("kinds") ?? [], base.get("sizes") ?? [], base.get("points") ?? new Float64Array(0)];
+/** Return parks, water and rails: kind and points of each. @param {Map<string, any>} base @param {Float64Array} points */
+function shapesOf(base, points) {
+  const [kinds, sizes] = [base.get("kinds") ?? [], base.get("sizes") ?? []];
   if (points.length > MOST_POINTS) throw new Error("The map of this recording is too large to be drawn.");
   let at = 0;
   return Array.from(kinds, (kind, i) => {

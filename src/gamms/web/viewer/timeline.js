@@ -1,0 +1,101 @@
+// What holds until it changes: slots with values, facts about agents; and the captions of all turns.
+import { Recording } from "./recording.js";
+import { valueOf } from "./values.js";
+
+const MOST_CAPTIONS = 20000;
+
+/** @typedef {{turn: number, words: string, agent: string | null, isMajor: boolean, isMarked: boolean}} Caption */
+/** @template T @typedef {{turn: number, value: T}} Entry */
+
+export class Timeline {
+  constructor() {
+    this.parts = 0; // that were read
+    /** @type {Map<string, Entry<Uint8Array>[]>} */ this.slots = new Map();
+    /** @type {Map<string, {entry: Entry<Uint8Array>, value: any}>} */ this.opened = new Map(); // the last value of each slot that was asked for
+    /** @type {Map<string, Map<string, Map<string, Entry<string | null>[]>>>} */ this.facts = new Map(); // agent -> heading -> key
+    /** @type {{turn: number, scores: Map<string, any>}[]} */ this.scores = [];
+    /** @type {Caption[]} */ this.captions = [];
+    /** @type {Set<string>} */ this.sides = new Set();
+    this.hasSensed = this.hasMessages = false;
+  }
+
+  /** Read the next part. @param {Recording} recording @returns {boolean} whether there was one */
+  readOn(recording) {
+    const part = recording.parts[this.parts];
+    if (part === undefined) return false;
+    this.parts++;
+    const { first, agents, changes, facts } = part, columns = recording.columns(part);
+    for (let i = 0; i < changes.length; i += 3) put(listIn(this.slots, changes[i + 1]), first + changes[i], changes[i + 2]);
+    for (const { turn, value } of (this.slots.get("scores") ?? []).slice(this.scores.length)) this.scores.push({ turn, scores: valueOf(value) });
+    for (let i = 0; i < facts.length; i += 5) {
+      const [turn, agent, heading, key, words] = facts.slice(i, i + 5);
+      const about = mapIn(this.facts, typeof agent === "number" ? agents[agent] : agent);
+      put(listIn(mapIn(about, heading), key), first + turn, words);
+    }
+    for (const one of columns.get("captions")) {
+      if (this.captions.length >= MOST_CAPTIONS) break;
+      this.captions.push({ turn: first + one.get("turn"), words: one.get("words"), agent: one.get("agent"), isMajor: one.get("major"), isMarked: one.get("marked") });
+    }
+    for (const side of columns.get("sides")) this.sides.add(side);
+    this.hasSensed ||= columns.has("looked");
+    this.hasMessages ||= columns.get("messages").length > 0;
+    return true;
+  }
+
+  /** Return the value of a slot at the end of a turn; undefined: it has none. @param {string} slot @param {number} turn */
+  at(slot, turn) {
+    const entry = lastBefore(this.slots.get(slot) ?? [], turn), known = this.opened.get(slot);
+    if (entry === undefined) return undefined;
+    if (known?.entry === entry) return known.value;
+    const value = valueOf(entry.value);
+    this.opened.set(slot, { entry, value });
+    return value;
+  }
+
+  /** Return what artists draw at the end of a turn, by their names. @param {number} turn @returns {Map<string, any>} */
+  drawings(turn) {
+    const found = new Map();
+    for (const slot of this.slots.keys()) {
+      const drawing = slot.startsWith("drawing ") ? this.at(slot, turn) : null;
+      if (drawing) found.set(drawing.get("artist"), drawing);
+    }
+    return found;
+  }
+
+  /** Return what is said of an agent: pairs of a key and words. @param {string} agent @param {string} heading @param {number} turn @returns {[string, string][]} */
+  factsOf(agent, heading, turn) {
+    const known = [...(this.facts.get(agent)?.get(heading) ?? [])].map(([key, entries]) => [key, lastBefore(entries, turn)?.value]);
+    return /** @type {[string, string][]} */ (known.filter((pair) => typeof pair[1] === "string"));
+  }
+}
+
+/** @template T @param {Entry<T>[]} entries @param {number} turn @param {T} value */
+function put(entries, turn, value) {
+  if (entries.length && entries[entries.length - 1].turn === turn) entries.pop();
+  entries.push({ turn, value });
+}
+
+/** Return the last entry at or before a turn. @template T @param {Entry<T>[]} entries @param {number} turn @returns {Entry<T> | undefined} */
+function lastBefore(entries, turn) {
+  let low = 0, high = entries.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (entries[middle].turn <= turn) low = middle + 1;
+    else high = middle;
+  }
+  return entries[low - 1];
+}
+
+/** @template K, V @param {Map<K, Map<string, V>>} maps @param {K} key @returns {Map<string, V>} */
+function mapIn(maps, key) {
+  const known = maps.get(key) ?? new Map();
+  maps.set(key, known);
+  return known;
+}
+
+/** @template K, V @param {Map<K, V[]>} lists @param {K} key @returns {V[]} */
+function listIn(lists, key) {
+  const known = lists.get(key) ?? [];
+  lists.set(key, known);
+  return known;
+}
