@@ -29,7 +29,6 @@ from gamms.ir import packing
 from gamms.ir.geometry import points_of
 from gamms.ir.graph import ClosedEdges, CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import ObstacleColumns
-from gamms.ir.packed_bytes import BEST
 from gamms.ir.packing import Array
 from gamms.ir.scenery import Scenery, no_scenery
 from gamms.limits import Allowance
@@ -253,9 +252,9 @@ def decode(data: bytes) -> SavedMap:
 # -- files of columns and plain values ----------------------------------------------------------------------------
 
 
-def framed(state: dict[str, Plain], magic: bytes, version: int, level: int = BEST) -> bytes:
-    """Return a dict of arrays and plain values as the bytes of a file that begins with `magic`; zlib level `level`."""
-    body = packing.pack(state, "A file", level)
+def framed(state: dict[str, Plain], magic: bytes, version: int) -> bytes:
+    """Return a dict of arrays and plain values as the bytes of a file that begins with `magic`."""
+    body = packing.pack(state, "A file")
     return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from gamms.errors import BadFile
 from gamms.ir.graph import IntArray
 
-BEST, FAST, STORED = 6, 4, 0  # levels of zlib: for what is written once, for what is written while a game runs; none
+BEST, FAST = 6, 4  # levels of zlib: for what is written once, and for what is written while a game runs
 _LARGE = 1 << 23  # bytes; more are compressed with less effort
 _TABLE = 9  # the form of a column with a table; earlier versions wrote it for large columns
 _MOST_IN_BYTE = 8  # entries of a table that one byte can name

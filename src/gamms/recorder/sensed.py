@@ -163,7 +163,7 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
 
 
 def parts_of(look: Look) -> tuple[list[int], list[int], list[tuple[int, int]], Any]:
-    """Return the ids of nodes and of edges that a look saw, numbers of agents with their nodes, and what else it gave."""
+    """Return ids of nodes and of edges that a look saw, numbers of agents with their nodes, and what else it gave."""
     if look.form == _MAP:
         return look.first, look.second, [], None
     if look.form == _IDS:

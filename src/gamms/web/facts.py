@@ -99,12 +99,12 @@ class AgentFacts:
     def _about(self, log: Log | None) -> list[str]:
         """Return the agents of whom something else may be said."""
         names = self._state.agents.columns["names"]
-        events = [(None, None)] if log is None else list(events_of(log))
+        events = [] if log is None else list(events_of(log))
         wanted: set[str] = set()
+        if log is None or any(kind in _OF_ALL for kind, _ in events):
+            self._known = {name: self._known[name] for name in names if name in self._known}
+            return list(names)
         for kind, data in events:
-            if kind is None or kind in _OF_ALL:
-                self._known = {name: self._known[name] for name in names if name in self._known}
-                return list(names)
             if kind in _OF_ONE:
                 wanted.add(data["agent_name"])
             elif kind == kinds.GAME_MEMORY:
@@ -123,7 +123,7 @@ class AgentFacts:
             if value is not None:
                 facts[_OPEN, key] = words_of(value)
         for sensor, sensor_id in columns["sensors"][row].items():
-            facts["Sensors", str(sensor)] = str(self._state.sensors.get(sensor_id, {}).get("type", ""))
+            facts["Sensors", as_text(sensor)] = as_text(self._state.sensors.get(sensor_id, {}).get("type", ""))
         memories: dict[str, Any] = {"Memory": game.memories.get(name)}
         memories["Memory of the team"] = None if team is None else game.team_memories.get(team)
         memories["Attributes"] = columns["attributes"][row]
@@ -157,7 +157,7 @@ class AgentFacts:
         """Note what becomes of a message."""
         sender, body = message["sender"], words_of(message["body"], _MOST_BODY)
         fates = {key: list(message.get(key) or ()) for key in (*ARRIVALS, "lost", "jammed")}
-        fate = "; ".join(f"{key} by {', '.join(map(str, to[:6]))}" for key, to in fates.items() if to)
+        fate = "; ".join(f"{key} by {', '.join(map(as_text, to[:6]))}" for key, to in fates.items() if to)
         words = f"{body} ({fate})" if fate else body
         _put(found, sender, _MESSAGES, f"to {words_of(message.get('to'))}", words)
         for number, key in enumerate(ARRIVALS):

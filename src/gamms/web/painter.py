@@ -276,13 +276,14 @@ class Painter:
         """Return the drawings of the artists that draw something else than before."""
         first, second = VIEWER_THEMES
         artists = self._signs(first)
-        now = {name: self._drawn(name, artist, first) for name, artist in artists.items()}
-        now = {name: commands for name, commands in now.items() if commands is not None}
-        changed = [name for name, one in now.items() if not is_same(one, self._commands.get(name))]
-        gone = [name for name in self._commands if name not in now]
+        drawn = {name: self._drawn(name, artist, first) for name, artist in artists.items()}
+        now = {name: commands for name, commands in drawn.items() if commands is not None}
+        before = self._commands
         self._commands = now
+        changed = [name for name, one in now.items() if not is_same(one, before.get(name))]
+        gone = [name for name in before if name not in now]
         others = self._signs(second) if changed else {}
-        found = [{"artist": name} for name in gone]
+        found: list[Drawn] = [{"artist": name} for name in gone]
         for name in changed:
             other = self._commands_of(name, others.get(name, artists[name]), second) or now[name]
             found.append(self._drawing(name, artists[name], now[name], other))

@@ -13,6 +13,7 @@ import numpy as np
 from gamms.errors import NotOffered
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.recorder.detached import DetachedState
+from gamms.recorder.errors import refusing
 from gamms.recorder.sensed import Look, looks_of, parts_of
 from gamms.text import as_text
 from gamms.visual.drawing import drawing_of
@@ -122,12 +123,9 @@ class Sights:
         names = state.agents.names_by_number()
         nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
-        looks = [
-            self._seen(names[number], look, names, at)
-            for data in looked
-            for number, look in looks_of(data)
-            if number in names
-        ]
+        with refusing("What was sensed is not right", with_type=True):
+            found = [pair for data in looked for pair in looks_of(data)]
+            looks = [self._seen(names[number], look, names, at) for number, look in found if number in names]
         return Sensed(looks, self._sides(looks, state))
 
     def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> Seen:
@@ -143,7 +141,7 @@ class Sights:
         field = self._field(agent, sensor) if is_there else _NONE
         words = None if other is None else words_of(other)
         found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
-        return Seen(name, look.sensor, look.kind, shape, field, *found, words)
+        return Seen(name, as_text(look.sensor), as_text(look.kind), shape, field, *found, words)
 
     # -- fields of view -----------------------------------------------------------------------------------------
 

@@ -345,8 +345,8 @@ class Collected:
         before = sum(len(part.turns) for part in self.parts[:mark])
         return Collected(self.first + before, self.parts[mark:])
 
-    def body(self, level: int = FAST) -> bytes:
-        """Return the body of the block; `level` of zlib."""
+    def body(self) -> bytes:
+        """Return the body of the block."""
         parts = self.parts
         columns = [column(np.array(list(chain.from_iterable(part.turns for part in parts)), np.int64))]
         columns += self._columns_of_events()
@@ -355,7 +355,7 @@ class Collected:
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
                 columns += Rows.joined(some).columns(kind)
         data = [one for part in parts for one in part.data]
-        return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]), level)
+        return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]), FAST)
 
     def _columns_of_moves(self) -> Iterator[bytes]:
         """Yield the rows, the first nodes of their tracks, and the other nodes."""

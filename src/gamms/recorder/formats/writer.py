@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 from gamms.errors import BadType, BadValue
 from gamms.ir import packing
-from gamms.ir.packed_bytes import BEST, FAST, STORED
+from gamms.ir.packed_bytes import FAST
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, chunks
@@ -43,8 +43,6 @@ class Writer:
         seconds: float | None = 1.0,
         size: int = 256 * 1024,
         clock: Callable[[], float] = time.monotonic,
-        first: int = 0,
-        is_deflated: bool = True,
     ) -> None:
         """Begin a recording.
 
@@ -56,8 +54,6 @@ class Writer:
             size: a block of 32 turns or more closes after so many bytes, counting 4 for each move; one of fewer turns
                 after 64 times as many.
             clock: where the seconds come from.
-            first: how many turns come before, which are not in it; a keyframe says how it begins then.
-            is_deflated: whether blocks are deflated; else they are stored, for a stream that is deflated as a whole.
 
         Raises:
             BadType, BadValue: the header is not plain.
@@ -67,14 +63,13 @@ class Writer:
             raise BadValue(
                 f"Blocks of {turns} turns or {size} bytes cannot be; at least 1 of both, at most 65,536 turns."
             )
-        body = packing.pack(_is_dict(header, "header"), "The header", BEST if is_deflated else STORED)
+        body = packing.pack(_is_dict(header, "header"), "The header")
         head = blocks.block(blocks.HEADER, body, 0, blocks.Counts())
         self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
-        self._level = FAST if is_deflated else STORED
         self._values = 0  # before the open block
-        self._open = chunks.Collected(first)
+        self._open = chunks.Collected(0)
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()
         self._saved = 0  # parts of the open block that are in provisional blocks
@@ -151,7 +146,7 @@ class Writer:
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        body = packing.pack(_is_dict(state, "keyframe"), "A keyframe", self._level)
+        body = packing.pack(_is_dict(state, "keyframe"), "A keyframe", FAST)
         self.end_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
 
@@ -174,7 +169,7 @@ class Writer:
         self._file.check()
         if self._file.can_overwrite and len(self._open.parts) > self._saved:
             part = self._open.since(self._saved)
-            self._file.extend(self._block(blocks.TURNS, part.body(self._level), part.counts))
+            self._file.extend(self._block(blocks.TURNS, part.body(), part.counts))
             self._saved = len(self._open.parts)
         self._saved_at = self._clock()
 
@@ -191,7 +186,7 @@ class Writer:
         self._file.close()
 
     def _close_block(self) -> None:
-        self._put(blocks.TURNS, self._open.body(self._level), self._open.counts)
+        self._put(blocks.TURNS, self._open.body(), self._open.counts)
         self._values += self._open.values
         self._open = chunks.Collected(self.turns)
         self._saved, self._saved_at = 0, self._clock()
