@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.packing import Decoder
 from gamms.limits import Allowance
-from gamms.web.turns import ALIVE, MAGIC, THERE
+from gamms.web.columns import ALIVE, MAGIC, THERE
 
 
 class State(NamedTuple):

@@ -23,7 +23,7 @@ from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
 from gamms.recorder.cut import sides_of
 from gamms.recorder.errors import Damaged
 from gamms.typing import OpCodes
-from gamms.web import server, streams, turns
+from gamms.web import columns, server, streams
 from gamms.web.live import numbers_of
 from gamms.web.painter import Painter
 
@@ -64,7 +64,7 @@ class Client:
                 self.told.append(json.loads(found))
             else:
                 found = zlib.decompress(found)
-                self.bytes = found if found.startswith(turns.MAGIC) else self.bytes + found
+                self.bytes = found if found.startswith(columns.MAGIC) else self.bytes + found
 
     def read_turns(self, turns):
         """Read until so many turns are there; return the game."""
@@ -108,7 +108,7 @@ def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
             painter.begin()
             for log in whole.logs():
                 painter.add(log)
-            expected = ShownGame(turns.MAGIC + turns.frame({"world": turns.frame([0])[4:]}) + painter.part())
+            expected = ShownGame(columns.MAGIC + columns.frame({"world": columns.frame([0])[4:]}) + painter.part())
         assert list(sent["everything"].captions()) == list(expected.captions())
         for team in ("everything", "red", "blue"):
             stream = io.BytesIO()

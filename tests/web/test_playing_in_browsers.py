@@ -7,7 +7,7 @@ import pytest
 from shown_game import ShownGame
 
 from gamms import recorder, scenario, web
-from gamms.web.turns import MAGIC
+from gamms.web.columns import MAGIC
 
 
 def agent(name, node, strategy="gamms.strategies:random_walk"):

@@ -28,7 +28,7 @@ from gamms.scenario import Scenario, load
 from gamms.text import as_text, reason, shown
 from gamms.web.links import Audience, Grant, Handle, Links, Refused
 from gamms.web.pages import live_page
-from gamms.web.playing import Players
+from gamms.web.people import People
 from gamms.web.server import Connection, Json, Page, Server, Site
 from gamms.web.streams import Streams, news
 from gamms.workers import SIGNALS_S
@@ -522,6 +522,68 @@ def numbers_of(scenario: Scenario) -> Iterator[dict[str, Plain]]:
 
 _NO_NUMBERS = ("map", "seed", "name", "description", "facts")
 _NO_KEYS = {"node", "near", "at"}  # whose numbers are ids of nodes
+
+
+class Players:
+    """Sends people their questions and takes their choices; a part of `Live`.
+
+    Args:
+        live: the served game.
+    """
+
+    def __init__(self, live: Live) -> None:
+        self._live = live
+        self._people: People | None = None
+        live.handlers["choose"] = self._choose
+        live.when_joined.append(self._joined)
+
+    def open(self, ctx: Context) -> None:
+        """Let people into a game, which begins now."""
+        self._people = People.open(ctx)
+        self._people.changed.append(self._tell_all)
+        for connection in self._live.connections:
+            self._joined(connection)
+
+    def links(self) -> dict[str, str]:
+        """Return the links of the people of the game, by name."""
+        if self._people is None:
+            return {}
+        self._people.look_up()
+        return {
+            person.name: self._live.link(
+                Grant(person.name, Audience(agents=frozenset(person.agents)), may_play=True),
+            )
+            for person in self._people.persons.values()
+        }
+
+    def let_go(self) -> None:
+        """Wait for no person any more in this game."""
+        if self._people is not None:
+            self._people.let_go()
+
+    def _joined(self, connection: Connection) -> None:
+        if self._people is not None and connection.grant.may_play:
+            self._people.come(connection.grant.name)
+            self._tell(connection, self._people)
+
+    def _choose(self, connection: Connection, message: Json) -> None:
+        if self._people is None or not connection.grant.may_play:
+            raise Refused("This link is for looking on.")
+        choice = {key: value for key, value in message.items() if key != "type"}
+        self._people.choose(connection.grant.name, choice)
+
+    def _tell_all(self) -> None:
+        for connection in self._live.connections:
+            if self._people is not None and connection.grant.may_play:
+                self._tell(connection, self._people)
+
+    def _tell(self, connection: Connection, people: People) -> None:
+        asked: Mapping[str, Plain] = {
+            "type": "questions",
+            "questions": people.asked(connection.grant.name),
+            "waiting": people.is_waiting,
+        }
+        connection.tell(asked)
 
 
 def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, int | float]]:

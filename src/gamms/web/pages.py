@@ -23,8 +23,8 @@ from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
 from gamms.web.bundle import page_called
+from gamms.web.columns import MAGIC, frame
 from gamms.web.painter import Painter, map_for_viewer
-from gamms.web.turns import MAGIC, frame
 
 __all__ = ["page", "page_of_two"]
 

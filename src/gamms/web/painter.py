@@ -1,8 +1,8 @@
 """What a page shows, turn by turn: columns of agents, signs, colors and captions, made as pictures are made.
 
 A game is followed in a context of its own, whose artists draw what has changed in both themes. The viewer paints these
-draw commands; it knows no rule and no kind of event. `turns.py` makes columns of the turns, `sights.py` what is sensed,
-`facts.py` what is said of agents; `docs/page-format.md` describes what comes of it.
+draw commands; it knows no rule and no kind of event. `columns.py` makes columns of the turns, `knowledge.py` says
+what agents sense and know; `docs/page-format.md` describes what comes of it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,10 +31,21 @@ from gamms.visual.legend import Row, blocks_of, plain_block
 from gamms.visual.recorded_drawings import RecordedDrawer
 from gamms.visual.themes import THEMES
 from gamms.web.bundle import VIEWER_THEMES
-from gamms.web.facts import AgentFacts
-from gamms.web.maps import drawn_map, in_steps
-from gamms.web.sights import Sensed, Sights, sides_in
-from gamms.web.turns import ALIVE, FLIES, THERE, Change, InAir, OnEdges, Turn, frame, part_of
+from gamms.web.columns import (
+    ALIVE,
+    FLIES,
+    THERE,
+    Change,
+    Fact,
+    InAir,
+    OnEdges,
+    Turn,
+    drawn_map,
+    frame,
+    in_steps,
+    part_of,
+)
+from gamms.web.knowledge import AgentFacts, Sensed, Sights, sides_in
 
 _STEPS = 1 << 15  # of the larger side of the map: on a city some centimetres
 _PIXEL_STEP = 2.0**-4
@@ -101,11 +112,10 @@ class Painter:
         self._state = DetachedState(deepcopy(state), turns)
         sides: Any = header.get("sides") or ()
         self._sides = [side for side in sides if side is not None]
-        self._at, self._is_whole = turns, False
-        self._edition, self._edited_at = (
-            0,
-            turns,
-        )  # changes whenever rules, teams or the map may have changed; in which turn
+        self._at = turns
+        self._is_whole = False
+        self._edition = 0  # changes whenever rules, teams or the map may have changed
+        self._edited_at = turns
         self._artists: dict[str, tuple[Any, dict[str, IArtist]]] = {}  # theme -> by which edition, and by name
         self._read: dict[str, Any] = {}  # artist -> when it drew last
         self._commands: dict[str, Drawn] = {}  # what artists drew last in the first theme, by name
@@ -191,7 +201,14 @@ class Painter:
 
     # -- columns ------------------------------------------------------------------------------------------------
 
-    def _turn(self, ways: Any, changes: Any, facts: Any, captions: Any, sensed: Sensed | None) -> Turn:
+    def _turn(
+        self,
+        ways: Mapping[int, Sequence[int]],
+        changes: Sequence[Change],
+        facts: Sequence[Fact],
+        captions: Sequence[Drawn],
+        sensed: Sensed | None,
+    ) -> Turn:
         """Return how the turn has ended."""
         columns = self._state.agents.columns
         flies = columns["kind"] != 0
@@ -374,7 +391,7 @@ class Painter:
             yield {"words": words, "agent": None if name is None else str(name), "major": False, "marked": is_marked}
         yield from later
 
-    def _rises(self, scores: Any) -> Iterator[Drawn]:
+    def _rises(self, scores: Mapping[Any, float]) -> Iterator[Drawn]:
         """Yield the scores that have risen."""
         now = {as_text(of): score for of, score in dict(scores).items() if isinstance(score, int | float)}
         for of, score in now.items():

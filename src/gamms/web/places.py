@@ -21,7 +21,7 @@ from gamms.text import shown
 from gamms.visual.appearance import team_colors
 from gamms.visual.themes import THEMES
 from gamms.web.bundle import VIEWER_THEMES, css
-from gamms.web.maps import drawn_map
+from gamms.web.columns import drawn_map
 from gamms.web.pages import as_json, as_text_of, filled
 
 _SCENARIOS = (".yaml", ".yml", ".json")

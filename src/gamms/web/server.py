@@ -14,7 +14,7 @@ Three clients build on it: a live game (`live.py`), people who play in one, and 
 
 What every request goes through, before any of these: the host must be the one that is served (else another site could
 be renamed to it), the origin of calls and WebSockets must be the page of this server, and sizes, rates and numbers of
-connections are limited; those that ask for nothing are ended (`idle.py`). An address other than loopback needs
+connections are limited; those that ask for nothing are ended (`Idle`). An address other than loopback needs
 `allow_network=True`. Tokens are compared in constant time and never logged.
 """
 
@@ -35,7 +35,6 @@ from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, NetworkError, needing
 from gamms.plain import Plain
 from gamms.text import shown
-from gamms.web.idle import Client, Idle, Watched
 from gamms.web.links import Grant, Links, Refused
 
 if TYPE_CHECKING:
@@ -61,6 +60,7 @@ _MOST_DEPTH = 16  # of values in each other
 _SHARE = 20  # sending takes at most one part of so many of the time: a game beside it is not slowed down by spectators
 _SHORTEST_S, _LONGEST_S = 0.01, 1.0  # between two rounds of sending
 _START_S = 10.0
+_MOST_S = 60.0  # that a request may take, and sending its answer
 _MOST_STUCK_S = 30.0  # that a client may take nothing
 _BAD_TOKEN, _TOO_MUCH, _TOO_MANY = 4401, 1008, 1013  # codes of closing
 
@@ -68,6 +68,8 @@ Json = dict[str, Plain]
 
 
 # -- what is served -----------------------------------------------------------------------------------------------
+
+Client = tuple[str, int]  # address and port
 
 
 class Connection:
@@ -309,6 +311,108 @@ def _listener(host: str, port: int) -> socket.socket:
             " port=0 takes a free one."
         ) from None
     return listener
+
+
+class Idle:
+    """Ends connections that are quiet: too long, or too many; of many, the oldest of the address that has most.
+
+    So a client that opens connections and says nothing ends its own, and keeps no other client out. For the thread of
+    the server alone.
+
+    Args:
+        most: quiet connections.
+        seconds: that one may be quiet.
+    """
+
+    def __init__(self, most: int, seconds: float) -> None:
+        self._most, self._seconds = most, seconds
+        self._quiet: dict[Client, tuple[float, Callable[[], object]]] = {}  # since when, oldest first; what ends it
+        self._busy: dict[Client, tuple[float, Callable[[], object]]] = {}
+        self._timer: asyncio.TimerHandle | None = None
+
+    def opened(self, client: Client, end: Callable[[], object]) -> None:
+        """Note a new connection, and what ends it; end another one if there are too many."""
+        self._quiet[client] = monotonic(), end
+        if len(self._quiet) > self._most:
+            counts = Counter(host for host, _ in self._quiet)
+            most = max(counts.values())
+            self._end(next(one for one in self._quiet if counts[one[0]] == most))
+        self._look_later()
+
+    def asks(self, client: Client) -> None:
+        """Note that a request has begun."""
+        if (known := self._quiet.pop(client, None)) is not None:
+            self._busy[client] = monotonic(), known[1]
+
+    def answered(self, client: Client) -> None:
+        """Note that a request was answered."""
+        if (known := self._busy.pop(client, None)) is not None:
+            self._quiet[client] = monotonic(), known[1]
+            self._look_later()
+
+    def gone(self, client: Client) -> None:
+        """Forget a connection, which is closed or is not to be ended any more."""
+        self._quiet.pop(client, None)
+        self._busy.pop(client, None)
+
+    def _end(self, client: Client) -> None:
+        _, end = (self._quiet if client in self._quiet else self._busy).pop(client)
+        end()
+
+    def _look_later(self) -> None:
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(self._seconds / 4, self._look)
+
+    def _look(self) -> None:
+        """End those whose time is over."""
+        now, self._timer = monotonic(), None
+        for known, most in ((self._quiet, self._seconds), (self._busy, _MOST_S)):
+            for client in [client for client, (since, _) in known.items() if now - since > most]:
+                self._end(client)
+        if self._quiet or self._busy:
+            self._look_later()
+
+
+class Watched(asyncio.Protocol):
+    """A connection as its protocol handles it, until that hands it to another one; `Idle` notes what it does.
+
+    Args:
+        protocol: handles it.
+        idle: ends it.
+    """
+
+    def __init__(self, protocol: asyncio.Protocol, idle: Idle) -> None:
+        self._protocol, self._idle = protocol, idle
+        self._client: Client = "", 0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """See `asyncio.Protocol`."""
+        made: Any = transport  # a socket, whose transport can be aborted
+        with suppress(TypeError, IndexError):  # it is gone already
+            self._client = made.get_extra_info("peername")[:2]
+        self._protocol.connection_made(transport)
+        self._idle.opened(self._client, made.abort)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """See `asyncio.Protocol`."""
+        self._idle.gone(self._client)
+        self._protocol.connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """See `asyncio.Protocol`."""
+        self._protocol.data_received(data)
+
+    def eof_received(self) -> bool | None:
+        """See `asyncio.Protocol`."""
+        return self._protocol.eof_received()
+
+    def pause_writing(self) -> None:
+        """See `asyncio.Protocol`."""
+        self._protocol.pause_writing()
+
+    def resume_writing(self) -> None:
+        """See `asyncio.Protocol`."""
+        self._protocol.resume_writing()
 
 
 class _Guard:

@@ -24,11 +24,11 @@ from gamms.ir.graph import GraphColumns
 from gamms.recorder.cut import Cut, cut_header, sides_of
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.sensed import Nearest, nearest_on
+from gamms.web.columns import MAGIC, frame
 from gamms.web.links import Audience
 from gamms.web.pages import drawn_header
 from gamms.web.painter import Painter
 from gamms.web.server import Connection
-from gamms.web.turns import MAGIC, frame
 
 _KEYFRAME_TURNS = 64
 _MOST_WAITING = 1 << 11  # agents in the parts of turns that wait to become bytes

@@ -16,7 +16,7 @@ const CLASS_OF = new Map([
 
 /** A map, in columns; rows are numbers of nodes and edges in their lists. */
 export class World {
-  /** @param {Map<string, any>} state as `gamms.web.maps` gives it */
+  /** @param {Map<string, any>} state as `gamms.web.columns` gives it */
   constructor(state) {
     const placesOf = (/** @type {Map<string, any>} */ from, /** @type {string} */ name, axes = 2) => interleaved(from.get(name) ?? [], axes, state.get("step"));
     /** @type {string | null} */ this.crs = state.get("crs");

@@ -1,25 +1,32 @@
-"""Turns as columns: what a page or a stream holds of a game, in parts of one turn or many.
+"""What a page or a stream holds of a game, as columns: the map, and turns in parts of one or many.
 
 A part has a column for the agents of all its turns, one for the nodes that they are on, and so on; what changes
 seldom is a list of changes. `docs/page-format.md` describes them. `painter.py` makes the turns.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.graph.map_file import MAGIC as MAP_MAGIC
+from gamms.graph.map_file import VERSION, base_map_of, scenery_called, unframed
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain
-from gamms.web.maps import narrow
-from gamms.web.sights import Sensed
+from gamms.web.knowledge import Sensed
 
 MAGIC = b"GAMMSPLY"
 THERE, ALIVE, FLIES = 1, 2, 4  # bits of the status of an agent
 _SHARES = 1 << 16  # parts of an edge
 _TURN = 256  # parts of a full turn
+_STEPS = 1 << 18  # in which coordinates are rounded, of the larger side of the map: a town to some millimetres
+_LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
+_READ = (
+    *("crs", "attribution", "node_ids", "sources", "targets", "bend_rows", "bend_sizes", "face_types"),
+    *("node_attributes", "edge_attributes"),
+)
 
 Change = tuple[str, bytes]
 """A slot, and the bytes of the value that it has from a turn on."""
@@ -209,7 +216,7 @@ def _sensed(sensed: Sequence[Sensed | None], row_of: Mapping[str, int]) -> dict[
             if look.shape is not None:
                 shape = shapes.setdefault(id(look.shape), len(shapes))
                 if shape == len(kept):
-                    kept.append([look.shape.is_carried, look.shape.corners])
+                    kept.append([look.shape.is_carried, narrow(look.shape.corners)])
             if look.words is not None:
                 words[len(looks)] = look.words
             sensor = sensors.setdefault((look.sensor, look.kind), len(sensors))
@@ -251,3 +258,61 @@ def _sights(side: str, sensed: Sequence[Sensed | None], row_of: Mapping[str, int
 
 def _concatenated(parts: Sequence[IntArray]) -> "np.ndarray[Any, Any]":
     return narrow(np.concatenate([np.zeros(0, np.int64), *parts]))
+
+
+# -- the map ------------------------------------------------------------------------------------------------------
+
+
+def drawn_map(
+    world: bytes, attributes: Collection[str] | None = None, lat_lon: "np.ndarray[Any, Any] | None" = None
+) -> bytes:
+    """Return what is drawn of a map, with its scenery, as the bytes of a plain value.
+
+    Args:
+        world: the map, as it is saved.
+        attributes: those that it keeps; None: all.
+        lat_lon: (nodes, 2) degrees, which it then has, too; rounded to a centimetre.
+    """
+    state = unframed(world, MAP_MAGIC, VERSION)
+    base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.get("scenery")))
+    if len(state["face_ids"]):  # which are drawn instead
+        base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
+    step = _step(state["xy"])
+    drawn: dict[str, Any] = {name: state[name] for name in _READ}
+    drawn |= {"step": step, "base_map": {name: base[name] for name in ("kinds", "sizes", "face_types")}}
+    for of, name, width in (
+        (state, "xy", 2),
+        (state, "bend_points", 2),
+        (state, "face_corners", 3),
+        (base, "points", 2),
+        (base, "face_corners", 3),
+    ):
+        to = drawn if of is state else drawn["base_map"]
+        to[name] = in_steps(of[name].reshape(-1, width), step)
+    if attributes is not None:
+        drawn |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
+    if lat_lon is not None:
+        drawn["lat_lon"] = np.round(lat_lon / _LAT_LON_STEP) * _LAT_LON_STEP
+    return to_bytes(drawn, "A map")
+
+
+def in_steps(points: FloatArray, step: float) -> "np.ndarray[Any, Any]":
+    """Return points (points, axes) as integers (axes, points): along a line their differences are small."""
+    return narrow(np.rint(points.T / step).astype(np.int64))
+
+
+def narrow(numbers: "Sequence[int] | np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
+    """Return integers in the smallest type that holds all of them."""
+    wide = np.asarray(numbers, np.int64)
+    low, high = (int(wide.min()), int(wide.max())) if wide.size else (0, 0)
+    return wide.astype(np.promote_types(np.min_scalar_type(min(low, -1)), np.min_scalar_type(-1 - max(high, 0))))
+
+
+def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
+    return {name: column for name, column in attributes.items() if name in names}
+
+
+def _step(xy: "np.ndarray[Any, Any]") -> float:
+    """Return a power of two in whose multiples coordinates are written."""
+    extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
+    return float(2.0 ** np.floor(np.log2(extent / _STEPS))) if extent > 0.0 else 2.0**-32

@@ -1,0 +1,414 @@
+"""What a page says and shows of what agents know: what they sense, which nodes teams see, and facts in words.
+
+A recording says what sensors reported, and not which nodes a sensor covers that reports agents alone: the sensors of
+the context that follows the game say that.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from math import inf, isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import NotOffered
+from gamms.ir import events as kinds
+from gamms.ir.events import Log, events_of
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.messages import ARRIVALS
+from gamms.recorder.detached import DetachedState
+from gamms.recorder.errors import refusing
+from gamms.recorder.sensed import Look, looks_of, parts_of
+from gamms.text import as_digits, as_text
+from gamms.typing import IAgent, ISensor
+from gamms.typing.context import HostContext
+
+MOST_SIDES = 20  # of which a page offers what they see
+_MOST_KNOWN = 20_000  # fields of view that are remembered
+_NONE = np.zeros(0, np.int64)
+_MOST_WORDS, _MOST_ITEMS, _MOST_PAIRS, _MOST_ROWS = 400, 24, 50, 400
+_MOST_BODY = 120  # letters of a message
+_NOTHING = "\u2013"  # a dash
+_OPEN, _DECISION, _MESSAGES = "", "Decision", "Messages"
+_OF_ONE = {  # kinds of events that change what is said of the agent that they name
+    kinds.AGENT_TEAM,
+    kinds.AGENT_SPEED,
+    kinds.AGENT_STRATEGY,
+    kinds.AGENT_SENSOR_REGISTER,
+    kinds.AGENT_SENSOR_DEREGISTER,
+}
+_OF_ALL = {kinds.SNAPSHOT, kinds.AGENT_CREATE, kinds.AGENT_DELETE, kinds.SENSORS, kinds.AGENT_ATTRIBUTE}
+
+Facts = dict[tuple[str, str], str]
+"""The words for each key below a heading."""
+
+
+# -- what is sensed -----------------------------------------------------------------------------------------------
+
+
+class Shape(NamedTuple):
+    """The outline of a field of view.
+
+    Attributes:
+        is_carried: whether its corners are seen from its agent, with which it goes.
+        corners: (2, corners) in the steps of the map.
+    """
+
+    is_carried: bool
+    corners: IntArray
+
+
+class Seen(NamedTuple):
+    """What one sensor of an agent saw.
+
+    Attributes:
+        agent: the name of its agent.
+        sensor: its name.
+        kind: of the sensor.
+        shape: the outline of its field of view; None: it has none.
+        field: rows of the nodes that it covers, of a sensor that reports agents alone.
+        nodes: rows of the nodes that it reported.
+        edges: likewise.
+        agents: names of agents, and the rows of the nodes on which it reported them; -1: those that they are on.
+        words: what it reported, if that is nothing of these.
+    """
+
+    agent: str
+    sensor: str
+    kind: str
+    shape: Shape | None
+    field: IntArray
+    nodes: IntArray
+    edges: IntArray
+    agents: Sequence[tuple[str, int]]
+    words: str | None
+
+
+class Sight(NamedTuple):
+    """What a side sees: ascending rows of nodes, and the names of agents of others."""
+
+    nodes: IntArray
+    agents: Sequence[str]
+
+
+class Sensed(NamedTuple):
+    """What was sensed at one moment."""
+
+    looks: Sequence[Seen]
+    sides: Mapping[str, Sight]
+
+
+class Sights:
+    """Works out what agents sense in a context that follows a game.
+
+    Args:
+        ctx: the context.
+        step: corners of shapes are counted in it.
+    """
+
+    def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
+        self._ctx, self._step = ctx, step
+        self._covered: dict[Any, IntArray] = {}
+        self._shapes: dict[Any, Shape | None] = {}
+        self._columns: GraphColumns | None = None
+        self._rows: dict[str, tuple[IntArray, IntArray]] = {}
+
+    def forget(self) -> None:
+        """Forget fields of view, because sensors or the map have changed."""
+        self._covered.clear()
+        self._shapes.clear()
+
+    def rows(self, of: str, ids: "Sequence[int] | IntArray") -> IntArray:
+        """Return the rows of "nodes" or "edges" by their ids; -1 where there is none."""
+        if not len(ids):
+            return _NONE
+        columns = self._ctx.graph.columns()
+        if columns is not self._columns:
+            self._columns = columns
+            given = {"nodes": columns.node_ids, "edges": columns.edge_ids}
+            self._rows = {name: (np.argsort(one, kind="stable"), np.sort(one)) for name, one in given.items()}
+        order, known = self._rows[of]
+        wanted = np.asarray(ids, np.int64)
+        if not len(known):
+            return np.full(len(wanted), -1)
+        places = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+        found: IntArray = np.where(known[places] == wanted, order[places], -1)
+        return found
+
+    def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> Sensed:
+        """Return what was sensed, where the game stands.
+
+        Args:
+            looked: the data of events.
+            state: how the game stands.
+        """
+        names = state.agents.names_by_number()
+        nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
+        at = dict(zip(state.agents.columns["names"], nodes, strict=True))
+        with refusing("What was sensed is not right", with_type=True):
+            found = [pair for data in looked for pair in looks_of(data)]
+            looks = [self._seen(names[number], look, names, at) for number, look in found if number in names]
+        return Sensed(looks, self._sides(looks, state))
+
+    def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> Seen:
+        nodes, edges, agents, other = parts_of(look)
+        rows, edge_rows = self.rows("nodes", nodes), self.rows("edges", edges)
+        at = self.rows("nodes", [node for _, node in agents]).tolist()
+        pairs = [(names[number], row) for (number, _), row in zip(agents, at, strict=True) if number in names]
+        seen = [(other, -1 if now[other] == row else row) for other, row in pairs]
+        agent: Any = self._ctx.agent.agents.get(name)
+        sensor: Any = None if agent is None else agent.sensors.get(look.sensor)
+        has_end = isfinite(getattr(sensor, "range", inf))
+        shape = self._shape(agent, sensor) if has_end else None
+        field = self._field(agent, sensor) if has_end else _NONE
+        words = None if other is None else words_of(other)
+        found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
+        return Seen(name, as_text(look.sensor), as_text(look.kind), shape, field, *found, words)
+
+    # -- fields of view -----------------------------------------------------------------------------------------
+
+    def _shape(self, agent: IAgent, sensor: ISensor) -> Shape | None:
+        """Return the outline of what a sensor covers; None where obstacles leave no polygon of it."""
+        if sensor.type.name.startswith("OCCLUDED"):
+            return None
+        place, look = _pose(agent, sensor)
+        key = sensor.sensor_id, look
+        if key not in self._shapes:
+            view = self._ctx.visual.drawing.carriers.sight(sensor, agent).view
+            self._shapes[key] = None if view is None else self._outline(view.outline, sensor, place)
+        return self._shapes[key]
+
+    def _outline(self, outline: FloatArray, sensor: ISensor, place: "int | Sequence[float]") -> Shape | None:
+        if len(outline) < 3 or not np.isfinite(outline).all():
+            return None
+        is_carried = getattr(sensor, "at", None) is None
+        if isinstance(place, int):
+            node = self._ctx.graph.graph.get_node(place)
+            place = node.x, node.y
+        corners = np.rint((outline - place[:2] if is_carried else outline) / self._step())
+        return Shape(is_carried, corners.astype(np.int64).T)
+
+    def _field(self, agent: IAgent, sensor: ISensor) -> IntArray:
+        """Return the rows of the nodes that a sensor covers which reports agents alone."""
+        place, look = _pose(agent, sensor)
+        on_edge = self._ctx.visual.drawing.motion.on_edges().get(agent.name)
+        key = sensor.sensor_id, place, look, on_edge
+        known = self._covered.get(key)
+        if known is None:
+            if len(self._covered) >= _MOST_KNOWN:
+                self._covered.clear()
+            looks_from: Any = agent.current_node_id if on_edge is None else on_edge
+            try:
+                covered = sensor.coverage(looks_from, agent.name).node_ids
+            except NotOffered:
+                covered = _NONE
+            known = self._covered[key] = self.rows("nodes", covered)
+        return known
+
+    # -- sides --------------------------------------------------------------------------------------------------
+
+    def _sides(self, looks: Sequence[Seen], state: DetachedState) -> dict[str, Sight]:
+        """Return what each side sees."""
+        columns = state.agents.columns
+        names = columns["names"]
+        side_of = dict(zip(names, sides_in(columns), strict=True))
+        sides = dict.fromkeys(side_of.values())
+        if len(sides) > MOST_SIDES:
+            return {}
+        nodes = self.rows("nodes", columns["node"])
+        alive = np.asarray(columns["alive"]) != 0
+        size = len(self._ctx.graph.columns().node_ids)
+        masks = {side: np.zeros(size + 1, bool) for side in sides}  # the last one is of nodes that are not there
+        found: dict[str, dict[str, None]] = {side: {} for side in sides}
+        living = {name for name, is_alive in zip(names, alive.tolist(), strict=True) if is_alive}
+        for name, row in zip(names, nodes.tolist(), strict=True):
+            if name in living:
+                masks[side_of[name]][row] = True
+        for look in looks:
+            if look.agent not in living:
+                continue
+            side = side_of[look.agent]
+            masks[side][look.nodes] = True
+            found[side].update(dict.fromkeys(name for name, _ in look.agents))
+            masks[side][look.field] = True
+        is_on_node = (np.asarray(columns["kind"]) == 0) & (np.asarray(columns["edge_share"]) == 0)
+        sights = {}
+        for side, mask in masks.items():
+            mask[-1] = False
+            standing = np.flatnonzero(is_on_node & mask[nodes]).tolist()
+            found[side].update(dict.fromkeys(names[row] for row in standing))
+            others = [name for name in found[side] if side_of.get(name) != side]
+            sights[side] = Sight(np.flatnonzero(mask), others)
+        return sights
+
+
+def sides_in(columns: Mapping[str, Any]) -> list[str]:
+    """Return the side of each agent: the text of its team, or without one its name."""
+    pairs = zip(columns["names"], columns["teams"], strict=True)
+    return [name if team is None else as_text(team) for name, team in pairs]
+
+
+def _pose(agent: IAgent, sensor: ISensor) -> tuple[Any, Any]:
+    """Return where a sensor looks from, a node or a position, and what its outline depends on besides its range."""
+    if getattr(sensor, "at", None) is not None:
+        return (0.0, 0.0), None
+    if "AERIAL" in sensor.type.name:
+        position = tuple(agent.position)
+        return position, (position[2], tuple(agent.quat))
+    turns = getattr(sensor, "turns_with_agent", False)
+    return agent.current_node_id, tuple(agent.orientation) if turns else None
+
+
+# -- facts in words -----------------------------------------------------------------------------------------------
+
+
+def words_of(value: object, most: int = _MOST_WORDS) -> str:
+    """Return a plain value as short text."""
+    words = _text_of(value, 4)
+    return words if len(words) <= most else f"{words[: most - 1]}…"
+
+
+def _text_of(value: object, depth: int) -> str:
+    if isinstance(value, dict):
+        return _text_of_items([(f"{as_text(key)}: ", one) for key, one in value.items()], _MOST_PAIRS, depth)
+    if isinstance(value, set | frozenset):
+        value = sorted(value, key=as_text)
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return _text_of_items([("", one) for one in value], _MOST_ITEMS, depth)
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
+    if isinstance(value, float):
+        return as_digits(value)
+    if value is None:
+        return _NOTHING
+    return as_text(value).lower() if isinstance(value, bool) else as_text(value)
+
+
+def _text_of_items(items: Sequence[tuple[str, Any]], most: int, depth: int) -> str:
+    """Return the first items as text, each behind its label."""
+    if not items or not depth:
+        return "…" if items else _NOTHING
+    shown = ", ".join(f"{label}{_text_of(one, depth - 1)}" for label, one in items[:most])
+    return f"{shown}, … ({len(items)})" if len(items) > most else shown
+
+
+class AgentFacts:
+    """Says what has changed of what is said of agents.
+
+    Args:
+        state: how the game stands, which others change.
+    """
+
+    def __init__(self, state: DetachedState) -> None:
+        self._state = state
+        self._known: dict[str, Facts] = {}  # of each agent
+        self._momentary: dict[str, Facts] = {}  # likewise, of the last turn
+        self._sent: dict[int, list[tuple[str, str, int, str, str]]] = {}  # turn -> what agents have in it
+        self.messages: list[tuple[str, str, int]] = []  # see `turns.Turn`
+
+    def present(self) -> Iterator[tuple[str, str, str, str | None]]:
+        """Yield all facts of the present."""
+        for known in (self._known, self._momentary):
+            for name, facts in known.items():
+                yield from ((name, *key, words) for key, words in facts.items())
+
+    def changes(self, log: Log | None, turn: int) -> Iterator[tuple[str, str, str, str | None]]:
+        """Yield the facts that have changed.
+
+        Args:
+            log: of the turn that was added to the state; None: everything may be another.
+            turn: as the game counts it.
+        """
+        for name in self._about(log):
+            now = self._of(self._state.agents.row(name))
+            yield from _differences(name, self._known.get(name, {}), now)
+            self._known[name] = now
+        momentary = self._of_turn(log or [], turn)
+        for name in {**self._momentary, **momentary}:
+            yield from _differences(name, self._momentary.get(name, {}), momentary.get(name, {}))
+        self._momentary = momentary
+
+    def _about(self, log: Log | None) -> list[str]:
+        """Return the agents of whom something else may be said."""
+        names = self._state.agents.columns["names"]
+        events = [] if log is None else list(events_of(log))
+        wanted: set[str] = set()
+        if log is None or any(kind in _OF_ALL for kind, _ in events):
+            self._known = {name: self._known[name] for name in names if name in self._known}
+            return list(names)
+        for kind, data in events:
+            if kind in _OF_ONE:
+                wanted.add(data["agent_name"])
+            elif kind == kinds.GAME_MEMORY:
+                wanted.update(data["agents"])
+                teams = [team for team, _ in data["teams"]]
+                own = zip(names, self._state.agents.columns["teams"], strict=True)
+                wanted.update(name for name, team in own if team in teams)
+        return [name for name in names if name in wanted] if wanted else []
+
+    def _of(self, row: int) -> Facts:
+        """Return what is said of an agent until something of it changes."""
+        columns, game = self._state.agents.columns, self._state.game
+        name, team = columns["names"][row], columns["teams"][row]
+        facts: Facts = {}
+        for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", columns["strategies"][row])):
+            if value is not None:
+                facts[_OPEN, key] = words_of(value)
+        for sensor, sensor_id in columns["sensors"][row].items():
+            facts["Sensors", as_text(sensor)] = as_text(self._state.sensors.get(sensor_id, {}).get("type", ""))
+        memories: dict[str, Any] = {"Memory": game.memories.get(name)}
+        memories["Memory of the team"] = None if team is None else game.team_memories.get(team)
+        memories["Attributes"] = columns["attributes"][row]
+        for heading, values in memories.items():
+            if isinstance(values, Mapping):
+                pairs = list(values.items())[:_MOST_ROWS]
+                facts.update(((heading, as_text(key)), words_of(value)) for key, value in pairs)
+        return facts
+
+    # -- of one turn --------------------------------------------------------------------------------------------
+
+    def _of_turn(self, log: Log, turn: int) -> dict[str, Facts]:
+        """Return what is said of agents for one turn alone."""
+        found: dict[str, Facts] = {}
+        self.messages = []
+        for kind, data in events_of(log):
+            if kind == kinds.GAME_DEED:
+                rest = {key: value for key, value in data.items() if key not in ("turn", "agent")}
+                _put(found, data["agent"], _DECISION, "deed", words_of(rest))
+            elif kind == kinds.GAME_MESSAGE:
+                self._send(data, found)
+        for name, why in dict(self._state.game.blocked).items():
+            _put(found, name, _DECISION, "blocked", words_of(why))
+        for sender, receiver, fate, key, body in self._sent.pop(turn + 1, ()):
+            self.messages.append((sender, receiver, fate))
+            _put(found, receiver, _MESSAGES, key, body)
+        self._sent = {when: sent for when, sent in self._sent.items() if when > turn}
+        return found
+
+    def _send(self, message: Mapping[str, Any], found: dict[str, Facts]) -> None:
+        """Note what becomes of a message."""
+        sender, body = message["sender"], words_of(message["body"], _MOST_BODY)
+        fates = {key: list(message.get(key) or ()) for key in (*ARRIVALS, "lost", "jammed")}
+        fate = "; ".join(f"{key} by {', '.join(map(as_text, to[:6]))}" for key, to in fates.items() if to)
+        words = f"{body} ({fate})" if fate else body
+        _put(found, sender, _MESSAGES, f"to {words_of(message.get('to'))}", words)
+        for number, key in enumerate(ARRIVALS):
+            for receiver, when in dict(message.get(key) or {}).items():
+                self._sent.setdefault(when, []).append((sender, receiver, number, f"{key} from {sender}", body))
+        self.messages += [(sender, receiver, 2) for receiver in (*fates["lost"], *fates["jammed"])]
+
+
+def _put(found: dict[str, Facts], name: str, heading: str, key: str, words: str) -> None:
+    """Note one of several facts of the same key."""
+    facts = found.setdefault(name, {})
+    known = facts.get((heading, key))
+    facts[heading, key] = words if known is None else f"{known}; {words}"[:_MOST_WORDS]
+
+
+def _differences(name: str, before: Facts, now: Facts) -> Iterable[tuple[str, str, str, str | None]]:
+    """Yield what is said otherwise, and what is said no longer."""
+    for key, words in now.items():
+        if before.get(key) != words:
+            yield name, *key, words
+    yield from ((name, *key, None) for key in before if key not in now)
