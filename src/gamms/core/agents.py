@@ -1,8 +1,8 @@
 # cython: binding=False, auto_pickle=False, embedsignature=True, embedsignature.format=clinic
-"""Agents of one game: the columns that each of their moves reads and writes, and agents as views of one row.
+"""Agents of one game: the columns that moves read and write, and agents as views of one row.
 
-The loop of a program over its agents asks `get_state` and `set_state` of each, which read nothing else than what is
-here. What is rare (agents on edges, actions that are no nodes, errors) is left to methods of the subclasses.
+A program that loops over its agents calls `get_state` and `set_state` of each; both need only the columns of this
+module. Subclasses handle the rare cases: agents on edges, actions other than node ids, and errors.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ class AgentColumns:
     """Columns of the agents of one game, and their moves; a subclass has the other columns and verbs.
 
     Attributes:
-        node, previous: (agents,) the ids of nodes.
-        progress: (agents,) where on an edge an agent is; None: on its node.
+        node, previous: (agents,) the id of the current and of the previous node of each agent.
+        progress: (agents,) the position of an agent on an edge; None: it is on its node.
         teams: (agents,) the team of each agent; None: no team.
-        journal: how moves are noted.
-        is_closed: whether nothing changes any more, as the journal says.
-        is_noting: whether the journal notes moves.
+        journal: records the moves.
+        is_closed: whether the journal refuses all further changes.
+        is_noting: whether the journal records moves.
     """
 
     __slots__ = (
@@ -40,7 +40,7 @@ class AgentColumns:
 
     @property
     def journal(self) -> Any:
-        """How it writes: plainly, noting what it writes, or not at all."""
+        """The journal of the block: it records all changes, ignores them, or refuses them."""
         return self._journal
 
     @journal.setter
@@ -50,22 +50,26 @@ class AgentColumns:
         self.is_noting = not journal.is_silent
 
     def show(self, node: memoryview[int], previous: memoryview[int]) -> None:
-        """Let these be the nodes and the previous nodes of the agents that there are now."""
+        """Use these arrays, (agents,), as the current and the previous nodes of all agents."""
         self.node = node
         self.previous = previous
         self._nodes = node
         self._origins = previous
 
     def move(self, row: int, node: int) -> None:
-        """Move an agent on the ground; the node it was on is its previous one."""
+        """Move an agent on the ground, and store the node that it leaves as its previous node."""
         if not self.is_closed:
             self._move(row, node)
 
     def move_rows(self, rows: memoryview[int], ends: memoryview[int]) -> int:
-        """Move agents to nodes and note nothing, `rows` and `ends` (agents,); return how many do not stay.
+        """Move agents to nodes without recording it; return the number of agents that change their node.
+
+        Args:
+            rows: (agents,) their rows.
+            ends: (agents,) the ids of the nodes.
 
         Raises:
-            IndexError: there is no such row; agents before it have moved.
+            IndexError: a row does not exist; the agents before it have moved.
         """
         return blocks.move_rows(self._nodes, self._origins, rows, ends)
 
@@ -90,11 +94,11 @@ class AgentColumns:
 
 
 class PointedColumns:
-    """Points the columns of the agents of one game at each of several games.
+    """Loads the nodes of one game of a batch into the columns of a single game.
 
     Attributes:
-        columns: of the agents.
-        node, previous: (games * agents,) the ids of nodes in these games.
+        columns: the columns of the single game.
+        node, previous: (games * agents,) the ids of nodes in all games.
     """
 
     def __init__(self, columns: AgentColumns, node: memoryview[int], previous: memoryview[int]) -> None:
@@ -103,7 +107,11 @@ class PointedColumns:
         self.previous = previous
 
     def point(self, game: int) -> int:
-        """Put the agents where they are in a game, by its number among these (IndexError)."""
+        """Copy the current and the previous nodes of one game into the columns.
+
+        Raises:
+            IndexError: there is no game of this number.
+        """
         columns = self.columns
         size = len(columns._nodes)
         first = game * size
@@ -116,11 +124,7 @@ class PointedColumns:
 
 
 class Moves:
-    """Where agents of one game begin and end a turn.
-
-    Attributes:
-        starts, ends: (agents,) ids of nodes.
-    """
+    """The nodes where the agents of one game begin and end a turn."""
 
     def __init__(self, starts: memoryview[int], ends: memoryview[int]) -> None:
         self.starts = starts
@@ -131,9 +135,9 @@ class MovingAgents:
     """The agents of one game that take part in a turn.
 
     Attributes:
-        columns: of all agents.
-        rows: (agents,) of these.
-        counts: (agents,) how often each has gone to another node.
+        columns: the columns of all agents.
+        rows: (agents,) the row of each agent of the turn.
+        counts: (agents,) the number of moves to another node that each has made.
     """
 
     def __init__(self, columns: AgentColumns, rows: memoryview[int], counts: memoryview[int]) -> None:
@@ -142,7 +146,7 @@ class MovingAgents:
         self.counts = counts
 
     def begin(self, moves: Moves) -> int:
-        """Let the moves begin where the agents are, and end there as long as nothing else is decided (IndexError)."""
+        """Set the start and the end of each move to the agent's current node (IndexError: a row does not exist)."""
         columns = self.columns
         for i in range(len(self.rows)):
             node = columns._node_of(self.rows[i])
@@ -151,7 +155,7 @@ class MovingAgents:
         return 0
 
     def count(self, moves: Moves) -> int:
-        """Count the moves that end elsewhere than they begin."""
+        """Count the moves that end on another node than they begin."""
         for i in range(len(self.rows)):
             if moves.starts[i] != moves.ends[i]:
                 self.counts[i] += 1
@@ -159,15 +163,15 @@ class MovingAgents:
 
 
 class AgentView:
-    """An agent: a view of a row of columns, with sensors and a strategy.
+    """An agent: a view of one row of the columns, with sensors and a strategy.
 
     Attributes:
-        _phase: in which part of a turn the context is; its `agent` is not None while agents decide.
+        _phase: the phase of the context; its `agent` is not None while agents decide.
         _block: the columns.
-        _row: of the agent in these.
+        _row: the row of the agent.
         _near: node id -> the nodes that are legal from there.
-        _carried: the sensors, each as `(name, data, type, look)`; without a look, `data` gets the legal nodes.
-        _last: a list of the state that it was given last.
+        _carried: the sensors, as `(name, data, type, look)`; if `look` is None, `data` gets the legal nodes.
+        _last: a list whose only item is the last state that the agent got.
     """
 
     __slots__ = (
@@ -192,7 +196,7 @@ class AgentView:
 
     @property
     def team(self) -> Any:
-        """The team it plays for, any value that can be a key of a dict; None for no team. Settable."""
+        """The team of the agent, any hashable value; None: no team. Settable."""
         return self._block.teams[self._row]
 
     @team.setter
@@ -201,7 +205,7 @@ class AgentView:
 
     @property
     def current_node_id(self) -> int:
-        """The node it stands on; settable, without changing `prev_node_id`."""
+        """The id of the agent's node; setting it leaves `prev_node_id` unchanged."""
         node: int = self._block._node_of(self._row)
         return node
 
@@ -210,7 +214,7 @@ class AgentView:
         self._put_on(node_id)
 
     def get_state(self) -> Any:
-        """Sense; return a fresh dict with `curr_pos` and `sensor`, or the last one after the end of the context."""
+        """Ask the sensors; return a new dict with `curr_pos` and `sensor`, or the last one if the context has ended."""
         if self._phase.agent is not None:
             self._phase.refuse("call agent.get_state")
         block = self._block
@@ -236,7 +240,7 @@ class AgentView:
         return state
 
     def set_state(self) -> None:
-        """Do what `state['action']` says; do nothing after the end of the context."""
+        """Execute `state['action']`; after the context has ended, do nothing."""
         if self._phase.agent is not None:
             self._phase.refuse("call agent.set_state")
         block = self._block
@@ -261,17 +265,17 @@ class AgentView:
         raise NotImplementedError
 
     def sense(self) -> dict[str, Any]:
-        """Ask all sensors; return name -> (kind, data)."""
+        """Ask all sensors; return a dict: name -> (type, data)."""
         raise NotImplementedError
 
     def _last_state(self) -> Any:
-        """Return the state of an agent of a context that has ended."""
+        """Return the last state, when the context has ended."""
         raise NotImplementedError
 
     def _refuse_without_action(self) -> None:
-        """Raise that the strategy has set no action."""
+        """Raise the error for a strategy that has set no action."""
         raise NotImplementedError
 
     def _act(self, action: object) -> None:
-        """Do what an action that is no plain node id says."""
+        """Execute an action other than the id of a neighboring node."""
         raise NotImplementedError

@@ -1,7 +1,7 @@
-"""Asking agents: what their sensors show, their states, the calls of their strategies, and the plain answers.
+"""Call sensors and strategies of agents one by one, and read the common answers.
 
-This module holds Python objects and the GIL. What is not plain - an answer that has to be awaited, an error, an action
-that is no legal node - goes to the object that takes the answers, see `ask_each`.
+This module handles Python objects and holds the GIL. Uncommon answers - awaitables, errors, and actions other than a
+legal node - go to the `answers` object; see `ask_each`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from gamms.core.sight import Sight
 
 
 class Key:
-    """An attribute of a dict subclass that stands for a key; only `action` can be set.
+    """A descriptor that reads a key of a dict as an attribute; only `action` can be set.
 
     Args:
         name: the key.
@@ -24,7 +24,7 @@ class Key:
         self.name = name
 
     def __get__(self, state: Any, owner: Any) -> Any:
-        """Return the value of the key (AttributeError)."""
+        """Return the value of the key (AttributeError: the key does not exist)."""
         if state is None:
             return self
         try:
@@ -34,22 +34,21 @@ class Key:
             raise AttributeError(f"This state has no {self.name!r}. Its keys are: {keys}.") from None
 
     def __set__(self, state: Any, value: object) -> None:
-        """Set `action`; anything else raises AttributeError."""
+        """Set `action` (AttributeError: any other key)."""
         if self.name != "action":
             raise AttributeError(f"state.{self.name} cannot be set: a strategy sets state.action.")
         state["action"] = value
 
 
 class Sensing:
-    """A sensor as its agent asks it.
+    """A sensor of an agent, prepared for repeated calls.
 
     Attributes:
-        name: what it is called in the state.
-        last: a list whose first item is what it showed last; of a class of the user's own, an object that reads like
-            one.
-        kind: its type, as it is in the state; None: it is read after each look.
-        sensor: what is asked, by `sense` and `type`; None: a look copies the neighborhood of the agent's node.
-        number: of the sensors that it looks alike with, which share what they know; -1: it looks by itself.
+        name: its name in the state.
+        last: a list whose first item is the last data; for a user's sensor class, an object that can be indexed alike.
+        kind: its type, as in the state; None: the type is read after each call.
+        sensor: the object that is called, with `sense` and `type`; None: the sensor shows the neighbors of the node.
+        number: the group of equal sensors that share data; -1: the sensor shares no data.
     """
 
     def __init__(self, name: str, last: Any, kind: Any, sensor: Any, number: int = -1) -> None:
@@ -61,13 +60,13 @@ class Sensing:
 
 
 class Individual:
-    """An agent that decides by itself.
+    """An agent with its own strategy.
 
     Attributes:
-        agent, strategy, team: its own.
-        template: its state, but for what changes from turn to turn; None: it is not plain, or has no strategy.
-        sensors: those that it carries.
-        last: a list whose only item is the state that it got last.
+        agent, strategy, team: the agent, its strategy and its team.
+        template: the constant part of its state; None: the agent needs `answers.observe`, or it has no strategy.
+        sensors: its sensors.
+        last: a list whose only item is the last state that it got.
     """
 
     def __init__(self, agent: Any, strategy: Any, template: Any, sensors: tuple[Sensing, ...], last: list[Any]) -> None:
@@ -82,7 +81,7 @@ class Individual:
 def sense_all(
     carried: tuple[Sensing, ...], phase: Any, moment: Any, alike: Any, here: Any, legal: Any
 ) -> dict[Any, Any]:
-    """Return what the sensors of an agent show at its node, by their names; see `ask_each` for the arguments."""
+    """Call the sensors of an agent at its node; return name -> (type, data). `ask_each` describes the arguments."""
     sensed = {}
     for look in carried:
         if look.sensor is None:
@@ -103,12 +102,12 @@ def sense_all(
 
 
 def look_around(known: Any, look: Sensing, here: Any) -> Any:
-    """Return what a sensor shows by what it shares; None: it has to look by itself.
+    """Return the data of a sensor from data shared by equal sensors; None: the sensor has to be called.
 
     Args:
         known: a `Sight` or `Views`.
         look: the sensor.
-        here: the node from which it looks.
+        here: the id of the observer's node.
     """
     if type(known) is Sight:
         sight = known
@@ -136,21 +135,21 @@ def ask_each(
     near: Any,
     alike: Any,
 ) -> int:
-    """Ask individuals one by one, and take their answers.
+    """Call the strategies of agents one by one, and store their actions.
 
-    No agent sees what others decide: nothing may change while they do. When it returns, the last of them is still
-    deciding for the phase.
+    All agents decide from the same state of the game: nothing may change in between. After the call, `phase.agent` is
+    still the last agent.
 
     Args:
-        answers: takes the answers: `observe`, `take`, `fail`, `wait_for`, `note` and `team_memory` do what is not
-            plain; `make` makes a state of a template.
-        phase: its `agent` says who decides, its `moment` changes where the world may have changed.
+        answers: handles uncommon cases by `observe`, `take`, `fail`, `wait_for`, `note` and `team_memory`; `make` makes
+            a state from a template.
+        phase: its `agent` is set to the agent that decides; its `moment` changes whenever the world may have changed.
         individuals: the agents.
-        sensors: those of each.
-        slots: their numbers.
-        moves: of all agents, by slot; the ends of theirs are written.
-        near: node -> the nodes that are legal along one edge.
-        alike: by number, what sensors that look alike share: a `Sight`, `Views`, or None.
+        sensors: the sensors of each agent.
+        slots: the slot of each agent.
+        moves: the moves of all agents, by slot; the ends are written.
+        near: node id -> the nodes that are legal along one edge.
+        alike: the data that each group of equal sensors shares: a `Sight`, `Views`, or None.
     """
     make = answers.make
     shared = answers.state.team_memories

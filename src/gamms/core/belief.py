@@ -24,12 +24,12 @@ IS_ANYWHERE_ON_NODE = ANY_PLACE
 
 
 class Ways:
-    """The ways that lead to each row of a table, such as the states of a chain or the nodes of a map.
+    """The weighted arcs into each row of a table, for example transitions between the states of a chain.
 
     Args:
-        first: (rows + 1,) 32-bit integers: the ways to row `i` are `first[i]` to `first[i + 1] - 1`.
-        sources: (ways,) 32-bit integers: the row where each way begins.
-        weights: (ways,) the probability or the cost of each way.
+        first: (rows + 1,) 32-bit integers: the arcs into row `i` are `first[i]` to `first[i + 1] - 1`.
+        sources: (arcs,) 32-bit integers: the row where each arc begins.
+        weights: (arcs,) the probability or the cost of each arc.
     """
 
     def __init__(self, first: memoryview[int], sources: memoryview[int], weights: memoryview[float]) -> None:
@@ -145,7 +145,7 @@ def predict(
 ) -> int:
     """Predict the beliefs about targets after a number of steps of the chain.
 
-    Contributions to a row are added in the order of its ways.
+    Contributions to a row are added in the order of its arcs.
 
     Args:
         ways: the transitions of one step.
@@ -374,12 +374,12 @@ def likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nod
 
 
 def spread(ways: Ways, labels: memoryview[float], at: int) -> int:
-    """Spread a budget over a map: set each label to the greatest budget that is left on a way to the node.
+    """Spread a budget over a map: set each label to the greatest budget that is left on a path to the node.
 
     Only budgets above 0.0 spread (label correcting, as in the Bellman-Ford algorithm).
 
     Args:
-        ways: the cost of each way from node to node.
+        ways: the cost of each arc from node to node.
         labels: the budget left on each node; -inf: not reached.
         at: the index where they begin.
     """

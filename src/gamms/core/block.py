@@ -1,8 +1,8 @@
-"""A block of games: the columns of each game in one piece of memory, and the loops over the agents of one game.
+"""A block of games: all columns of a game in one piece of memory, and loops over the agents of one game.
 
-A column belongs to agents, to teams or to the game itself, and has one number or several for each of them. The ordinary
-game is a block of one; copying a row is a snapshot, and a row that is free holds a fork. A block has room for more
-agents than there are, so that adding one takes constant time on average.
+A column has one or several numbers for each agent, for each team, or for the game. A normal game is a block with one
+row; copying a row makes a snapshot, and a free row can hold a fork. A block reserves memory for more agents than it
+has, so that adding an agent takes constant time on average.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ class BlockColumn(NamedTuple):
     """A column of a block.
 
     Attributes:
-        name: of the column.
+        name: the name of the column.
         code: the format of its numbers: `INT64`, "d" for floats, "?" for booleans.
-        initial: the number that new rows have.
-        axis: what has a row in it: "agent", "team" or "game".
-        width: how many numbers a row has.
-        is_copied: whether copies of a game have it; otherwise they begin with the initial number.
+        initial: the number in new rows.
+        axis: "agent", "team" or "game": the column has a row for each of them.
+        width: the numbers in a row.
+        is_copied: whether copies of a game keep the numbers; otherwise they start with the initial number.
     """
 
     name: str
@@ -37,19 +37,19 @@ class BlockColumn(NamedTuple):
 
 
 class Block:
-    """Games of the same columns, which have as many agents and teams each.
+    """Games with the same columns, and with equal numbers of agents and of teams.
 
-    All numbers of a game are in one piece of memory, so that a copy of a game is one copy.
+    All numbers of a game lie in one piece of memory, so that copying a game is one copy of memory.
 
     Args:
-        columns: which.
-        games: how many.
+        columns: the columns.
+        games: the number of games.
 
     Attributes:
         columns: name -> column.
-        games: as given.
-        sizes: axis -> how many rows each game has in use.
-        memory: the numbers of all games, those of rows that are free too, which have the initial number.
+        games: the number of games.
+        sizes: axis -> the number of rows in use in each game.
+        memory: the numbers of all games; free rows hold the initial number.
     """
 
     def __init__(self, columns: Sequence[BlockColumn], games: int = 1) -> None:
@@ -60,22 +60,25 @@ class Block:
         self._make_room({"agent": 1, "team": 1, "game": 1})
 
     def __getstate__(self) -> tuple[Any, ...]:
-        """Return what a copy is made of."""
+        """Return the attributes for copying and pickling."""
         return self.columns, self.games, self.sizes, self._own, self._room, self._first, self._stride, self.memory
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """Become a copy."""
+        """Set the attributes of a copy."""
         self.columns, self.games, self.sizes, self._own, self._room, self._first, self._stride, self.memory = state
 
     def row(self, name: str, game: int = 0) -> memoryview[Any]:
-        """Return the rows in use of a column in one game, (rows * width,): the memory itself, until the block grows."""
+        """Return a column of one game, (rows in use * width,).
+
+        It is a view of the memory, valid until the block grows.
+        """
         column = self.columns[name]
         size = calcsize(column.code)
         first = (game * self._stride + self._first[name]) // size
         return _view(self.memory, column.code)[first : first + self.sizes[column.axis] * column.width]
 
     def add(self, count: int, axis: str = "agent") -> int:
-        """Add rows of an axis to every game, which have the initial numbers; return the first of them."""
+        """Add `count` rows of an axis, with initial numbers, to every game; return the first new row."""
         first = self.sizes[axis]
         if first + count > self._room[axis]:
             self._move({**self._room, axis: max(first + count, 2 * first)})
@@ -83,19 +86,19 @@ class Block:
         return first
 
     def close_up(self, gone: Sequence[int], axis: str = "agent") -> None:
-        """Remove rows of an axis, ascending, from every game."""
+        """Remove rows of an axis, given in ascending order, from every game."""
         for column in self.columns.values():
             for game in range(self.games if column.axis == axis else 0):
                 _close_up(self.row(column.name, game), gone, column)
         self.sizes[axis] -= len(gone)
 
     def copy_row(self, source: int, target: int, of: Block | None = None) -> None:
-        """Make one game a copy of another; the memory is another one where that has room for other numbers of rows.
+        """Copy one game over another one; if the numbers of rows differ, the block gets new memory.
 
         Args:
-            source: the game that is copied.
-            target: the game that becomes the copy.
-            of: the block that the source is in, of the same columns; None: this one.
+            source: the game to copy.
+            target: the game to overwrite.
+            of: the block of the source, with the same columns; None: this block.
         """
         block = self if of is None else of
         for axis, size in block.sizes.items() if block.sizes != self.sizes else ():
@@ -110,7 +113,7 @@ class Block:
         self._begin_own(target)
 
     def copied(self, game: int = 0) -> Block:
-        """Return a block of one game, which is a copy of one of these."""
+        """Return a new block that holds a copy of one game."""
         copy = Block.__new__(Block)
         size = self._stride
         memory = self.memory[game * size : (game + 1) * size]
@@ -119,13 +122,13 @@ class Block:
         return copy
 
     def _begin_own(self, game: int) -> None:
-        """Let the columns that copies do not have begin with their initial numbers."""
+        """Reset the columns with `is_copied=False` to their initial numbers."""
         for name in self._own:
             numbers = self.row(name, game)
             numbers[:] = _initial(self.columns[name], len(numbers))
 
     def _make_room(self, room: dict[str, int]) -> None:
-        """Have so many rows of each axis, all of which are free."""
+        """Allocate memory for these numbers of rows of each axis, all of them free."""
         self._room = room
         self._first = {}
         parts: list[bytes] = []
@@ -140,7 +143,7 @@ class Block:
         self.memory = bytearray(b"".join(parts) * self.games)
 
     def _move(self, room: dict[str, int]) -> None:
-        """Move all rows in use to memory that has so many of each axis."""
+        """Reallocate with these numbers of rows of each axis, and keep the rows in use."""
         each = [(name, game) for name in self.columns for game in range(self.games)]
         before = [self.row(name, game) for name, game in each]
         self._make_room(room)
@@ -149,7 +152,7 @@ class Block:
 
 
 def _close_up(numbers: memoryview[Any], gone: Sequence[int], column: BlockColumn) -> None:
-    """Move rows forward to the places of rows that are gone, and free those at the end."""
+    """Move rows forward over removed rows, and reset the rows at the end."""
     size = len(numbers) // column.width
     target = gone[0] * column.width if gone else len(numbers)
     for i, row in enumerate(gone):
@@ -161,14 +164,14 @@ def _close_up(numbers: memoryview[Any], gone: Sequence[int], column: BlockColumn
 
 
 def _initial(column: BlockColumn, count: int) -> memoryview[Any]:
-    """Return the initial number of a column so many times."""
+    """Return `count` copies of the initial number of a column."""
     memory = bytearray(calcsize(column.code))
     _view(memory, column.code)[0] = column.initial
     return _view(memory * max(count, 1), column.code)[:count]
 
 
 def _view(memory: bytearray, code: str) -> memoryview[Any]:
-    """Return memory as numbers of a format."""
+    """Return memory as an array of numbers of a format."""
     numbers: memoryview[Any] = memoryview(memory).cast(code)  # type: ignore[call-overload] # which knows literals only
     return numbers
 
@@ -177,10 +180,10 @@ def _view(memory: bytearray, code: str) -> memoryview[Any]:
 
 
 def gather(column: memoryview[int], rows: memoryview[int], out: memoryview[int]) -> int:
-    """Write what a column holds in some rows, (rows,).
+    """Write the entries of a column at `rows`, (rows,), to `out`.
 
     Raises:
-        IndexError: the column has no such row.
+        IndexError: a row does not exist.
     """
     size = len(column)
     for i in range(len(rows)):
@@ -192,10 +195,16 @@ def gather(column: memoryview[int], rows: memoryview[int], out: memoryview[int])
 
 
 def move_rows(node: memoryview[int], previous: memoryview[int], rows: memoryview[int], ends: memoryview[int]) -> int:
-    """Move agents to nodes, `rows` and `ends` (agents,); return how many do not stay, which get a previous node.
+    """Move agents to nodes, and set the previous node of those that leave theirs; return the number of these agents.
+
+    Args:
+        node: the column of current nodes.
+        previous: the column of previous nodes.
+        rows: (agents,) the rows of the agents.
+        ends: (agents,) the ids of the nodes.
 
     Raises:
-        IndexError: the columns have no such row; agents before it have moved.
+        IndexError: a row does not exist; the agents before it have moved.
     """
     size = len(node)
     moved = 0
@@ -212,7 +221,7 @@ def move_rows(node: memoryview[int], previous: memoryview[int], rows: memoryview
 
 
 def count_moves(starts: memoryview[int], ends: memoryview[int], counts: memoryview[int]) -> int:
-    """Add 1 to the count of each agent that ends elsewhere than it starts; return how many these are."""
+    """Add 1 to the count of each agent that changes its node; return the number of these agents."""
     moved = 0
     for i in range(len(starts)):
         if starts[i] != ends[i]:

@@ -1,12 +1,12 @@
-"""Conflicts of moves in one game: which agents stay where too many want to go, or where two want to exchange nodes.
+"""Conflicts of moves in one game: find the agents that stay because a node is full or an exchange is not allowed.
 
-A place is a number from 0: the row of a node; behind the nodes, an edge. Where the teams of agents do not count for
-each other, each team has places of its own, behind those of the teams before. Agents are rows in the order of names.
+A place is a number from 0: the row of a node, or an edge numbered after all nodes. If teams do not block each other,
+each team has its own places, numbered after those of the teams before. Agents are rows in the order of names.
 
-Exchanges are decided first, all at once. Then come rounds: all contests of a round are found before one is decided, and
-losers stay where they begin, which may make that place too full in the next round. `resolve` decides contests by ranks.
-A caller that decides otherwise alternates with these functions: it sets `stays` of the losers between them.
-Who of equals wins, and in which order contests stand, never depends on the order in which agents were created.
+Exchanges are decided first, all at once. Then rounds follow: all contests of a round are found before one is decided;
+the losers stay on their start place, which may be too full in the next round. `resolve` decides contests by ranks. A
+caller with another criterion calls the same functions, and sets `stays` of the losers in between. The winner among
+equal agents and the order of contests never depend on the order in which agents were created.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gamms.core import draws
 from gamms.core.agents import Moves
 
 NEVER = 1 << 62  # the rank of an agent that wins no contest
-UNRANKED = NEVER + 1  # and of one that has no rank: if it is in a contest, it stays as `NEEDS_RANK`
+UNRANKED = NEVER + 1  # an agent without a rank: in a contest, it stays as `NEEDS_RANK`
 GOES = 0
 STAYS = 1
 NEEDS_RANK = 2
@@ -32,32 +32,32 @@ BOTH_WAYS = 3
 
 
 class Contests:
-    """The contests of a game, and the working memory to find them; between games the memory is as it began.
+    """The contests of a game, and working memory to find them, which is reset after each game.
 
     Args:
-        agents: how many there are.
-        nodes: how many of the places of a team are nodes.
-        places: how many places a team has.
+        agents: the number of agents.
+        nodes: the number of nodes among the places of a team.
+        places: the number of places of a team.
         least: the smallest capacity of a place.
         allow_swaps: whether agents may exchange nodes.
-        is_drawn: whether ranks are keys from which the ranks of a turn are drawn.
-        tables: (2 * all places,) 32-bit integers, the first half -1, the second 0.
+        is_drawn: whether `Requests.ranks` are keys, from which ranks are drawn for each turn.
+        tables: (2 * all places,) 32-bit integers: the first half -1, the second half 0.
         rows: (7 * agents,) 32-bit integers, all 0.
-        members: (agents,) 32-bit integers: the agents of all contests, one contest after the other.
-        free: likewise: how many of the members of a contest may win; where it is none, all lose.
-        first: (agents + 1,) 32-bit integers: where the members of a contest begin, and at last where they end.
-        value: (agents,) 64-bit integers without sign.
+        members: (agents,) 32-bit integers: the agents of all contests, contest by contest.
+        free: (agents,) 32-bit integers: the number of winners of each contest; 0: all members lose.
+        first: (agents + 1,) 32-bit integers: where the members of each contest begin, and where the last ones end.
+        value: (agents,) unsigned 64-bit integers.
         stays: (agents,) bytes: `GOES`, `STAYS` or `NEEDS_RANK`.
 
     Attributes, none of which Python sees:
-        head: by place, the first agent that wants to come; -1: none.
-        taken: by place, how many agents stay or want to come.
-        start, end: by agent, the places where its move begins and ends; -1: it does not count.
-        after: by agent, the next one that wants to come to the same place; -1: none.
-        number: by agent, that of the pair of nodes between which it moves; of the place in the queue to which it is the
-            first that wants to come.
-        queue, losers: places to look at, and agents or pairs.
-        place: of each contest.
+        head: by place, the first agent that wants to enter; -1: none.
+        taken: by place, the number of agents that stay or want to enter.
+        start, end: by agent, the places where its move begins and ends; -1: the agent takes no room.
+        after: by agent, the next agent that wants to enter the same place; -1: none.
+        number: by agent, the number of its pair of nodes; for the first agent that wants to enter a queued place, the
+            index of the place in `queue`.
+        queue, losers: places to check, and agents or pairs.
+        place: by contest, its place.
         value: by agent, its rank in a contest.
     """
 
@@ -101,15 +101,15 @@ class Contests:
 
 
 class Requests:
-    """The moves that agents of games want to make, in rows game by game.
+    """The moves that the agents of games want to make; rows are game by game.
 
     Attributes:
-        starts: (rows,) the places of a team where moves begin.
-        ends: (rows,) likewise, where they end.
-        counts: (rows,) 1 for agents that count, else 0.
-        offsets: (agents,) the first place of the team of each.
+        starts: (rows,) the place, within the team's places, where each move begins.
+        ends: (rows,) the place where it ends.
+        counts: (rows,) 1: the agent takes room; 0: it does not.
+        offsets: (agents,) the first place of the agent's team.
         limits: (places,) capacities.
-        ranks: 64-bit integers without sign, (agents,). If they are drawn: (rows,) the `first_key`s of the agents.
+        ranks: unsigned 64-bit integers: (agents,) ranks; if ranks are drawn, (rows,) the `first_key`s of the agents.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Requests:
 
 
 def begin(c: Contests, requests: Requests, at: int) -> int:
-    """Take the moves of a game, which begins at row `at`."""
+    """Read the moves of the game that begins at row `at`."""
     for i in range(c.agents):
         c.stays[i] = GOES
         c.start[i] = -1
@@ -142,7 +142,7 @@ def begin(c: Contests, requests: Requests, at: int) -> int:
 
 
 def find_exchanges(c: Contests) -> int:
-    """Find the contests between agents that want to exchange nodes; return how many there are."""
+    """Find the contests between agents that want to exchange nodes; return the number of contests."""
     for i in range(c.agents - 1, -1, -1):  # lists of moves by the smaller of their nodes, in the order of agents
         if moves_between_nodes(c, i):
             low = min(c.start[i], c.end[i])
@@ -165,7 +165,7 @@ def find_exchanges(c: Contests) -> int:
 
 
 def moves_between_nodes(c: Contests, i: int) -> bool:
-    """Return whether an agent leaves a node for another one."""
+    """Return whether an agent moves from one node to another."""
     start = c.start[i]
     end = c.end[i]
     if start < 0 or start == end:
@@ -174,10 +174,10 @@ def moves_between_nodes(c: Contests, i: int) -> bool:
 
 
 def number_pairs(c: Contests) -> int:
-    """Number the pairs of nodes between which agents move; return how many there are.
+    """Number the pairs of nodes between which agents move; return the number of pairs.
 
-    `number` gets that of each agent. By this number, `place` gets the smaller node and `free` the ways that agents go;
-    `taken` gets, by node, the last pair of which it is the larger node, from 1.
+    `number` is set to the pair of each agent. By pair, `place` is set to the smaller node, and `free` to the directions
+    of the moves. By node, `taken` is set to the last pair, counted from 1, with this node as the larger one.
     """
     groups = 0
     for i in range(c.agents):
@@ -203,7 +203,7 @@ def number_pairs(c: Contests) -> int:
 
 
 def list_members(c: Contests, found: int) -> int:
-    """List the members of the contests of pairs, in the order of agents; `losers` has the contest of each pair."""
+    """List the members of all exchange contests in the order of agents; `losers` holds the contest of each pair."""
     for k in range(found + 1):
         c.first[k] = 0
     for i in range(c.agents):
@@ -222,7 +222,7 @@ def list_members(c: Contests, found: int) -> int:
 
 
 def end_exchanges(c: Contests, found: int) -> int:
-    """Let those that go the way of the winner of their exchange go, too."""
+    """Let all agents move that go in the same direction as the winner of their exchange."""
     for k in range(found):
         way = -1
         for m in range(c.first[k], c.first[k + 1]):
@@ -236,7 +236,7 @@ def end_exchanges(c: Contests, found: int) -> int:
 
 
 def find_contests(c: Contests, requests: Requests) -> int:
-    """Find the places that more agents want to come to than they take; return how many there are."""
+    """Find the places that more agents want to enter than they have room for; return the number of contests."""
     queued = 0
     for i in range(c.agents - 1, -1, -1):
         p = c.end[i]
@@ -255,7 +255,7 @@ def find_contests(c: Contests, requests: Requests) -> int:
 
 
 def find_more_contests(c: Contests, requests: Requests, found: int) -> int:
-    """Let the losers of contests stay, and find the places that this makes too full; return how many there are."""
+    """Move the losers of `found` contests back to their start places; return the number of new contests there."""
     lost = 0
     for k in range(found):
         p = c.place[k]
@@ -284,7 +284,7 @@ def find_more_contests(c: Contests, requests: Requests, found: int) -> int:
 
 
 def list_contests(c: Contests, requests: Requests, queued: int) -> int:
-    """List the contests among queued places, with their members in the order of agents; return how many there are."""
+    """List the contests among queued places, with members in the order of agents; return the number of contests."""
     found = 0
     members = 0
     c.first[0] = 0
@@ -308,7 +308,7 @@ def list_contests(c: Contests, requests: Requests, queued: int) -> int:
 
 
 def clear(c: Contests) -> int:
-    """Leave the working memory as it began."""
+    """Reset the working memory."""
     for i in range(c.agents):
         if c.end[i] >= 0:
             c.head[c.end[i]] = -1
@@ -319,13 +319,13 @@ def clear(c: Contests) -> int:
 
 
 def decide(c: Contests, requests: Requests, found: int, at: int, turn: int) -> int:
-    """Let the members with the smallest ranks win contests, of equals the first agents; the others stay.
+    """Decide contests: members with the smallest ranks win, ties go to the first agents, and all others stay.
 
     Args:
         c: the contests.
-        requests: have the ranks.
-        found: how many contests there are.
-        at: where the agents begin in the ranks.
+        requests: holds the ranks.
+        found: the number of contests.
+        at: the index of the first agent in the ranks.
         turn: the number of the turn, for draws.
     """
     for k in range(found):
@@ -359,7 +359,7 @@ def is_ahead(c: Contests, i: int, j: int) -> bool:
 
 
 def put_best_first(c: Contests, begin: int, end: int, number: int) -> int:
-    """Put the members ahead of all others first, as a heap with the last of them at `begin`."""
+    """Move the best `number` members to the front, as a heap with the worst of them at `begin`."""
     for k in range(number // 2 - 1, -1, -1):
         sift(c, begin, number, k)
     if number > 0:
@@ -373,7 +373,7 @@ def put_best_first(c: Contests, begin: int, end: int, number: int) -> int:
 
 
 def sift(c: Contests, begin: int, number: int, k: int) -> int:
-    """Move member `k` of a heap of members down until none below it is behind it."""
+    """Move member `k` of a heap of members down until no child is worse."""
     while 2 * k + 1 < number:
         child = 2 * k + 1
         if child + 1 < number and is_ahead(c, c.members[begin + child], c.members[begin + child + 1]):
@@ -394,14 +394,14 @@ def number_ids(
     used: memoryview[int],
     numbers: memoryview[int],
 ) -> int:
-    """Number ids from 0 in the order in which they first come; return how many different ones there are.
+    """Number ids from 0 in the order of first occurrence, by a hash table; return the number of different ids.
 
     Args:
         ids: 64-bit integers.
-        keys: working memory, as many 64-bit integers as a power of two that is larger than the number of ids.
-        slots: as many 32-bit integers, all -1, and left so.
-        used: (ids,) 32-bit integers.
-        numbers: (ids,) 64-bit integers, which get the number of each.
+        keys: working memory: 64-bit integers; the length is a power of two greater than the number of ids.
+        slots: 32-bit integers of the same length, all -1; reset after the call.
+        used: (ids,) 32-bit integers, working memory.
+        numbers: (ids,) 64-bit integers; set to the number of each id.
     """
     last = len(slots) - 1
     found = 0
@@ -421,13 +421,13 @@ def number_ids(
 
 
 def resolve(c: Contests, requests: Requests, game: int, turn: int) -> int:
-    """Find the agents of a game that stay, in `stays`, and return how many do.
+    """Resolve the conflicts of a game: write `c.stays`, and return the number of agents that stay.
 
     Args:
-        c: gets them.
-        requests: of all games.
+        c: the contests.
+        requests: the moves of all games.
         game: the number of the game.
-        turn: how many turns of it were played.
+        turn: the number of turns played, for draws.
     """
     at = game * c.agents
     at_ranks = at if c.is_drawn else 0
@@ -450,13 +450,13 @@ def resolve(c: Contests, requests: Requests, game: int, turn: int) -> int:
 
 
 def resolve_games(c: Contests, requests: Requests, turns: memoryview[int], stays: memoryview[int]) -> int:
-    """Find the agents that stay in each of several games; return how many there are.
+    """Resolve the conflicts of several games; return the number of agents that stay.
 
     Args:
-        c: memory for one of the games at a time.
-        requests: of all games.
-        turns: (games,) how many turns were played.
-        stays: (rows,) bytes, all 0, which get `STAYS` or `NEEDS_RANK`.
+        c: working memory for one game.
+        requests: the moves of all games.
+        turns: (games,) the number of turns played.
+        stays: (rows,) bytes, all 0; set to `STAYS` or `NEEDS_RANK` for agents that stay.
     """
     stopped = 0
     for game in range(len(turns)):
@@ -469,14 +469,12 @@ def resolve_games(c: Contests, requests: Requests, turns: memoryview[int], stays
 
 
 class Numbering:
-    """Numbers the places of the moves of one game, in each turn from 0.
+    """Numbers the nodes of the moves of one game from 0, in each turn.
 
     Attributes:
-        numbers: (2 * agents,) those of the places where moves begin, and then where they end.
-        ids: (2 * agents,) scratch.
-        keys: see `number_ids`.
-        slots: see `number_ids`.
-        used: see `number_ids`.
+        numbers: (2 * agents,) the numbers of the start nodes, then of the end nodes.
+        ids: (2 * agents,) working memory.
+        keys, slots, used: see `number_ids`.
     """
 
     def __init__(
@@ -494,7 +492,7 @@ class Numbering:
         self.used = used
 
     def number_moves(self, moves: Moves) -> int:
-        """Number the ids of the nodes where moves begin and end; return how many different ones there are."""
+        """Number the start and end nodes of moves; return the number of different nodes."""
         agents = len(moves.starts)
         for i in range(agents):
             self.ids[i] = moves.starts[i]
@@ -503,21 +501,21 @@ class Numbering:
 
 
 def resolve_moves(c: Contests, requests: Requests, numbering: Numbering, moves: Moves, turn: int) -> int:
-    """Find the agents that stay of the only game, in `stays`, and return how many do.
+    """Resolve the conflicts of a single game: write `c.stays`, and return the number of agents that stay.
 
     Args:
-        c: gets them.
-        requests: with the numbers of `numbering` as places.
+        c: the contests.
+        requests: its places are the numbers of `numbering`.
         numbering: numbers the nodes.
-        moves: of all agents.
-        turn: how many turns were played.
+        moves: the moves of all agents.
+        turn: the number of turns played, for draws.
     """
     numbering.number_moves(moves)
     return resolve(c, requests, 0, turn)
 
 
 def losers(c: Contests) -> list[int]:
-    """Return the agents that stay because they have lost a contest, ascending."""
+    """Return the agents that stay because they have lost a contest, in ascending order."""
     found = []
     for i in range(c.agents):
         if c.stays[i] != GOES:
