@@ -1,7 +1,8 @@
-"""Turns by metres in which agents decide where they arrive: who arrives when, and who may enter what is there.
+"""Turns by metres in which agents decide again on arrival at a node, and conflicts are resolved at each arrival.
 
-All agents set out, those on edges to the ends that they head for. Then those that arrive first decide, and so on until
-the turn is over. An agent that loses a conflict where it arrives stands just before the node.
+First all agents set out: those on edges go on to the end that they move toward, the others decide. Then the agents
+that arrive earliest decide, and so on until the turn is over. An agent that loses a conflict at a node stops just
+before the node.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from gamms.core.by_metres import Travelers
 from gamms.core.conflicts import resolve
 from gamms.core.rules import Games
 
-SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
+SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 
 
 def short_of(end: float) -> float:
@@ -23,12 +24,12 @@ def short_of(end: float) -> float:
 
 
 class Queue:
-    """The agents that are under way, the first to arrive first; of those that arrive at once, the first by number.
+    """A priority queue of the agents under way, by arrival time; ties go to the lower agent number.
 
     Attributes:
-        times: (agents,) when each arrives.
-        heap: the agents.
-        size: how many there are.
+        times: (agents,) the arrival time of each agent.
+        heap: (agents,) a binary heap of agent numbers.
+        size: the number of agents in the heap.
     """
 
     def __init__(self, agents: int) -> None:
@@ -38,13 +39,13 @@ class Queue:
         self.size = 0
 
     def is_before(self, one: int, other: int) -> bool:
-        """Whether an agent comes before another."""
+        """Return whether an agent arrives before another one."""
         if self.times[one] == self.times[other]:
             return one < other
         return self.times[one] < self.times[other]
 
     def push(self, agent: int, time: float) -> int:
-        """Add an agent that arrives at a time."""
+        """Add an agent with its arrival time."""
         self.times[agent] = time
         place = self.size
         self.size += 1
@@ -55,7 +56,7 @@ class Queue:
         return 0
 
     def pop(self) -> int:
-        """Take the first agent out, and return it."""
+        """Remove the agent that arrives first, and return it."""
         first = self.heap[0]
         self.size -= 1
         agent = self.heap[self.size]
@@ -74,21 +75,22 @@ class Queue:
         return first
 
     def first_time(self) -> float:
-        """Return when the first agent arrives; infinite: none is under way."""
+        """Return the earliest arrival time; infinity if the queue is empty."""
         return self.times[self.heap[0]] if self.size > 0 else travel.INFINITE
 
 
 class Arrivals:
-    """The agents of a game as they arrive.
+    """The state of a turn by metres in which agents decide on arrival.
 
     Attributes:
-        travelers: as they go.
-        most: how often each may arrive in a turn; it waits then.
-        queue: those under way.
-        here: (agents,) those that arrive now.
-        asked: (agents,) how often each has arrived in the turn.
-        loses: (agents,) 1: it may not go on, by the conflicts.
-        legs, passed, nodes: (agents,) what each had covered when it arrived, and where it did: see `travel.Trips`.
+        travelers: the agents.
+        most: the number of arrivals that an agent may have in a turn; then it waits.
+        queue: the agents under way.
+        here: (agents,) the agents that arrive at the current time.
+        asked: (agents,) the number of arrivals of each agent in this turn.
+        loses: (agents,) 1: the agent has lost a conflict and may not go on.
+        legs, passed, nodes: (agents,) the number of legs, the number of nodes and the node of each agent at its last
+            arrival; see `travel.Trips`.
     """
 
     def __init__(self, travelers: Travelers, agents: int, most: int) -> None:
@@ -104,7 +106,7 @@ class Arrivals:
 
 
 def play(games: Games, a: Arrivals, game: int) -> int:
-    """Let the agents of a game decide and give way to each other until the turn is over."""
+    """Play the moves of one turn of a game: agents decide, resolve conflicts and arrive until the turn is over."""
     set_out(games, a, a.travelers, game)
     while a.queue.size > 0:
         now = a.queue.first_time()
@@ -117,7 +119,7 @@ def play(games: Games, a: Arrivals, game: int) -> int:
 
 
 def set_out(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
-    """Let all agents of this part of the turn set out: those on their way go on, the others decide."""
+    """Start a part of the turn: agents on their way continue, others decide, and first conflicts are resolved."""
     for i in range(games.agents):
         row = game * games.agents + i
         a.asked[i] = 0
@@ -136,7 +138,7 @@ def set_out(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
 
 
 def begin(games: Games, t: Travelers, game: int, i: int) -> int:
-    """Let an agent go on, or decide, or wait for its part of the turn."""
+    """Start the turn of an agent: it continues on its way, decides, or waits for its part of the turn."""
     row = game * games.agents + i
     edge = t.trips.edge[i]
     if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
@@ -150,7 +152,7 @@ def begin(games: Games, t: Travelers, game: int, i: int) -> int:
 
 
 def place_after(t: Travelers, row: int, i: int, legs: int) -> int:
-    """Return where an agent is when it has set out, as conflicts compare it; it has had so many legs before."""
+    """Return the place, as in `conflicts`, where an agent is after setting out; it had `legs` legs before."""
     leg = i * t.trips.most + t.trips.legs[i] - 1
     if t.trips.legs[i] == legs:
         return t.trips.node[i]
@@ -158,7 +160,7 @@ def place_after(t: Travelers, row: int, i: int, legs: int) -> int:
 
 
 def give_way(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
-    """Find the agents that may not go where they want to, count them, and let all be where they are then."""
+    """Resolve conflicts: mark the losers in `loses`, count them, and make the ends of all moves the new starts."""
     has_losers = False
     if t.movers.has_conflicts:
         has_losers = resolve(t.movers.contests, t.movers.requests, game, games.turn[game]) > 0  # type: ignore[arg-type]
@@ -176,7 +178,7 @@ def give_way(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
 
 
 def depart(a: Arrivals, t: Travelers, i: int) -> int:
-    """Let an agent be under way to where its last leg leads."""
+    """Add an agent to the queue with the time at which its last leg reaches a node."""
     until = t.trips.until[i * t.trips.most + t.trips.legs[i] - 1]
     if t.trips.edge[i] < 0 and (until < 1.0 or t.movers.has_conflicts):
         a.queue.push(i, until)
@@ -184,7 +186,7 @@ def depart(a: Arrivals, t: Travelers, i: int) -> int:
 
 
 def arrive(games: Games, a: Arrivals, t: Travelers, game: int, now: float, count: int) -> int:
-    """Let the agents that arrive now decide, unless the turn is over, and go on."""
+    """Move `count` agents to the nodes where they arrive at a time; if the turn is not over, they decide and go on."""
     for number in range(count):
         i = a.here[number]
         row = game * games.agents + i
@@ -213,7 +215,7 @@ def arrive(games: Games, a: Arrivals, t: Travelers, game: int, now: float, count
 
 
 def come_back(a: Arrivals, t: Travelers, i: int) -> int:
-    """Put an agent back to where it has arrived."""
+    """Return an agent to the node of its last arrival."""
     t.trips.legs[i] = a.legs[i]
     t.trips.passed[i] = a.passed[i]
     t.trips.node[i] = a.nodes[i]
@@ -223,7 +225,7 @@ def come_back(a: Arrivals, t: Travelers, i: int) -> int:
 
 
 def hold(games: Games, t: Travelers, game: int, i: int) -> int:
-    """Let an agent stand just before the node where it has arrived."""
+    """Stop an agent just before the node where it arrives."""
     leg = i * t.trips.most + t.trips.legs[i] - 1
     edge = t.trips.edges[leg]
     if t.trips.ends[leg] == 1.0:

@@ -1,7 +1,7 @@
-"""Moves of one game along several edges a turn, or parts of one: agents decide, give way to each other, and go.
+"""Moves of one game with speeds in edges per turn: agents decide, resolve conflicts, and move.
 
-Speeds count edges. An agent that covers only part of an edge stays on its node, and goes on from there in the next
-turn if it goes the same way.
+An agent that covers only part of an edge stays on its node, and keeps this part for the next turn if it moves in the
+same direction.
 """
 
 from __future__ import annotations
@@ -16,20 +16,19 @@ from gamms.core.travel import Reach, Ways
 
 
 class Walks(Steps):
-    """How the agents of one game go in a turn along several edges, or parts of one.
+    """The paths of the agents of one game in a turn, along several edges or parts of edges.
 
     Attributes:
-        nodes, times, lengths: see `Steps`, with room for `most` nodes of each agent, first the one where it sets out.
-        streets: where agents may go along one edge.
-        hops: their ways by the number of edges.
-        reach: scratch, and the nodes that are legal for the agent that was asked for last.
-        most: how many nodes an agent has room for.
-        speeds: (agents,) edges in a turn; NaN: along one edge.
-        ahead: (agents,) the node to which an agent has covered part of an edge; -1: to none.
-        covered: (agents,) how much of it.
-        route: (most,) nodes that an agent is to go along; see `walk`.
-        kept: nodes, times and lengths of all games, if they are kept (`keeps`), because rules are applied when all
-            games have moved.
+        nodes, times, lengths: see `Steps`; each agent has room for `most` nodes, beginning with its start node.
+        streets: the legal moves along one edge.
+        hops: shortest paths by the number of edges.
+        reach: working memory; after `list_legal`, the legal nodes of one agent.
+        most: the maximum number of nodes of an agent.
+        speeds: (agents,) edges per turn; NaN: the agent moves along one edge.
+        ahead: (agents,) the node at the end of an edge that the agent has partly covered; -1: none.
+        covered: (agents,) the covered share of this edge.
+        route: (most,) the nodes of a route to follow; see `walk`.
+        kept: the nodes, times and lengths of all games, if rules run after all games have moved (`keeps`).
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class Walks(Steps):
         self.keeps = kept is not None
 
     def fill(self, games: Games, game: int) -> int:
-        """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
+        """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
         for agent in range(games.agents):
             row = game * games.agents + agent
             if self.keeps:
@@ -73,13 +72,13 @@ class Walks(Steps):
 
 
 class Walkers:
-    """The agents of games that count edges as they decide and go; rows are those of `rules.Games`.
+    """The agents of games with speeds in edges per turn; rows are as in `rules.Games`.
 
-    `Games.edge` has the nodes to which agents have covered part of an edge, and `Games.share` how much of it.
+    `Games.edge` holds the node ahead, at the end of a partly covered edge, and `Games.share` the covered share.
 
     Attributes:
-        movers: the columns that all agents have, however they move.
-        walks: how they go through the turn of one game.
+        movers: the columns that are common to all kinds of movement.
+        walks: the paths of one game.
     """
 
     def __init__(self, movers: Movers, walks: Walks) -> None:
@@ -91,7 +90,7 @@ class Walkers:
 
 
 def begin(walks: Walks, i: int, node: int, ahead: int, covered: float) -> int:
-    """Put an agent on the node where it sets out; what it has covered of an edge that is gone does not count."""
+    """Place an agent on its start node; the covered part of an edge that no longer exists is dropped."""
     walks.nodes[i * walks.most] = node
     walks.times[i * walks.most] = 0.0
     walks.lengths[i] = 1
@@ -101,7 +100,7 @@ def begin(walks: Walks, i: int, node: int, ahead: int, covered: float) -> int:
 
 
 def is_next(streets: Streets, node: int, other: int) -> bool:
-    """Return whether an edge leads from a node to another, or they are the same."""
+    """Return whether the nodes are equal or an edge leads from the first to the second."""
     found = False
     for place in range(streets.offsets[node], streets.offsets[node + 1]):
         found = found or streets.targets[place] == other
@@ -109,9 +108,9 @@ def is_next(streets: Streets, node: int, other: int) -> bool:
 
 
 def list_legal(walks: Walks, i: int) -> int:
-    """List the nodes that an agent may go to: those next to it, then those in reach, then those on from its edge.
+    """List the legal nodes of an agent: its neighbors, the nodes within its speed, and nodes beyond its partial edge.
 
-    Return how many there are; `walks.reach` has them.
+    Return the number of nodes; `walks.reach.nodes` holds them.
     """
     node = walks.nodes[i * walks.most]
     walks.reach.search += 1
@@ -126,12 +125,12 @@ def list_legal(walks: Walks, i: int) -> int:
 
 
 def whole_edges(budget: float) -> float:
-    """Return how many edges are within a budget, as far as numbers are exact."""
+    """Return the number of whole edges within a budget, up to rounding errors."""
     return floor(budget * (1.0 + travel.SLACK))
 
 
 def list_within(walks: Walks, node: int, hops: float) -> int:
-    """Append the nodes at most so many edges ahead of a node, in the order of their rows."""
+    """Append all nodes at most `hops` edges from a node, ordered by row; found by breadth-first search."""
     if hops < 0:
         return 0
     walks.reach.seen[0] = node
@@ -157,15 +156,15 @@ def list_within(walks: Walks, node: int, hops: float) -> int:
 
 
 def go_towards(walks: Walks, i: int, ways: Ways, memory: int, target: int) -> bool:
-    """Let an agent go towards a node until the turn is over; return whether it can.
+    """Move an agent toward a node until the turn is over; return whether it can.
 
-    It goes the way with the fewest edges, and on along the edge that it has begun where that is no longer.
+    It takes a path with the fewest edges, and continues its partial edge if that is no longer.
 
     Args:
-        walks: has the agent where it sets out.
+        walks: the paths; the agent is on its start node.
         i: the agent.
-        ways: its ways: `walks.hops`, or others.
-        memory: the row of `ways` that remembers those of the agent.
+        ways: its shortest paths: `walks.hops`, or others.
+        memory: the row of `ways` that holds the paths of the agent.
         target: the node.
     """
     node = walks.nodes[i * walks.most]
@@ -194,7 +193,7 @@ def go_towards(walks: Walks, i: int, ways: Ways, memory: int, target: int) -> bo
 
 
 def walk(walks: Walks, i: int, count: int) -> int:
-    """Let an agent go along the first nodes of a route, at least one, as far as the edges of this turn go."""
+    """Move an agent along the first `count` nodes of `walks.route`, at least one, as far as its speed allows."""
     budget = 1.0
     if walks.speeds[i] == walks.speeds[i]:  # not NaN
         budget = walks.speeds[i] + (walks.covered[i] if walks.route[0] == walks.ahead[i] else 0.0)
@@ -216,7 +215,7 @@ def walk(walks: Walks, i: int, count: int) -> int:
 
 
 def copy_walk(steps: Steps, row: int, others: Steps, other: int, most: int) -> int:
-    """Copy how an agent has gone to another row, where each has room for so many nodes."""
+    """Copy the path of an agent from row `row` of `steps` to row `other` of `others`; `most` is the room of a row."""
     others.lengths[other] = steps.lengths[row]
     for number in range(steps.lengths[row]):
         others.nodes[other * most + number] = steps.nodes[row * most + number]
@@ -228,7 +227,7 @@ def copy_walk(steps: Steps, row: int, others: Steps, other: int, most: int) -> i
 
 
 def decide(games: Games, w: Walkers, game: int) -> int:
-    """Let the living agents of this part of a turn choose where they go, and find their ways; the others stay."""
+    """Choose the moves of the living agents in this part of the turn, and write their paths; all other agents stay."""
     part = w.movers.part[game]
     for i in range(games.agents):
         row = game * games.agents + i
@@ -247,7 +246,7 @@ def decide(games: Games, w: Walkers, game: int) -> int:
 
 
 def choose(games: Games, w: Walkers, game: int, i: int) -> int:
-    """Let an agent choose where it goes, and find its way through the turn."""
+    """Let an agent decide, and write its path through the turn."""
     row = game * games.agents + i
     node = games.node[row]
     begin(w.walks, i, node, games.edge[row], games.share[row])
@@ -275,7 +274,7 @@ def choose(games: Games, w: Walkers, game: int, i: int) -> int:
 
 
 def target_of(games: Games, w: Walkers, game: int, i: int) -> int:
-    """Return the node that an agent wants to go to, as it decides or is given it; -1: none."""
+    """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
     by = w.movers.decides_by[i]
     if by == moves.STAYS:
@@ -292,7 +291,7 @@ def target_of(games: Games, w: Walkers, game: int, i: int) -> int:
 
 
 def give_way(games: Games, w: Walkers, game: int) -> int:
-    """Let agents stay that lose conflicts, and count them."""
+    """Resolve conflicts: the losers stay, and are counted."""
     if not w.movers.has_conflicts:
         return 0
     if resolve(w.movers.contests, w.movers.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type] # there are
@@ -312,7 +311,7 @@ def give_way(games: Games, w: Walkers, game: int) -> int:
 
 
 def move(games: Games, w: Walkers, game: int) -> int:
-    """Let agents go, and keep how they have gone if functions may ask for it."""
+    """Move the agents of this part of the turn, and store their paths if rules run later."""
     part = w.movers.part[game]
     moves.move(games, w.movers, game)
     for i in range(games.agents):
@@ -326,7 +325,7 @@ def move(games: Games, w: Walkers, game: int) -> int:
 
 
 def go_in_part(walks: Walks, i: int, part: int, parts: int) -> int:
-    """Let an agent go its way in one of several equal parts of the turn; it waits on its first node until then."""
+    """Fit the path of an agent into one of several equal parts of the turn; until then it waits on its first node."""
     first = i * walks.most
     for place in range(walks.lengths[i]):
         walks.times[first + place] = (part + walks.times[first + place]) / parts

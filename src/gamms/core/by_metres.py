@@ -1,4 +1,4 @@
-"""Moves of one game by metres: agents decide, give way to each other, and go; see `gamms.core.travel`."""
+"""Moves of one game by metres: agents decide, resolve conflicts, and move; see `gamms.core.travel`."""
 
 from __future__ import annotations
 
@@ -10,28 +10,27 @@ from gamms.core.moves import Movers
 from gamms.core.rules import Events, Games, Steps
 from gamms.core.travel import KnownReach, Reach, Roads, Trips, Ways
 
-ENDLESS = 1 << 32  # edges: more than any way has
+ENDLESS = 1 << 32  # edges: more than any path has
 
 
 class Travelers:
-    """The agents of games by metres as they decide and go; rows are those of `rules.Games`.
+    """The agents of games by metres; rows are as in `rules.Games`.
 
     Attributes:
-        movers: the columns that all agents have, however they move.
-        roads, reach, known: where they may go.
-        ways: of agents that go by steps, by their rows.
-        near: of the others, whose ways are short: by numbers that follow from where these begin and end.
-        slots: how many such numbers there are, a power of 2.
-        trips: (agents,) their ways through the turn of one game.
-        events: receive the illegal actions.
-        nodes: how many there are.
-        speeds: (agents,) metres in the time of speeds; NaN: none.
-        motion: (rows,) how they moved last on their edges, see `ir.progress.Motion`.
-        starts, ends: (rows,) the places between which they move, as conflicts compare them: nodes, behind them edges.
-        most_edges: how many edges they may enter before they decide again.
-        drawn: (agents,) how often each has drawn in the turn.
-        kept: (rows,) the ways of all games, if they are kept (`keeps`), because rules are applied when all games have
-            moved.
+        movers: the columns that are common to all kinds of movement.
+        roads, reach, known: the map, working memory, and stored sets of legal nodes.
+        ways: shortest paths of agents with strategy steps, by row.
+        near: shortest paths of all other agents, which are short; by a hash of start and goal.
+        slots: the number of hash values, a power of 2.
+        trips: (agents,) the paths of one game through the turn.
+        events: receives illegal actions.
+        nodes: the number of nodes.
+        speeds: (agents,) metres in the time unit of speeds; NaN: no speed.
+        motion: (rows,) the last motion of agents on edges; see `ir.progress.Motion`.
+        starts, ends: (rows,) the places of moves, as in `conflicts`: nodes, then edges.
+        most_edges: the number of edges that an agent may enter before it decides again.
+        drawn: (agents,) the number of draws of each agent in the turn.
+        kept: (rows,) the paths of all games, if rules run after all games have moved (`keeps`).
     """
 
     def __init__(
@@ -73,7 +72,7 @@ class Travelers:
 
 
 def decide(games: Games, t: Travelers, game: int) -> int:
-    """Let the living agents of this part of a turn choose where they go, and find their ways; the others stay."""
+    """Choose the moves of the living agents in this part of the turn, and find their paths; all other agents stay."""
     for i in range(games.agents):
         row = game * games.agents + i
         if not is_there(games, t, game, i):
@@ -85,7 +84,7 @@ def decide(games: Games, t: Travelers, game: int) -> int:
 
 
 def is_there(games: Games, t: Travelers, game: int, i: int) -> bool:
-    """Return whether an agent went in an earlier part of the turn, and is where it came to; else it sets out."""
+    """Return whether an agent has moved in an earlier part of the turn; otherwise place it at its start."""
     row = game * games.agents + i
     if t.movers.part_of[i] >= t.movers.part[game]:
         set_out(games, t, row, i)
@@ -97,7 +96,7 @@ def is_there(games: Games, t: Travelers, game: int, i: int) -> bool:
 
 
 def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
-    """Let the turn of an agent begin where it is."""
+    """Start the turn of an agent at its position."""
     games.start[row] = games.node[row]
     t.movers.takes_part[row] = games.alive[row]
     t.drawn[i] = 0
@@ -107,7 +106,7 @@ def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
 
 
 def rest(t: Travelers, i: int) -> int:
-    """Let an agent on an edge that does nothing stand there."""
+    """Stop an agent that is on an edge and has not moved."""
     if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
         travel.stand(t.trips, i)
         t.trips.motion[i] = travel.STOPPED
@@ -115,7 +114,7 @@ def rest(t: Travelers, i: int) -> int:
 
 
 def choose(games: Games, t: Travelers, game: int, i: int) -> int:
-    """Let an agent choose where it goes, and find its way."""
+    """Let an agent decide, and move it along a path to its target; an impossible move is noted as illegal."""
     row = game * games.agents + i
     t.movers.blocked[row] = 0
     target = -1
@@ -135,7 +134,7 @@ def choose(games: Games, t: Travelers, game: int, i: int) -> int:
 
 
 def go_along(t: Travelers, row: int, i: int) -> int:
-    """Let an agent go along the route that a function has chosen for it."""
+    """Move an agent along the route that a function has given."""
     count = t.movers.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
     if count >= 0:
         travel.go(t.roads, t.trips, i, t.movers.routes.motions[row], count)  # type: ignore[union-attr]
@@ -143,19 +142,19 @@ def go_along(t: Travelers, row: int, i: int) -> int:
 
 
 def begin(games: Games, t: Travelers, row: int, i: int) -> int:
-    """Put an agent where it is when a turn begins."""
+    """Place an agent at its position at the start of a turn."""
     return travel.begin(
         t.trips, i, games.node[row], games.edge[row], games.share[row], t.motion[row], 0.0, t.speeds[i], t.most_edges
     )
 
 
 def place_of(t: Travelers, i: int) -> int:
-    """Return where an agent is, as conflicts compare it."""
+    """Return the place of an agent, as in `conflicts`: its node, or its edge numbered after all nodes."""
     return t.trips.node[i] if t.trips.edge[i] < 0 else t.nodes + t.trips.edge[i]
 
 
 def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
-    """Return the node that an agent wants to go to, as it decides or is given it; -1: none."""
+    """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
     by = t.movers.decides_by[i]
     edge = t.trips.edge[i]
@@ -184,13 +183,13 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
 
 
 def drawn(games: Games, t: Travelers, row: int, i: int, bound: int) -> int:
-    """Draw a number below a bound."""
+    """Return the next random number of an agent below a bound."""
     t.drawn[i] += 1
     return draws.below_at(t.movers.walks.keys[row], games.turn[row // games.agents], t.drawn[i] - 1, bound)
 
 
 def by_steps(t: Travelers, game: int, i: int) -> int:
-    """Return the node to which an agent whose legal nodes are known goes by the steps of its strategy; -1: none."""
+    """Return the node that the strategy steps of an agent choose among its known legal nodes; -1: none."""
     edge = t.trips.edge[i]
     t.movers.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
     t.movers.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
@@ -201,7 +200,7 @@ def by_steps(t: Travelers, game: int, i: int) -> int:
 
 
 def stay(games: Games, t: Travelers, row: int, i: int) -> int:
-    """Let an agent stay for the turn where it was when it began."""
+    """Undo the move of an agent: it stays at its position for the whole turn."""
     begin(games, t, row, i)
     travel.stand(t.trips, i)
     t.trips.motion[i] = travel.STOPPED
@@ -209,7 +208,7 @@ def stay(games: Games, t: Travelers, row: int, i: int) -> int:
 
 
 def give_way(games: Games, t: Travelers, game: int) -> int:
-    """Let agents stay that lose conflicts, and count them."""
+    """Resolve conflicts: the losers stay, and are counted."""
     if not t.movers.has_conflicts:
         return 0
     if resolve(t.movers.contests, t.movers.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type] # there are
@@ -227,7 +226,7 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
 
 
 def move(games: Games, t: Travelers, game: int) -> int:
-    """Let agents of this part of a turn go, and count those that come to other nodes."""
+    """Move the agents of this part of the turn, and count the moves to other nodes."""
     part = t.movers.part[game]
     for i in range(games.agents):
         row = game * games.agents + i
@@ -244,7 +243,7 @@ def move(games: Games, t: Travelers, game: int) -> int:
 
 
 def go(games: Games, t: Travelers, row: int, i: int) -> int:
-    """Let an agent be where its way leads."""
+    """Write the end of an agent's path to the columns of the games."""
     games.node[row] = t.trips.node[i]
     if t.trips.node[i] != games.start[row]:
         t.movers.moves[row] += 1
@@ -255,13 +254,13 @@ def go(games: Games, t: Travelers, row: int, i: int) -> int:
 
 
 class Course(Steps):
-    """How the agents of one game have gone in a turn, as contacts take it.
+    """The paths of the agents of one game by metres in a turn, in the form that `contacts` reads.
 
     Args:
-        trips: of the agents; their columns are those of the tracks and legs.
+        trips: the paths; its columns are those of the tracks and legs.
         roads: the map.
-        edge_streets, edge_flags: (edges,) what legs along each edge have, see `contacts.Legs`.
-        sources, targets, streets, flags, metres: columns of the legs: (agents * most,)
+        edge_streets, edge_flags: (edges,) the street and flags of each edge; see `contacts.Legs`.
+        sources, targets, streets, flags, metres: (agents * most,) columns of the legs.
         kept: see `Travelers`.
     """
 
@@ -296,7 +295,7 @@ class Course(Steps):
         self.keeps = kept is not None
 
     def fill(self, games: Games, game: int) -> int:
-        """Write how the agents of a game came to where they are; those that rules have put elsewhere have not gone."""
+        """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
         for agent in range(games.agents):
             row = game * games.agents + agent
             first = agent * self.trips.most

@@ -1,8 +1,8 @@
-"""Contacts of a turn: which agents meet, when, and where.
+"""Contacts of a turn: the pairs of agents that meet, with time and place.
 
-A turn is the time from 0 to 1. `Tracks` and `Legs` say where the agents are in it, `Reach` and `Lines` how far places
-are from each other, and `Contacts` finds the pairs that meet and puts them in the order of time. Rows of all columns
-are agents, game by game: the row of agent `i` of a game is `game * agents + i`.
+A turn is the time from 0 to 1. `Tracks` and `Legs` hold the paths of agents, `Reach` and `Lines` the distances between
+places; `Contacts` finds the pairs that meet, and sorts them by time. Rows of all columns are agents, game by game: the
+row of agent `i` of a game is `game * agents + i`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 from gamms.core import draws, travel
 
 INFINITE = float("inf")
-SLACK = 1e-9  # of a turn: agents that are at one place so far apart in time meet there
+SLACK = 1e-9  # of a turn: visits of one place with a gap of at most this time still meet
 OURS = 1
 THEIRS = 2
 ON_NODE = -1  # instead of a leg: the agent is on a node
@@ -22,7 +22,7 @@ LEAVES = -2  # the agent left this node when the turn began
 MASK = 0xFFFFFFFFFFFFFFFF
 SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
 FIRST_ROOM = 64  # a power of two
-MOST_NEAR = 1 << 20  # pairs of nodes that are kept of one distance, 16 bytes each
+MOST_NEAR = 1 << 20  # the maximum number of stored distances, 16 bytes each
 ON_NODES = 0
 BY_PATHS = 1
 ON_WAYS = 2
@@ -44,14 +44,14 @@ class Tracks:
     """The nodes that agents pass in a turn.
 
     Attributes:
-        agents: how many a game has.
-        most: how many nodes a row has room for.
-        nodes: (rows * most,) numbers of nodes in the order in which they are passed. An agent that waits on its first
-            node has it twice, in games that count edges.
-        times: (rows * most,) when the agent is at each.
-        lengths: (rows,) how many nodes an agent passes, at least 1.
-        sides: (rows,) 1: the agent is of the first side; 2: of the second; 3: of both; 0: it takes no part.
-        at_end: whether agents meet only where they are when the turn ends.
+        agents: the number of agents of a game.
+        most: the maximum number of nodes in a row.
+        nodes: (rows * most,) numbers of nodes in the order of passing. In games that count edges, an agent that waits
+            on its first node has this node twice.
+        times: (rows * most,) the time at each node.
+        lengths: (rows,) the number of nodes, at least 1.
+        sides: (rows,) 1: the agent is of the first side; 2: of the second; 3: of both; 0: it does not take part.
+        at_end: whether agents meet only at their positions at the end of the turn.
     """
 
     def __init__(
@@ -78,15 +78,15 @@ class Legs:
     """The parts of edges that agents cover in a turn, in games by metres.
 
     Attributes:
-        most: how many legs a row has room for; 0 in games that count edges.
-        counts: (rows,) how many an agent has.
-        sources, targets: (rows * most,) numbers of the nodes that the edge leads from and to.
-        streets: (rows * most,) a number that an edge and the one back have in common.
-        flags: (rows * most,) the sum of 1 where the street runs against the edge, 2 where one can turn round on the
-            edge, and 4 where nothing tells where the edge is.
+        most: the maximum number of legs in a row; 0 in games that count edges.
+        counts: (rows,) the number of legs.
+        sources, targets: (rows * most,) the numbers of the nodes at both ends of the edge.
+        streets: (rows * most,) the street number, common to an edge and the edge back.
+        flags: (rows * most,) the sum of 1 if the street runs against the edge, 2 if agents can turn around on the edge,
+            and 4 if the position of the edge is unknown.
         begins, ends: (rows * most,) shares of the edge from its source.
-        since, until: (rows * most,) when the agent is there.
-        lengths: (rows * most,) of the edges, metres.
+        since, until: (rows * most,) the times of the leg.
+        lengths: (rows * most,) the lengths of the edges, metres.
     """
 
     def __init__(
@@ -117,18 +117,18 @@ class Legs:
 
 
 class Reach:
-    """The nodes within a distance ahead of nodes, which are found when they are first asked for.
+    """The nodes within a distance of each node, along edges, computed on first use.
 
     Attributes:
-        arcs: (nodes + 1,) where the edges that leave each node begin in `heads`.
-        heads, costs: (edges,) the nodes that they lead to, and how far that is.
+        arcs: (nodes + 1,) where the edges out of each node begin in `heads`.
+        heads, costs: (edges,) the node at the end and the length of each edge.
         limit: the distance.
-        search: scratch.
-        offsets: (nodes,) where the entries of a node begin; -1: it is not known what lies ahead of it.
-        counts: (nodes,) how many entries there are.
-        ends: (room,) numbers of nodes; those of one node ascend.
-        far: (room,) how far they are.
-        used: how many entries there are.
+        search: working memory.
+        offsets: (nodes,) where the entries of a node begin; -1: they are not computed yet.
+        counts: (nodes,) the number of entries.
+        ends: (room,) numbers of nodes, ascending for each start node.
+        far: (room,) their distances.
+        used: the number of entries.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class Reach:
         self.far: memoryview[float] = memoryview(array("d"))
 
     def make_room(self, room: int) -> int:
-        """Make room for so many entries; those that there are stay."""
+        """Make room for `room` entries, and keep the existing ones."""
         ends = memoryview(array("q", bytes(8 * room)))
         far: Any = memoryview(array("d", bytes(8 * room)))
         if self.used > 0:
@@ -163,7 +163,7 @@ class Reach:
         return 0
 
     def begin(self) -> int:
-        """Forget all, if it is much."""
+        """Drop all entries if there are many."""
         if self.used > MOST_NEAR:
             self.used = 0
             for node in range(len(self.offsets)):
@@ -171,7 +171,7 @@ class Reach:
         return 0
 
     def learn(self, node: int) -> int:
-        """Find the nodes ahead of a node; return where its entries begin."""
+        """Find the nodes near a node by Dijkstra's algorithm; return where its entries begin."""
         if self.offsets[node] >= 0:
             return self.offsets[node]
         self.search.size = 0
@@ -197,7 +197,7 @@ class Reach:
         return self.offsets[node]
 
     def ahead(self, start: int, end: int) -> float:
-        """Return how far it is from a node to another; infinite where that is too far."""
+        """Return the distance from a node to another; infinity if it is beyond the limit."""
         first = self.learn(start)
         beyond = first + self.counts[start]
         last = beyond
@@ -213,11 +213,11 @@ class Reach:
 
 
 class Places:
-    """Where agents are on the nodes that they pass, in games that count edges.
+    """The positions of agents on the nodes that they pass, in games that count edges.
 
     Attributes:
-        numbers: (rows * most,) the number of the place of each node that is passed.
-        xyz: (3 * places,) x, y and z of each place.
+        numbers: (rows * most,) the number of the position at each passed node.
+        xyz: (3 * places,) x, y and z of each position.
     """
 
     def __init__(self, numbers: memoryview[int], xyz: memoryview[float]) -> None:
@@ -226,13 +226,13 @@ class Places:
 
 
 class Lines:
-    """Straight parts of the ways of agents, in games by metres.
+    """The straight segments of the paths of agents, in games by metres.
 
     Attributes:
-        offsets: (rows + 1,) where the parts of each row begin.
-        since, until: (parts,) of the turn.
-        begins, ends: (3 * parts,) where the agent is at both times: x, y and z.
-        parts: how many there are.
+        offsets: (rows + 1,) where the segments of each row begin.
+        since, until: (parts,) the times of each segment.
+        begins, ends: (3 * parts,) x, y and z of the agent at both times.
+        parts: the number of segments.
     """
 
     def __init__(
@@ -251,7 +251,7 @@ class Lines:
         self.ends = ends
 
     def at(self, part: int, axis: int, time: float) -> float:
-        """Return a coordinate at a time."""
+        """Return a coordinate on a segment at a time, by linear interpolation."""
         begin = self.begins[3 * part + axis]
         if self.until[part] <= self.since[part]:
             return begin
@@ -260,11 +260,11 @@ class Lines:
 
 
 class NodeNumbers:
-    """Numbers of nodes by their ids, in the order in which these first come.
+    """A hash table that numbers node ids in the order of first occurrence.
 
     Attributes:
-        ids: (count,) by number, and room for more.
-        count: how many there are.
+        ids: (room,) the id of each number; the first `count` are in use.
+        count: the number of ids.
     """
 
     def __init__(self) -> None:
@@ -273,7 +273,7 @@ class NodeNumbers:
         self.make_room(FIRST_ROOM)
 
     def make_room(self, room: int) -> int:
-        """Make room for so many numbers, a power of two; those that there are stay."""
+        """Make room for `room` numbers, a power of two, and keep the existing ones."""
         known = list(self.ids[: self.count])
         self.room = room
         self.ids = memoryview(array("q", bytes(8 * room)))
@@ -284,7 +284,7 @@ class NodeNumbers:
         return 0
 
     def number(self, id: int) -> int:
-        """Return the number of a node, a new one if it is not known."""
+        """Return the number of a node id; a new id gets the next number."""
         last = 2 * self.room - 1
         slot = (((id * SPREAD) & MASK) >> 32) & last
         while self.slots[slot] >= 0 and self.ids[self.slots[slot]] != id:
@@ -300,24 +300,24 @@ class NodeNumbers:
         return self.count - 1
 
     def write(self, ids: memoryview[int], numbers: memoryview[int]) -> int:
-        """Write the number of each of several nodes."""
+        """Write the number of each node id to `numbers`."""
         for row in range(len(ids)):
             numbers[row] = self.number(ids[row])
         return 0
 
 
 class Pieces:
-    """Scratch: what agents of one game do, one after the other.
+    """Working memory: intervals of the movement of agents of one game, and an index of them by key.
 
     Attributes:
-        agents: numbers in the game.
-        nodes: where they are, or the node that they come to.
-        legs: rows of legs; `ON_NODE`, `LEAVES`, or the node that they come from.
-        since, until: of the turn.
-        begins, ends: shares of edges, or coordinates between which the piece lies.
-        keys, next: what each piece is found by, and the one behind it with the same key; -1 for none.
-        first: (keys,) the first piece of each key; -1 for none, which it is between two searches.
-        order: pieces in some order.
+        agents: numbers of agents in the game.
+        nodes: the node where the agent is, or the one that it moves to.
+        legs: rows of legs; `ON_NODE`, `LEAVES`, or the node that the agent comes from.
+        since, until: the times of the interval.
+        begins, ends: shares of edges, or the smallest and the largest x of the interval.
+        keys, next: the key of each entry, and the next entry with the same key; -1: none.
+        first: (keys,) the first entry of each key; -1: none. All are -1 between two searches.
+        order: a permutation of intervals.
     """
 
     def __init__(
@@ -348,7 +348,7 @@ class Pieces:
         self.count = 0
 
     def put(self, agent: int, node: int, leg: int, since: float, until: float) -> int:
-        """Add a piece; return its number."""
+        """Add an interval; return its number."""
         piece = self.count
         self.agents[piece] = agent
         self.nodes[piece] = node
@@ -359,14 +359,14 @@ class Pieces:
         return piece
 
     def enter(self, entry: int, key: int) -> int:
-        """Let an entry be found by a key."""
+        """Add an entry to the index under a key."""
         self.keys[entry] = key
         self.next[entry] = self.first[key]
         self.first[key] = entry
         return 0
 
     def forget(self, entries: int) -> int:
-        """Let none of so many entries be found; those that were not entered have the key -1."""
+        """Remove the first `entries` entries from the index; entries with the key -1 are not in it."""
         for entry in range(entries):
             if self.keys[entry] >= 0:
                 self.first[self.keys[entry]] = -1
@@ -376,19 +376,19 @@ class Pieces:
 class Contacts:
     """Finds the contacts of a turn of games.
 
-    `ask` says of which agents; then `find` finds their contacts.
+    Call `ask` to set the agents and their paths, then `find`.
 
     Attributes:
-        pieces: scratch, with room for all of one game.
+        pieces: working memory, large enough for one game.
         games, a, b: (room,) the game of each contact, and the numbers of both agents.
-        a_nodes, b_nodes: (room,) where they were.
-        times, distances: (room,)
+        a_nodes, b_nodes: (room,) their nodes.
+        times, distances: (room,) the time and the distance of each contact.
         draws: (room,) random bits of the pair.
         on_edges: (room,) whether they met on an edge.
-        order: (room,) the contacts game by game, in each in the order of time, then of distance, then drawn.
-        room: how many contacts there is room for.
-        count: how many contacts were found: more than `room`, and they are to be found again with more room.
-        kept: how many are in `order`.
+        order: (room,) the contacts by game, then by time, distance and random bits.
+        room: the maximum number of contacts.
+        count: the number of contacts found; if it is greater than `room`, the search is repeated with more room.
+        kept: the number of contacts in `order`.
     """
 
     def __init__(self, pieces: Pieces) -> None:
@@ -411,18 +411,18 @@ class Contacts:
         crossing: bool,
         by_metres: bool,
     ) -> None:
-        """Say what contacts are to be found.
+        """Set the agents, paths and options of the next search.
 
         Args:
-            tracks: of all agents.
-            legs: likewise.
+            tracks: the nodes that all agents pass.
+            legs: the parts of edges that they cover.
             names: (agents,) the keys of their names.
-            purposes: (games,) the keys of the purpose for which lots decide between equals.
-            turns: (games,) how many turns were played.
-            reach: of all nodes that they pass, for `find_by_paths`.
-            places: for `find_near_places`.
-            lines: for `find_on_lines`.
-            crossing: whether agents meet on edges, too.
+            purposes: (games,) the keys of the draws that decide ties.
+            turns: (games,) the number of turns played.
+            reach: distances between all nodes that agents pass, for `find_by_paths`.
+            places: positions on nodes, for `find_near_places`.
+            lines: straight segments, for `find_on_lines`.
+            crossing: whether agents also meet on edges.
             by_metres: whether the games are by metres.
         """
         self.tracks = tracks
@@ -439,7 +439,7 @@ class Contacts:
         self.is_exact = False
 
     def make_room(self, contacts: int) -> int:
-        """Make room for so many contacts, in columns of its own; none of those that were found is kept."""
+        """Allocate columns for `contacts` contacts; the previous contacts are lost."""
         ints = [memoryview(array("q", bytes(8 * contacts))) for _ in range(7)]
         self.games, self.a, self.b, self.a_nodes, self.b_nodes, self.on_edges, self.order = ints
         times: Any = memoryview(array("d", bytes(8 * contacts)))
@@ -451,11 +451,11 @@ class Contacts:
         return 0
 
     def find(self, search: int, limit: float) -> int:
-        """Find the contacts of a kind of `SEARCHES`, with more room where it is needed; return how many are in `order`.
+        """Find contacts, with more room if necessary; return the number of contacts in `order`.
 
         Args:
-            search: which.
-            limit: what is near.
+            search: the kind of search, one of `SEARCHES`.
+            limit: the maximum distance of a contact, in the unit of the kind.
         """
         while self._search(search, limit) > self.room:
             self.make_room(2 * self.count)
@@ -473,7 +473,7 @@ class Contacts:
     # -- all games -----------------------------------------------------------------------------------------------------
 
     def find_on_nodes(self) -> int:
-        """Find the agents that are on one node at one time."""
+        """Find the agents that are on the same node at the same time."""
         self.count = 0
         self.kept = 0
         for game in range(len(self.purposes)):
@@ -484,11 +484,11 @@ class Contacts:
         return self.count
 
     def find_by_paths(self, limit: float, is_exact: bool) -> int:
-        """Find the agents that are near each other by the shorter of the paths there and back.
+        """Find the agents that are near each other along edges; the shorter of the two directions counts.
 
         Args:
-            limit: what is near.
-            is_exact: whether it counts where on edges they are, rather than which nodes they have passed last.
+            limit: the maximum distance.
+            is_exact: whether positions on edges count, rather than the nodes that agents passed last.
         """
         self.limit = limit
         self.is_exact = is_exact
@@ -504,7 +504,7 @@ class Contacts:
         return self.count
 
     def find_near_places(self, limit: float) -> int:
-        """Find the agents that are near each other in a straight line, on the nodes that they have passed last."""
+        """Find the agents within a straight-line distance, measured between the nodes that they passed last."""
         self.limit = limit
         self.count = 0
         self.kept = 0
@@ -518,7 +518,7 @@ class Contacts:
         return self.count
 
     def find_on_lines(self, limit: float) -> int:
-        """Find the agents that are near each other in a straight line, wherever they are on their way."""
+        """Find the agents within a straight-line distance, anywhere on their paths."""
         self.limit = limit
         self.is_exact = True
         self.count = 0
@@ -532,7 +532,7 @@ class Contacts:
         return self.count
 
     def _finish(self, game: int, begin: int) -> int:
-        """Find those that meet on edges, and put the contacts of a game, from number `begin` on, in their order."""
+        """Add meetings on edges, and append the contacts of a game, numbered from `begin`, to `order`, sorted."""
         if self.crossing:
             if self.by_metres:
                 self._on_streets(game)
@@ -554,7 +554,7 @@ class Contacts:
         return 0
 
     def _distinct(self, last: int) -> int:
-        """Take out of the order of a game by metres, up to `last`, what was found twice; return its new end."""
+        """Remove duplicates of a game by metres from `order[kept:last]`; return the new end."""
         kept = self.kept
         previous = -1
         has_been_near = False
@@ -578,7 +578,7 @@ class Contacts:
     def _meet(
         self, game: int, time: float, distance: float, on_edge: int, a: int, b: int, a_node: int, b_node: int
     ) -> int:
-        """Note a contact of two agents; no agent meets itself."""
+        """Add a contact of two agents, unless they are the same."""
         if a == b:
             return 0
         contact = self.count
@@ -594,10 +594,17 @@ class Contacts:
             self.b_nodes[contact] = b_node
         return 0
 
-    # -- what agents do in a game --------------------------------------------------------------------------------------
+    # -- the intervals of a game ---------------------------------------------------------------------------------------
 
     def _share_nodes(self, game: int, nodes: memoryview[int], lengths: memoryview[int], first: memoryview[int]) -> bool:
-        """Return whether agents of both sides pass one node: `nodes` and `lengths` of tracks, `first` of pieces."""
+        """Return whether agents of both sides pass a common node; a quick test before the search.
+
+        Args:
+            game: the game.
+            nodes: those of `tracks`.
+            lengths: those of `tracks`.
+            first: the column of `pieces`, as working memory.
+        """
         most = self.tracks.most
         begin = game * self.tracks.agents
         end = begin + self.tracks.agents
@@ -617,7 +624,7 @@ class Contacts:
         return found
 
     def _put_steps(self, game: int) -> int:
-        """Add which nodes agents have passed last, from when until when."""
+        """Add the intervals between nodes: the node that each agent passed last, and from when until when."""
         soonest = INFINITE  # when the first of them reaches a node
         for row in range(game * self.tracks.agents, (game + 1) * self.tracks.agents):
             if self.tracks.sides[row] and self.tracks.lengths[row] > 1:
@@ -637,17 +644,19 @@ class Contacts:
                 leg = (
                     LEAVES if place == first and place < last and not is_there(self.tracks, self.legs, row) else ON_NODE
                 )
-                if leg == ON_NODE or until > soonest:  # else none comes while it counts as on the node that it leaves
+                if (
+                    leg == ON_NODE or until > soonest
+                ):  # else no agent arrives while this one counts as on its first node
                     piece = self.pieces.put(agent, self.tracks.nodes[place], leg, self.tracks.times[place], until)
                     self.pieces.keys[piece] = place - first
         return 0
 
     def _put_legs(self, game: int, are_known: bool) -> int:
-        """Add the parts of edges that agents cover; at the end of the turn, where on edges they are then.
+        """Add the parts of edges that agents cover, or with `at_end`, their final positions on edges.
 
         Args:
-            game: whose.
-            are_known: whether only those count of which it is known where they are.
+            game: the game.
+            are_known: whether to skip edges of unknown position.
         """
         for agent in range(self.tracks.agents):
             row = game * self.tracks.agents + agent
@@ -672,11 +681,11 @@ class Contacts:
         return 0
 
     def _is_of(self, game: int, piece: int, side: int) -> bool:
-        """Return whether the agent of a piece is of a side."""
+        """Return whether the agent of an interval is of a side."""
         return (self.tracks.sides[game * self.tracks.agents + self.pieces.agents[piece]] & side) != 0
 
     def _node_at(self, game: int, agent: int, time: float) -> int:
-        """Return the node that an agent has passed last; it is on a node that it reaches right after the time."""
+        """Return the node that an agent passed last; a node reached immediately after the time counts, too."""
         first = (game * self.tracks.agents + agent) * self.tracks.most
         last = first + self.tracks.lengths[game * self.tracks.agents + agent] - 1
         if not self.tracks.at_end:
@@ -684,10 +693,10 @@ class Contacts:
                 last -= 1
         return self.tracks.nodes[last]
 
-    # -- at one place --------------------------------------------------------------------------------------------------
+    # -- at the same place ---------------------------------------------------------------------------------------------
 
     def _on_nodes(self, game: int) -> int:
-        """Find the pairs that are on one node at one time."""
+        """Find the pairs that are on the same node at the same time."""
         self.pieces.count = 0
         put_visits(self.tracks, self.legs, self.pieces, game)
         slack = SLACK if self.by_metres else 0.0
@@ -711,7 +720,7 @@ class Contacts:
         return 0
 
     def _pass_by(self, game: int) -> int:
-        """Find the pairs that go along one edge at one time, in opposite directions, in a game that counts edges."""
+        """Find the pairs that pass each other on an edge in opposite directions, in a game that counts edges."""
         self.pieces.count = 0
         for agent in range(self.tracks.agents):
             row = game * self.tracks.agents + agent
@@ -738,7 +747,7 @@ class Contacts:
                         self.pieces.legs[other] == self.pieces.nodes[piece]
                         and self.pieces.since[piece] < self.pieces.until[other]
                         and self.pieces.since[other] < self.pieces.until[piece]
-                    ):  # else one enters the edge when the other leaves it: they meet on the node
+                    ):  # otherwise one enters the edge when the other leaves it: they meet on the node
                         a = self.pieces.agents[piece]
                         b = self.pieces.agents[other]
                         time = max(self.pieces.since[piece], self.pieces.since[other])
@@ -753,7 +762,7 @@ class Contacts:
         return 0
 
     def _on_streets(self, game: int) -> int:
-        """Find the pairs that are at one place of a street at one time: who meet, overtake, or stand there."""
+        """Find the pairs at the same point of a street at the same time: they pass, overtake, or stand together."""
         self.pieces.count = 0
         self._put_legs(game, False)
         for piece in range(self.pieces.count):
@@ -774,7 +783,7 @@ class Contacts:
         return 0
 
     def _first_touch(self, piece: int, other: int) -> float:
-        """Return when two agents on one street are first at one place of it; -1: never, or only as the turn begins."""
+        """Return the first time when two agents on a street are at the same point; -1: never, or only at the start."""
         since = max(self.pieces.since[piece], self.pieces.since[other])
         until = min(self.pieces.until[piece], self.pieces.until[other])
         if since > until:
@@ -788,7 +797,7 @@ class Contacts:
         return until if fabs(later) <= SLACK else -1.0
 
     def _place_on_street(self, piece: int, time: float) -> float:
-        """Return the share of its street that is behind a piece at a time."""
+        """Return the position of an agent on its street at a time, as a share."""
         begin = self.pieces.begins[piece]
         share = self.pieces.ends[piece]
         if self.pieces.until[piece] > self.pieces.since[piece]:
@@ -796,10 +805,10 @@ class Contacts:
             share = begin + (share - begin) * (time - self.pieces.since[piece]) / span
         return 1.0 - share if self.legs.flags[self.pieces.legs[piece]] & 1 else share
 
-    # -- within a distance, where the nodes count that were passed last ------------------------------------------------
+    # -- within a distance of the nodes passed last --------------------------------------------------------------------
 
     def _near(self, game: int) -> int:
-        """Find the pairs that are near each other whenever one of the two reaches a node."""
+        """Find the pairs within the distance along edges, tested whenever one of the two reaches a node."""
         self.pieces.count = 0
         self.reach.begin()
         self._put_steps(game)
@@ -831,7 +840,7 @@ class Contacts:
         return 0
 
     def _come_near(self, game: int, piece: int, other: int, distance: float) -> int:
-        """Note that two agents are near each other from when the later one is there, if the other one still is."""
+        """Add a contact at the later of two arrivals, if the other agent has not moved on."""
         time = max(self.pieces.since[piece], self.pieces.since[other])
         if time >= self.pieces.until[piece] or time >= self.pieces.until[other]:
             return 0
@@ -846,7 +855,7 @@ class Contacts:
     # -- in a straight line --------------------------------------------------------------------------------------------
 
     def _sweep(self, game: int) -> int:
-        """Find the pieces that are near each other in a straight line, from west to east."""
+        """Find the pairs of intervals within a straight-line distance, by a sweep over x."""
         theirs = 0
         width = 0.0
         farthest = 0.0
@@ -857,7 +866,7 @@ class Contacts:
                 self.pieces.order[theirs] = piece
                 theirs += 1
         self._sort(self.pieces.order, 0, theirs, BY_PLACE)
-        rim = self.limit + SLACK * (self.limit + farthest)  # longer than any gap that counts as the limit when rounded
+        rim = self.limit + SLACK * (self.limit + farthest)  # the limit plus rounding errors
         for piece in range(self.pieces.count):
             if self._is_of(game, piece, OURS):
                 first = 0
@@ -877,7 +886,7 @@ class Contacts:
         return 0
 
     def _put_lines(self, game: int) -> int:
-        """Add the straight parts of the ways of agents."""
+        """Add the straight segments of the paths of agents."""
         for agent in range(self.tracks.agents):
             row = game * self.tracks.agents + agent
             if self.tracks.sides[row]:
@@ -888,7 +897,7 @@ class Contacts:
         return 0
 
     def _place_steps(self, game: int) -> int:
-        """Say where steps are from west to east; their keys are the numbers of their places."""
+        """Set the positions of the steps for `_sweep`, and their keys to the numbers of these positions."""
         for piece in range(self.pieces.count):
             row = game * self.tracks.agents + self.pieces.agents[piece]
             place = self.places.numbers[row * self.tracks.most + self.pieces.keys[piece]]
@@ -898,19 +907,19 @@ class Contacts:
         return 0
 
     def _step_near(self, game: int, piece: int, other: int) -> int:
-        """Note that two agents are near each other on nodes."""
+        """Add a contact of two agents on nodes, if they are within the distance."""
         a = 3 * self.pieces.keys[piece]
         b = 3 * self.pieces.keys[other]
         x = self.places.xyz[a] - self.places.xyz[b]
         y = self.places.xyz[a + 1] - self.places.xyz[b + 1]
         z = self.places.xyz[a + 2] - self.places.xyz[b + 2]
         far = x * x + y * y + z * z
-        if far <= self.limit * self.limit:  # squares are compared, which are the same on every machine
+        if far <= self.limit * self.limit:  # squares, because they are exact on every machine
             self._come_near(game, piece, other, sqrt(far))
         return 0
 
     def _approach(self, game: int, piece: int, other: int) -> int:
-        """Note when two agents on straight parts are first near each other."""
+        """Add a contact at the first time when two agents on straight segments are within the distance."""
         part = self.pieces.legs[piece]
         their = self.pieces.legs[other]
         since = max(self.lines.since[part], self.lines.since[their])
@@ -939,23 +948,23 @@ class Contacts:
         return 0
 
     def _meet_on_way(self, game: int, time: float, distance: float, piece: int, other: int) -> int:
-        """Note a contact of two agents that are where they are at a time, on nodes or between them."""
+        """Add a contact of two agents at their positions at a time, on nodes or between them."""
         a = self.pieces.agents[piece]
         b = self.pieces.agents[other]
         a_node = self._node_at(game, a, time)
         b_node = self._node_at(game, b, time)
         return self._meet(game, time, distance, 0, a, b, a_node, b_node)
 
-    # -- along the edges, exactly --------------------------------------------------------------------------------------
+    # -- within a distance along edges, with exact positions -----------------------------------------------------------
 
     def _within(self, game: int) -> int:
-        """Find the pairs that are near each other along the edges, on nodes or between them."""
+        """Find the pairs within the distance along edges, on nodes or between them."""
         self.pieces.count = 0
         self.reach.begin()
         put_visits(self.tracks, self.legs, self.pieces, game)
         self._put_legs(game, True)
         for side in range(2):  # paths from ours to theirs, and then those back
-            # An agent is come to by two nodes at most: the entries 2 * piece and 2 * piece + 1.
+            # Paths reach an agent through at most two nodes: the entries 2 * piece and 2 * piece + 1.
             for piece in range(self.pieces.count):
                 for end in range(2):
                     self.pieces.keys[2 * piece + end] = -1
@@ -984,15 +993,15 @@ class Contacts:
         return 0
 
     def _door(self, piece: int, end: int, is_entry: bool) -> int:
-        """Return a node by which an agent leaves where it is, or is come to.
+        """Return a node through which paths leave or reach the position of an agent.
 
         Args:
-            piece: where the agent is.
-            end: 0: the node by which it does so on every edge; 1: the one by which it does where one can turn round.
-            is_entry: whether it is come to.
+            piece: the interval of the agent.
+            end: 0: the node in the direction of the edge; 1: the other one, where agents can turn around.
+            is_entry: whether paths reach the agent, rather than leave it.
 
         Returns:
-            The node; -1: there is none.
+            The node; -1: none.
         """
         leg = self.pieces.legs[piece]
         if leg < 0:
@@ -1002,7 +1011,7 @@ class Contacts:
         return self.legs.sources[leg] if (end == 1) != is_entry else self.legs.targets[leg]
 
     def _metres_to(self, piece: int, is_source: bool, time: float) -> float:
-        """Return how far it is at a time between an agent and an end of its edge; 0 on a node."""
+        """Return the distance at a time between an agent and an end of its edge; 0 on a node."""
         leg = self.pieces.legs[piece]
         if leg < 0:
             return 0.0
@@ -1014,13 +1023,16 @@ class Contacts:
         return self._even(piece, begin * self.legs.lengths[leg], end * self.legs.lengths[leg], time)
 
     def _even(self, piece: int, begin: float, end: float, time: float) -> float:
-        """Return at a time what changes evenly while a piece lasts."""
+        """Return the value at a time of a quantity that changes linearly during an interval."""
         since = self.pieces.since[piece]
         until = self.pieces.until[piece]
         return end if until <= since else begin + (end - begin) * (time - since) / (until - since)
 
     def _go_from(self, game: int, piece: int, end: int, node: int, side: int) -> int:
-        """Follow the paths that leave where an agent is by a node; their changes of length end with the self.pieces."""
+        """Follow the paths that leave the position of an agent through a node.
+
+        The lengths of these paths change linearly while both intervals last.
+        """
         first = self.reach.learn(node)
         for row in range(first, first + self.reach.counts[node]):
             entry = self.pieces.first[self.reach.ends[row]]
@@ -1039,7 +1051,7 @@ class Contacts:
         return 0
 
     def _along_street(self, game: int, piece: int, other: int, side: int) -> int:
-        """Follow the way from one agent to another along the street that both are on."""
+        """Follow the path between two agents along the street that both are on."""
         since = max(self.pieces.since[piece], self.pieces.since[other])
         until = min(self.pieces.until[piece], self.pieces.until[other])
         if since > until:
@@ -1053,7 +1065,7 @@ class Contacts:
         return self._come_within(game, piece, other, since, until, fabs(first), fabs(last), side)
 
     def _street_share(self, piece: int, time: float) -> float:
-        """Return the share of its street that is behind a piece at a time, from what it is at both ends."""
+        """Return the position of an agent on its street at a time, as a share, by interpolation between the ends."""
         begin = self.pieces.begins[piece]
         end = self.pieces.ends[piece]
         if self.legs.flags[self.pieces.legs[piece]] & 1:
@@ -1064,7 +1076,7 @@ class Contacts:
     def _come_within(
         self, game: int, piece: int, other: int, since: float, until: float, begin: float, end: float, side: int
     ) -> int:
-        """Note when two agents are first near each other, where their distance changes evenly between two times."""
+        """Add a contact at the first time within the distance, when the distance changes linearly between two times."""
         if side:
             piece, other = other, piece
         if begin <= self.limit:
@@ -1077,7 +1089,7 @@ class Contacts:
     # -- order ---------------------------------------------------------------------------------------------------------
 
     def _is_before(self, one: int, other: int, by: int) -> bool:
-        """Return whether one contact comes before another, or one piece lies west of another."""
+        """Return whether a contact comes before another, or an interval begins west of another."""
         found = 0
         if by == BY_PLACE:
             found = compared(self.pieces.begins[one], self.pieces.begins[other])
@@ -1093,7 +1105,7 @@ class Contacts:
         return found < 0 or (found == 0 and one < other)
 
     def _sort(self, order: memoryview[int], first: int, last: int, by: int) -> int:
-        """Sort the contacts or pieces of a part of an order: heapsort."""
+        """Sort the part `first` to `last - 1` of an order of contacts or intervals, by heapsort."""
         count = last - first
         for root in range((count >> 1) - 1, -1, -1):
             self._sink(order, first, root, count, by)
@@ -1105,7 +1117,7 @@ class Contacts:
         return 0
 
     def _sink(self, order: memoryview[int], first: int, root: int, count: int, by: int) -> int:
-        """Let an item of a heap sink below those that come behind it."""
+        """Move an item of a heap down until no child comes after it."""
         item = order[first + root]
         child = 2 * root + 1
         while child < count:
@@ -1121,7 +1133,7 @@ class Contacts:
 
 
 def put_visits(tracks: Tracks, legs: Legs, pieces: Pieces, game: int) -> int:
-    """Add from when until when agents are on which nodes; one that is left at once belongs to the turn before."""
+    """Add the intervals in which agents are on nodes; a node that is left at time 0 is no visit of this turn."""
     for agent in range(tracks.agents):
         row = game * tracks.agents + agent
         if not tracks.sides[row]:
@@ -1153,7 +1165,7 @@ def put_visits(tracks: Tracks, legs: Legs, pieces: Pieces, game: int) -> int:
 
 
 def is_there(tracks: Tracks, legs: Legs, row: int) -> bool:
-    """Return whether an agent is on its first node for a time, rather than leaving it at once."""
+    """Return whether an agent stays on its first node for a time, rather than leaving it at once."""
     first = row * tracks.most
     if legs.most and legs.counts[row]:
         leg = row * legs.most
@@ -1162,5 +1174,5 @@ def is_there(tracks: Tracks, legs: Legs, row: int) -> bool:
 
 
 def compared(one: float, other: float) -> int:
-    """Return -1 where a number is less than another, 1 where it is greater, else 0."""
+    """Return -1 if a number is less than another, 1 if it is greater, else 0."""
     return (one > other) - (one < other)

@@ -1,6 +1,6 @@
-"""Copies of plain Python values: the state of a game that no column holds, such as memories, facts and data of rules.
+"""Deep copies of plain Python values: the game state outside columns, such as memories, facts and data of rules.
 
-This module holds Python objects and the GIL.
+This module handles Python objects and holds the GIL.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ _ATOMS = frozenset({str, bytes, int, float, bool, complex, frozenset, type(None)
 
 
 class NotPlain(Exception):
-    """A value is not made of plain values, or holds an object twice."""
+    """A value contains an object that is not plain, or contains an object twice."""
 
 
 def copied(value: Any, memo: Any = None) -> Any:
-    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
+    """Return a deep copy; references to one object stay references to one object.
 
     Args:
         value: the value to copy.
-        memo: maps the ids of objects to what takes their place; see `copy.deepcopy`.
+        memo: id of an object -> its replacement; see `copy.deepcopy`.
     """
     try:
         return _copy_of(value, set())
@@ -33,7 +33,7 @@ def copied(value: Any, memo: Any = None) -> Any:
 
 
 def copied_values(each: Any, memo: Any = None) -> Any:
-    """Return a dict whose values are copies; a value that cannot be copied is shared."""
+    """Return a dict of deep copies of the values; a value that cannot be copied is shared."""
     try:
         return _copy_of(each, set())
     except NotPlain:
@@ -41,7 +41,7 @@ def copied_values(each: Any, memo: Any = None) -> Any:
 
 
 def copied_each(dicts: Any) -> Any:
-    """Return a dict of shallow copies of the dicts in a dict."""
+    """Return a dict of shallow copies of inner dicts."""
     made = {}
     for key, one in dicts.items():
         made[key] = one.copy()
@@ -49,16 +49,16 @@ def copied_each(dicts: Any) -> Any:
 
 
 def refill(known: Any, value: Any) -> Any:
-    """Give a dict, which others refer to, the items of another one; return it."""
+    """Replace the items of a dict in place, because others refer to it; return it."""
     known.clear()
     dict.update(known, value)  # scores are numbers already
     return known
 
 
 def refill_each(known: Any, value: Any) -> Any:
-    """Give the dicts in a dict the items of those in another one, and return it.
+    """Replace the items of inner dicts in place, and return the outer dict.
 
-    A dict without a counterpart is emptied.
+    An inner dict without a counterpart becomes empty.
     """
     for key, one in known.items():
         other = value.get(key)
@@ -70,9 +70,9 @@ def refill_each(known: Any, value: Any) -> Any:
 
 
 def refill_counts(known: Any, value: Any) -> Any:
-    """Give the dicts in a dict the numbers of those in another one, and return it.
+    """Replace the numbers of inner dicts in place, and return the outer dict.
 
-    A dict without a counterpart counts from 0.
+    An inner dict without a counterpart is set to 0.
     """
     for key, one in known.items():
         other = value.get(key)
@@ -95,7 +95,7 @@ def _copied_or_shared(value: Any, memo: Any) -> Any:
 
 
 def _copy_of(value: Any, seen: set[int]) -> Any:
-    """Return a copy of a plain value; `seen` has the ids of the containers that were copied (NotPlain)."""
+    """Return a copy of a plain value; `seen` collects the ids of copied containers (NotPlain)."""
     kind = type(value)
     if kind is str or kind is int or value is None or kind in _ATOMS:
         return value
@@ -114,5 +114,5 @@ def _copy_of(value: Any, seen: set[int]) -> Any:
     if kind is list or kind is tuple:
         return kind([_copy_of(one, seen) for one in value])
     if kind is set or (kind is ndarray and not value.dtype.hasobject and value.base is None):
-        return value.copy()  # what can be in a set, frozen or not, does not change
+        return value.copy()  # items of sets are immutable
     raise NotPlain

@@ -26,7 +26,7 @@ SIP_1 = 0x646F72616E646F6D
 SIP_2 = 0x6C7967656E657261
 SIP_3 = 0x7465646279746573
 EIGHT_BYTES = 0x0800000000000000
-MOST = 0x100000000  # that `below` takes
+MOST = 0x100000000  # the maximum bound of `below`
 
 
 def mix(bits: int) -> int:
@@ -68,12 +68,12 @@ def siphash(key_0: int, key_1: int, word: int) -> int:
 
 
 def first_key(purpose: int, name: int) -> int:
-    """Return the key from which all draws of one purpose and name follow."""
+    """Return the key of all draws for one purpose and name."""
     return siphash(purpose, mix(purpose), name)
 
 
 def turn_key(first: int, turn: int) -> int:
-    """Return the key from which all draws of a `first_key` in one turn follow; a turn may be negative."""
+    """Return the key of all draws of a `first_key` in one turn; the turn may be negative."""
     return mix((first + turn * GAMMA) & MASK)
 
 
@@ -83,7 +83,7 @@ def bits_at(key: int, k: int) -> int:
 
 
 def below(bits: int, n: int) -> int:
-    """Return a number from 0 to `n - 1` that random bits choose; `n` is from 1 to 2 ** 32."""
+    """Return a number from 0 to `n - 1` from random bits; `n` is from 1 to 2 ** 32."""
     return ((bits >> 32) * n) >> 32
 
 
@@ -93,38 +93,38 @@ def below_at(first: int, turn: int, k: int, n: int) -> int:
 
 
 def fraction(bits: int) -> float:
-    """Return a number in [0, 1) that random bits choose, a multiple of 2 ** -53."""
+    """Return a number in [0, 1) from random bits, a multiple of 2 ** -53."""
     return (bits >> 11) * 2.0**-53
 
 
 def fill_first_keys(purposes: memoryview[int], names: memoryview[int], out: memoryview[int]) -> int:
-    """Write the `first_key` of each row; all three have as many rows."""
+    """Write the `first_key` of each row; all arrays have the same length."""
     for i in range(len(out)):
         out[i] = first_key(purposes[i], names[i])
     return 0
 
 
 def fill_turn_keys(first: memoryview[int], turns: memoryview[int], out: memoryview[int]) -> int:
-    """Write the `turn_key` of each row; all three have as many rows."""
+    """Write the `turn_key` of each row; all arrays have the same length."""
     for i in range(len(out)):
         out[i] = turn_key(first[i], turns[i])
     return 0
 
 
 def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[int]) -> int:
-    """Write draw number `counts[i]` of each `turn_key`; all three have as many rows."""
+    """Write draw number `counts[i]` of each `turn_key`; all arrays have the same length."""
     for i in range(len(out)):
         out[i] = bits_at(keys[i], counts[i])
     return 0
 
 
 class Choices:
-    """Numbers that agents draw, in rows game by game.
+    """Random numbers of agents; rows are game by game.
 
     Attributes:
         keys: (rows,) the `first_key` of each agent.
-        counts: (rows,) a number is drawn below each of these, from 1 to 2 ** 32.
-        chosen: (rows,) gets the numbers.
+        counts: (rows,) the bound of each number, from 1 to 2 ** 32.
+        chosen: (rows,) the drawn numbers, below the bounds.
     """
 
     def __init__(self, keys: memoryview[int], counts: memoryview[int], chosen: memoryview[int]) -> None:
@@ -134,23 +134,23 @@ class Choices:
 
 
 def choose(choices: Choices, begin: int, number: int, turn: int) -> int:
-    """Let so many rows from `begin` draw: by draw number 0 of a turn."""
+    """Write draw number 0 of a turn for `number` rows from row `begin`."""
     for row in range(begin, begin + number):
         choices.chosen[row] = below_at(choices.keys[row], turn, 0, choices.counts[row])
     return 0
 
 
 class Turns:
-    """The turns of a game, as keyed draws follow them.
+    """A counter of turns, shared by all random streams of a game.
 
     Args:
-        clock: its `turn` counts.
+        clock: an object with the attribute `turn`.
 
     Attributes:
-        clock: as given.
-        turn: the last turn in which something was drawn.
-        begun: how often a turn has begun, with one seed or another; what was drawn in another has no effect.
-        seeds: how often a seed was given.
+        clock: the clock.
+        turn: the last turn with a draw.
+        begun: the number of turns begun, under any seed; streams restart when it changes.
+        seeds: the number of changes of the seed.
     """
 
     def __init__(self, clock: Any) -> None:
@@ -160,7 +160,7 @@ class Turns:
         self.seeds = 0
 
     def catch_up(self) -> int:
-        """Begin the turn that the clock says, if it is another one; return `begun`."""
+        """Begin a new turn if the clock has advanced; return `begun`."""
         return self._catch_up()
 
     def _catch_up(self) -> int:
@@ -171,47 +171,47 @@ class Turns:
         return self.begun
 
     def restart(self) -> None:
-        """Let draws follow from another seed from now on, also in this turn."""
+        """Make streams follow a changed seed from now on, in this turn, too."""
         self.seeds += 1
         self.turn = -1
 
     def begin_again(self) -> None:
-        """Let it be as if nothing had been drawn in this turn."""
+        """Restart all streams of the current turn, as if nothing had been drawn in it."""
         self.turn = -1
 
 
 class StreamOfTurns:
-    """Draws of one name, which begin anew in each turn.
+    """A random stream of one name, which restarts in each turn.
 
-    A subclass has `first_key`, which returns the `first_key` of the name by the seed of now, and `refuse_bound`, which
-    raises an error about an argument of `below`.
+    A subclass has `first_key`, which returns the `first_key` of the name for the current seed, and `refuse_bound`,
+    which raises the error for a bad argument of `below`.
 
     Args:
-        turns: of the game.
+        turns: the turns of the game.
     """
 
     def __init__(self, turns: Turns) -> None:
         self._turns = turns
-        self._begun = -1  # of the turns when it drew last
-        self._count = 0  # how much it has drawn in that turn
-        self._key = 0  # of that turn
-        self._seeds = -1  # of the turns when `_first` was found
+        self._begun = -1  # `Turns.begun` at the last draw
+        self._count = 0  # the number of draws in that turn
+        self._key = 0  # the key of that turn
+        self._seeds = -1  # `Turns.seeds` when `_first` was computed
         self._first = 0
 
     def mark(self) -> int | None:
-        """Return how much was drawn in this turn, for `go_to`; None: nothing."""
+        """Return the number of draws in this turn, for `go_to`; None: nothing was drawn."""
         turns = self._turns
         return self._count if self._begun == turns.begun and turns.turn == turns.clock.turn else None
 
     def go_to(self, mark: int | None) -> None:
-        """Go on from a mark of this turn."""
+        """Continue from a mark of this turn."""
         self._begun = -1
         if mark is not None:
             self._seek()
             self._count = mark
 
     def _seek(self) -> int:
-        """Begin the stream of this turn, if it is another one."""
+        """Restart the stream if a new turn has begun."""
         turns = self._turns
         begun = turns._catch_up()
         if begun != self._begun:
@@ -237,7 +237,7 @@ class StreamOfTurns:
         return fraction(self._next())
 
     def below(self, n: Any) -> Any:
-        """Return an integer from 0 to `n - 1`, each as likely.
+        """Return a uniform random integer from 0 to `n - 1`.
 
         Raises:
             BadValue: `n` is not between 1 and 2 ** 32.
@@ -250,10 +250,10 @@ class StreamOfTurns:
         return (self._next() >> 32) * n >> 32
 
     def choice(self, options: Any) -> Any:
-        """Return one of the options, each as likely.
+        """Return a uniform random item of a sequence.
 
         Raises:
-            BadValue: there is none.
+            BadValue: the sequence is empty.
         """
         count = len(options)
         if count < 1:

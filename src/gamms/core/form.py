@@ -1,4 +1,4 @@
-"""Which form of the core runs: its compiled modules, or their text, interpreted."""
+"""Choose between the compiled and the interpreted form of the core."""
 
 import os
 import sys
@@ -13,11 +13,12 @@ from types import ModuleType
 def choose(package: str, folder: Path) -> bool:
     """Choose the form in which the modules of a package are loaded; return whether it is the compiled one.
 
-    `GAMMS_CORE` is `python` for the interpreted form, `compiled` to accept no other. A checkout whose text has changed
-    since it was compiled runs the text, and a warning says so.
+    The environment variable `GAMMS_CORE` selects a form: `python` for the interpreted one, `compiled` to require the
+    compiled one. If the source of a checkout has changed since it was compiled, the source runs interpreted, with a
+    warning.
 
     Raises:
-        ImportError: `GAMMS_CORE` is neither of the two, or asks for compiled modules that are not there.
+        ImportError: `GAMMS_CORE` has another value, or requires compiled modules that do not exist.
     """
     asked = os.environ.get("GAMMS_CORE", "")
     if asked not in ("", "python", "compiled"):
@@ -26,13 +27,13 @@ def choose(package: str, folder: Path) -> bool:
         return True
     if asked == "compiled":
         raise ImportError("GAMMS_CORE is 'compiled', and gamms.core is not: install it where a C compiler works.")
-    sys.meta_path.insert(0, _TextFinder(package))  # compiled modules of other text may lie beside it
+    sys.meta_path.insert(0, _TextFinder(package))  # else compiled modules of other text would be found first
     return False
 
 
 def digest(folder: Path) -> str:
-    """Return a hash of the text that is compiled: each `.pxd` and the `.py` beside it."""
-    from hashlib import sha256  # which takes milliseconds to load, and an installed package does without
+    """Return a hash of the compiled source: each `.pxd` file, and the `.py` file beside it."""
+    from hashlib import sha256  # it takes milliseconds to load, and only checkouts need it
 
     total = sha256()
     types = sorted(folder.glob("*.pxd"))
@@ -43,7 +44,7 @@ def digest(folder: Path) -> str:
 
 
 def _is_compiled(package: str, folder: Path) -> bool:
-    """Return whether compiled modules can be loaded, and in a checkout, whether they are those of its text."""
+    """Return whether compiled modules can be loaded and, in a checkout, match the source."""
     try:
         stamp = import_module(f"{package}._stamp")
     except ModuleNotFoundError:
@@ -61,7 +62,7 @@ def _is_compiled(package: str, folder: Path) -> bool:
 
 
 class _TextFinder:
-    """A finder, for `sys.meta_path`, of the modules of one package as text and of nothing else."""
+    """A finder for `sys.meta_path` that loads the modules of one package from source, and no other modules."""
 
     def __init__(self, package: str) -> None:
         self._prefix = f"{package}."
@@ -69,7 +70,7 @@ class _TextFinder:
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the spec of a module of the package, None for any other."""
+        """Return the spec of a module of the package; None for any other module."""
         if not fullname.startswith(self._prefix):
             return None
         for folder in path or ():
@@ -80,5 +81,5 @@ class _TextFinder:
 
 
 def as_dict(value: dict[object, object]) -> dict[object, object]:
-    """Return an object of a dict subclass; compiled code calls the methods of `dict` on it."""
+    """Return a dict unchanged; in compiled code, its type then selects the fast methods of `dict`."""
     return value

@@ -1,4 +1,4 @@
-"""Moves of one game along edges: agents decide, give way to each other, and go."""
+"""Moves of one game along one edge per turn: agents decide, resolve conflicts, and move."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from gamms.core import draws, strategies
 from gamms.core.conflicts import Contests, Requests, resolve
 from gamms.core.rules import Games, Steps
 
-STAYS = 0  # how an agent decides: it stays where it is,
-WALKS = 1  # goes to one of its legal nodes, each as likely,
-IS_GIVEN = 2  # has an action from outside: the number of a legal node,
-STEPS = 4  # or decides by the steps of its strategy, see `strategies`
+STAYS = 0  # kinds of decisions: stay on the node,
+WALKS = 1  # move to a uniform random legal node,
+IS_GIVEN = 2  # take an action from outside, the number of a legal node,
+STEPS = 4  # or decide by the steps of a strategy, see `strategies`
 # names for callers in Python, which do not see constants with a C type
 STAY = STAYS
 RANDOM_WALK = WALKS
@@ -18,16 +18,18 @@ BY_STEPS = STEPS
 
 
 class Streets:
-    """Where agents may go in a turn: along one edge, or anywhere.
+    """The legal moves of a turn: along one edge, or to any node.
 
-    There may be several maps with the same nodes, which differ in the roads that are open: the nodes of one come after
-    those of another, and have places.
+    Several maps may have the same nodes and differ in the open roads; their nodes follow each other. The position of a
+    node in this sequence is its place.
 
     Attributes:
-        nodes: how many there are.
-        are_all_legal: whether agents may go to any node: of these a node has its own first, then the others.
-        offsets: (nodes + 1,) the legal nodes of the node at place `i` are `targets[offsets[i]:offsets[i + 1]]`.
-        targets: of each node its own row first, then those of its neighbors in the order of `state["legal"]`.
+        nodes: the number of places.
+        are_all_legal: whether agents may move to any node; then the agent's own node is the first legal node, and the
+            others follow.
+        offsets: (places + 1,) the legal nodes at place `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        targets: the rows of legal nodes: for each place its own row, then its neighbors in the order of
+            `state["legal"]`.
     """
 
     def __init__(self, offsets: memoryview[int], targets: memoryview[int], *, are_all_legal: bool = False) -> None:
@@ -38,13 +40,13 @@ class Streets:
 
 
 class Routes:
-    """The ways along which functions let agents go, node by node, where these do not go along one edge.
+    """Routes that functions have chosen, for agents that may move along several edges.
 
     Attributes:
-        room: how many nodes a row has room for.
-        nodes: (rows * room,)
-        counts: (rows,) how many nodes there are; -1: the agent stays where it is.
-        motions: (rows,) of an agent on an edge: `travel.BACK`, or `travel.FORWARD`.
+        room: the maximum number of nodes in a row.
+        nodes: (rows * room,) the nodes of each route.
+        counts: (rows,) the number of nodes; -1: the agent stays.
+        motions: (rows,) for agents on an edge: `travel.BACK` or `travel.FORWARD`.
     """
 
     def __init__(self, room: int, nodes: memoryview[int], counts: memoryview[int], motions: memoryview[int]) -> None:
@@ -54,34 +56,34 @@ class Routes:
         self.motions = motions
 
     def take(self, row: int, route: memoryview[int]) -> int:
-        """Copy the way of an agent; return how many nodes there are, or -1."""
+        """Copy the route of an agent to `route`; return the number of its nodes, or -1."""
         for number in range(self.counts[row]):
             route[number] = self.nodes[row * self.room + number]
         return self.counts[row]
 
 
 class Movers:
-    """The agents of games as they decide and move; rows are those of `rules.Games`.
+    """The agents of games along one edge per turn; rows are as in `rules.Games`.
 
     Attributes:
-        streets: where they may go.
+        streets: the legal moves.
         decides_by: (agents,) `STAYS`, `WALKS`, `IS_GIVEN` or `STEPS`.
-        walks: draws the nodes of those that walk: into `ends`, numbers below `counts`.
-        some_walk: whether there are such.
-        given: (rows,) the actions of those that are given one; -1: they go as `routes` says.
-        routes: see there; None: all agents go along one edge.
-        by_steps: decides for those of `STEPS`, if there are such.
-        contests, requests: find who gives way, if `has_conflicts`; the requests have `node` of the games, `ends` and
+        walks: draws for random walks; the numbers, below `counts`, are written to `ends`.
+        some_walk: whether an agent walks at random.
+        given: (rows,) the actions given from outside; -1: the agent follows its route in `routes`.
+        routes: routes; None: all agents move along one edge.
+        by_steps: decides for agents with `STEPS`; None: there are none.
+        contests, requests: resolve conflicts, if `has_conflicts`; the requests share `node` of the games, `ends` and
             `takes_part`.
-        part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
-        parts: how many parts a turn has.
-        part: (games,) how many of them were played in the turn that is under way.
-        ends: (rows,) where agents go in the turn that is played.
-        takes_part: (rows,) 1: the agent was alive when this turn began.
-        counts: (rows,) how many nodes were legal then.
-        moves, blocks: (rows,) how often agents have gone to another node, and how often conflicts have stopped them.
-        blocked: (rows,) 1: conflicts stopped the agent when it decided last.
-        wanted: (rows,) where it wanted to go then, as conflicts compare places.
+        part_of: (agents,) the part of the turn in which each agent moves, in the order of play.
+        parts: the number of parts of a turn.
+        part: (games,) the number of parts played in the current turn.
+        ends: (rows,) the nodes that agents move to in this turn.
+        takes_part: (rows,) 1: the agent was alive at the start of the turn.
+        counts: (rows,) the number of legal nodes at that time.
+        moves, blocks: (rows,) the total numbers of moves to another node, and of moves stopped by conflicts.
+        blocked: (rows,) 1: a conflict stopped the agent's last move.
+        wanted: (rows,) the place where this move would have ended, as in `conflicts`.
     """
 
     def __init__(
@@ -129,17 +131,17 @@ class Movers:
         self.parts = parts
 
     def take(self, streets: Streets) -> None:
-        """Let the agents move on these streets from now on."""
+        """Replace the legal moves."""
         self.streets = streets
 
 
 def count_legal(s: Streets, place: int) -> int:
-    """Return how many nodes are legal from the node at a place."""
+    """Return the number of legal nodes at a place."""
     return s.nodes if s.are_all_legal else s.offsets[place + 1] - s.offsets[place]
 
 
 def legal_node(s: Streets, first: int, node: int, number: int) -> int:
-    """Return the legal node of a number; `first` is the place of the first node of the map."""
+    """Return legal node number `number` of a node; `first` is the place of the map's first node."""
     if not s.are_all_legal:
         return s.targets[s.offsets[first + node] + number]
     if number == 0:
@@ -148,7 +150,7 @@ def legal_node(s: Streets, first: int, node: int, number: int) -> int:
 
 
 def decide(games: Games, m: Movers, game: int) -> int:
-    """Let the living agents of this part of a turn choose the legal nodes that they go to; the others stay."""
+    """Choose the moves of the living agents in this part of the turn; all other agents stay."""
     at = game * games.agents
     first = games.first_node[game]
     part = m.part[game]
@@ -158,7 +160,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
             games.start[row] = node
             m.takes_part[row] = games.alive[row]
         m.counts[row] = count_legal(m.streets, first + node)
-    if m.some_walk:  # `ends` are numbers of legal nodes for a while
+    if m.some_walk:  # until the loop below, `ends` holds numbers of legal nodes
         draws.choose(m.walks, at, games.agents, games.turn[game])
     for i in range(games.agents):
         row = at + i
@@ -177,7 +179,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
 
 
 def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
-    """Return the legal node to which an agent goes by the steps of its strategy."""
+    """Return the legal node that the strategy steps of an agent choose."""
     row = game * games.agents + i
     first = games.first_node[game]
     m.by_steps.count = m.counts[row]  # type: ignore[union-attr] # there are some
@@ -189,7 +191,7 @@ def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
 
 
 def give_way(games: Games, m: Movers, game: int) -> int:
-    """Let agents stay that lose conflicts, and count them."""
+    """Resolve conflicts: the losers stay, and are counted."""
     if not m.has_conflicts or resolve(m.contests, m.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type]
         return 0
     at = game * games.agents
@@ -204,7 +206,7 @@ def give_way(games: Games, m: Movers, game: int) -> int:
 
 
 def move(games: Games, m: Movers, game: int) -> int:
-    """Let agents go, and count their moves; one turn more was played then if this was its last part."""
+    """Move all agents of a game, count the moves, and advance the turn after its last part."""
     at = game * games.agents
     for row in range(at, at + games.agents):
         games.placed[row] = 0
@@ -216,7 +218,7 @@ def move(games: Games, m: Movers, game: int) -> int:
 
 
 def end_part(games: Games, m: Movers, game: int) -> int:
-    """Note that one part more of a turn was played, and one turn more if it was the last."""
+    """Count a finished part of a turn, and advance the turn after its last part."""
     m.part[game] += 1
     if m.part[game] == m.parts:
         m.part[game] = 0
@@ -225,11 +227,12 @@ def end_part(games: Games, m: Movers, game: int) -> int:
 
 
 class StepsInParts(Steps):
-    """How the agents of one game have gone in a turn along one edge or none, each in its part of the turn.
+    """The paths of the agents of one game along at most one edge each, when a turn has several parts.
 
     Args:
         movers: the agents.
-        nodes, times: see `Steps`, with three nodes of each agent: one that waits for its part is twice on the first.
+        nodes, times: see `Steps`, with room for three nodes of each agent: an agent that waits for its part has its
+            start node twice.
         lengths: see `Steps`.
     """
 
@@ -241,7 +244,7 @@ class StepsInParts(Steps):
         self.movers = movers
 
     def fill(self, games: Games, game: int) -> int:
-        """Write how the agents of a game came to where they are."""
+        """Write the paths of the agents of a game."""
         for agent in range(games.agents):
             row = game * games.agents + agent
             place = 3 * agent

@@ -1,8 +1,8 @@
-"""What agents of one game observe as numbers, written into the arrays of the caller: vectors, or entries of nodes.
+"""Observations of agents as numbers, written to the caller's arrays: vectors, or features of nodes.
 
-A vector has the own place, `actions` times whether an action is legal and how far away the node is to which it leads,
-and of the nearest `others` in sight whether there is one, whether it is a mate, and how far away it is. Entries of
-nodes say which action leads there, and how many agents are seen there. Lengths are shares of the map.
+A vector has the agent's position; for each of `actions` actions, whether it is legal, and the offset to its node; and
+for each of the nearest `others` visible agents, a 1, whether it is a teammate, and its offset. Features of a node
+include the action that leads there, and the numbers of visible agents on it. Lengths are shares of the map size.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ except ImportError:  # Cython is not needed to run the text
 
     cython = SimpleNamespace(nogil=nullcontext())
 
-OWN = 2  # entries of the own place,
-OF_ACTION = 3  # of an action,
-OF_OTHER = 4  # and of another agent
-AROUND = 7  # entries of a node around an agent,
+OWN = 2  # numbers for the agent's position,
+OF_ACTION = 3  # for an action,
+OF_OTHER = 4  # and for another agent
+AROUND = 7  # features of a node around an agent,
 ON_MAP = 6  # and of a node of the whole map
 
 
 class Seen:
-    """The agents that are seen, found by the sensors of all agents or, without `looks`, given as pairs.
+    """The agents that observers see: computed from sensors, or without `looks`, given as pairs.
 
     Attributes:
         looks: the sensors of all agents of a game.
         first: (rows + 1,) the pairs of a row are `first[row]` to `first[row + 1] - 1`.
-        nodes: (pairs,) where an agent is seen.
-        mates: (pairs,) 1: it is a mate.
-        viewers: (agents that observe,) their numbers among all agents.
-        agents: how many these are.
-        node, alive: (all games * agents,) of all agents.
-        team: (agents,) the number of the team of each.
-        are_mates: (teams,) 1: agents of this team are mates.
+        nodes: (pairs,) the node of the visible agent.
+        mates: (pairs,) 1: it is a teammate.
+        viewers: (observers,) their numbers among all agents.
+        agents: the number of all agents.
+        node, alive: (all games * agents,) the nodes of all agents, and 1 for living ones.
+        team: (agents,) the team number of each agent.
+        are_mates: (teams,) 1: agents of this team are teammates.
     """
 
     def __init__(
@@ -66,17 +66,17 @@ class Seen:
 
 
 class Observers:
-    """The agents that observe in some games, each of which has a row in what is written.
+    """The observers of some games; each has a row in the output.
 
     Attributes:
-        agents: how many there are in a game.
-        games: (places,) the numbers of the games, in whose columns `turn`, `seen.node` and `seen.alive` they are.
-        rows: (places,) the row of the first of these agents in each game.
-        is_asked: (rows,) 1: the agent is alive; else all of its numbers are 0.
-        choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own first;
-            (0,): a choice is the node of the agent.
-        turn: (all games,) how many turns were played.
-        seen: whom they see.
+        agents: the number of observers of a game.
+        games: (places,) the number of each game, for `turn`, `seen.node` and `seen.alive`.
+        rows: (places,) the row of the first observer of each game.
+        is_asked: (rows,) 1: the agent is alive; 0: all its numbers are 0.
+        choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own node first;
+            if the array is empty, the choice is the node of the agent.
+        turn: (all games,) the number of turns played.
+        seen: the visible agents.
     """
 
     def __init__(
@@ -105,18 +105,18 @@ class Observers:
 
 
 class Vectors:
-    """The vectors that are written.
+    """The output of vector observations.
 
     Attributes:
         places: (2 * nodes,) x and y of each node.
-        own: (2 * rows,) x and y of each agent, if they may be elsewhere than on nodes; else (0,).
-        actions: how many actions a vector has.
-        others: how many other agents it has.
-        entries: how many numbers it has; behind those of the others 0, but the last one the share n / (n + 100) after
-            n turns.
-        values: (rows * entries,)
-        legal: (rows * actions,) 1: the action is legal; of agents that are dead, only to stay.
-        counts: (rows,) how many actions are legal.
+        own: (2 * rows,) x and y of each agent, if agents may be between nodes; else empty.
+        actions: the number of actions in a vector.
+        others: the number of other agents in a vector.
+        entries: the length of a vector; entries after those of other agents are 0, except that the last one is n / (n +
+            100) after n turns.
+        values: (rows * entries,) the vectors.
+        legal: (rows * actions,) 1: the action is legal; dead agents can only stay.
+        counts: (rows,) the number of legal actions.
     """
 
     def __init__(
@@ -142,14 +142,14 @@ class Vectors:
 
 
 class Found:
-    """The agents that one sees, and the nearest of them first; of several as far away, the first by name.
+    """The agents that one observer sees, and the nearest of them in order of distance; ties are in the order of names.
 
     Attributes:
-        count: how many there are.
-        nodes: (all agents,) where they are.
-        mates: (all agents,) 1: it is a mate.
-        far: (others + 1,) the squares of how far away the nearest are.
-        nearest: (others + 1,) which they are.
+        count: the number of visible agents.
+        nodes: (all agents,) their nodes.
+        mates: (all agents,) 1: it is a teammate.
+        far: (others + 1,) the squared distances of the nearest agents.
+        nearest: (others + 1,) their indices in `nodes`.
     """
 
     def __init__(
@@ -163,15 +163,15 @@ class Found:
 
 
 class Nodes:
-    """The entries of nodes that are written, of those around agents, or of the whole map.
+    """The output of node features, for the nodes around agents or for the whole map.
 
     Attributes:
-        most: how many nodes an agent has entries of.
-        hops: how many edges away the last ones are; 0: the nodes are those of the whole map.
+        most: the number of nodes for each observer.
+        hops: the maximum number of edges to a node; 0: the nodes of the whole map.
         near: (nodes * most,) the nodes around each node.
-        far: (nodes * most,) how many edges away they are; -1: there is none.
+        far: (nodes * most,) their distances in edges; -1: unused.
         places: (2 * nodes,) x and y of each node.
-        values: (rows * most * entries,)
+        values: (rows * most * features,) the features.
     """
 
     def __init__(
@@ -199,15 +199,15 @@ def mark_seen(
     alive: memoryview[int],
     marks: memoryview[int],
 ) -> int:
-    """Mark the agents that agents see in some games.
+    """Mark the agents that observers see in some games.
 
     Args:
-        looks: the sensors of all agents of a game, whose places are those of all agents of these games.
-        viewers: (agents that look,) their numbers among all agents.
-        team: (agents,) the number of the team of each.
-        is_asked: (games * agents that look,) 1: it looks.
-        alive: (games * agents,)
-        marks: (games * agents that look * agents,) 1 from now on: it sees the other.
+        looks: the sensors of all agents; its places are the positions of all agents of these games.
+        viewers: (observers,) their numbers among all agents.
+        team: (agents,) the team number of each agent.
+        is_asked: (games * observers,) 1: the observer looks.
+        alive: (games * agents,) 1: the agent is alive.
+        marks: (games * observers * agents,) set to 1 if the observer sees the agent.
     """
     agents = len(team)
     for row in range(len(is_asked)):
@@ -223,12 +223,12 @@ def mark_seen(
 
 
 def node_of(o: Observers, place: int, agent: int) -> int:
-    """Return the node of an agent that observes, in the game at a place."""
+    """Return the node of an observer, in the game at a place."""
     return o.seen.node[o.games[place] * o.seen.agents + o.seen.viewers[agent]]
 
 
 def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
-    """Write the vectors of the agents of the game at a place."""
+    """Write the vectors of all observers of the game at a place."""
     for i in range(o.agents):
         row = o.rows[game] + i
         count = 1
@@ -244,7 +244,7 @@ def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
 
 
 def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int:
-    """Write the vector of an agent that is alive; return how many actions are legal."""
+    """Write the vector of a living agent; return the number of legal actions."""
     row = o.rows[game] + agent
     here = node_of(o, game, agent)
     own_x = v.places[2 * here] if v.are_on_nodes else v.own[2 * row]
@@ -288,7 +288,7 @@ def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int
 
 
 def look(o: Observers, found: Found, game: int, agent: int) -> int:
-    """Find the agents that an agent sees, in the game at a place."""
+    """Find the agents that an observer sees, in the game at a place."""
     row = o.rows[game] + agent
     found.count = 0
     if not o.seen.has_looks:
@@ -313,7 +313,7 @@ def look(o: Observers, found: Found, game: int, agent: int) -> int:
 
 
 def _choose_nearest(v: Vectors, found: Found, own_x: float, own_y: float) -> int:
-    """Choose the nearest of the agents that are seen; return how many these are."""
+    """Find the nearest visible agents, by insertion into a sorted list; return their number."""
     count = 0
     for other in range(found.count):
         dx = v.places[2 * found.nodes[other]] - own_x
@@ -331,7 +331,7 @@ def _choose_nearest(v: Vectors, found: Found, own_x: float, own_y: float) -> int
 
 
 def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
-    """Write the entries of nodes for the agents of the game at a place."""
+    """Write the node features for all observers of the game at a place."""
     size = n.most * (AROUND if n.hops > 0 else ON_MAP)
     for i in range(o.agents):
         row = o.rows[game] + i
@@ -353,7 +353,7 @@ def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
 
 
 def _write_around(o: Observers, n: Nodes, row: int, node: int) -> int:
-    """Write the entries of the nodes around an agent, on which nobody is seen."""
+    """Write the features of the nodes around an agent, with no visible agents."""
     choice = node if o.are_by_node else o.choice[row]
     first = o.offsets[choice]
     for k in range(n.most):
@@ -377,7 +377,7 @@ def _write_around(o: Observers, n: Nodes, row: int, node: int) -> int:
 
 
 def _count_around(n: Nodes, found: Found, row: int, node: int) -> int:
-    """Count the agents that are seen on the nodes around an agent."""
+    """Add the numbers of visible agents on the nodes around an agent."""
     for other in range(found.count):
         for k in range(n.most):
             place = node * n.most + k
@@ -387,7 +387,7 @@ def _count_around(n: Nodes, found: Found, row: int, node: int) -> int:
 
 
 def _write_map(o: Observers, n: Nodes, row: int, node: int) -> int:
-    """Write the entries of all nodes, on which nobody is seen."""
+    """Write the features of all nodes of the map, with no visible agents."""
     for other in range(n.most):
         at = (row * n.most + other) * ON_MAP
         n.values[at] = n.places[2 * other]
@@ -399,13 +399,15 @@ def _write_map(o: Observers, n: Nodes, row: int, node: int) -> int:
     n.values[(row * n.most + node) * ON_MAP + 2] = 1.0
     choice = node if o.are_by_node else o.choice[row]
     first = o.offsets[choice]
-    for action in range(o.offsets[choice + 1] - first - 1, -1, -1):  # of several, the first one counts
+    for action in range(
+        o.offsets[choice + 1] - first - 1, -1, -1
+    ):  # backward, so that the first action to a node counts
         n.values[(row * n.most + o.targets[first + action]) * ON_MAP + 3] = action
     return 0
 
 
 def observe_aside(o: Observers, v: Vectors, found: Found, places: memoryview[int], begin: int, end: int) -> int:
-    """Write the vectors of the games at `places[begin:end]`, and let other threads of Python go on meanwhile."""
+    """Write the vectors of the games at `places[begin:end]` without the GIL."""
     with cython.nogil:
         for number in range(begin, end):
             observe(o, v, found, places[number])
@@ -413,7 +415,7 @@ def observe_aside(o: Observers, v: Vectors, found: Found, places: memoryview[int
 
 
 def observe_nodes_aside(o: Observers, n: Nodes, found: Found, begin: int, end: int) -> int:
-    """Write the entries of nodes of the games at the places from `begin` to `end - 1`, likewise."""
+    """Write the node features of the games at places `begin` to `end - 1` without the GIL."""
     with cython.nogil:
         for game in range(begin, end):
             observe_nodes(o, n, found, game)

@@ -1,8 +1,8 @@
-"""Shortest paths along the arcs of a graph, found by Dijkstra's algorithm (1959) from some nodes, the roots.
+"""Shortest paths on a graph from one or several root nodes, by Dijkstra's algorithm (1959).
 
-The weights of a path are added one by one from its root. Rounding never turns a longer sum into a smaller one, so the
-distances do not depend on the order in which nodes are visited. Of paths that are equally long the one with the fewest
-arcs is best; of these, at each node, the one that comes from the node with the smallest id.
+The weights of a path are added one by one from its root. Rounding never makes a longer sum smaller, so the distances do
+not depend on the order of visits. Among paths of equal length, one with the fewest arcs is chosen; further ties go, at
+each node, to the previous node with the smallest id.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from __future__ import annotations
 from gamms.core import travel
 
 INFINITE = float("inf")
-SLACK = 1e-9  # more than rounding adds to the length of a path with a million arcs
-LEAST = 1e-150  # shorter paths may have lost digits
+SLACK = 1e-9  # relative; rounding adds less to a path of a million arcs
+LEAST = 1e-150  # below this length, floats may have lost digits
 
 
 class Arcs:
-    """A directed graph as compressed sparse rows: what leaves row `i` begins at `offsets[first + i]`.
+    """A directed graph as compressed sparse rows: arcs from row `i` begin at `offsets[first + i]`.
 
     Attributes:
-        offsets: (places + 1,) where the arcs begin that leave the node at each place; those of several graphs with the
-            same nodes may follow each other.
+        offsets: (places + 1,) where the arcs from the node at each place begin; several graphs with the same nodes may
+            follow each other.
         ends: (arcs,) rows of nodes.
-        weights: (arcs,) not negative, finite.
-        ids: (nodes,) different numbers.
-        first: the place of the first node of the graph that is searched.
+        weights: (arcs,) nonnegative, finite.
+        ids: (nodes,) distinct node ids.
+        first: the place of the first node of the graph to search.
     """
 
     def __init__(
@@ -41,14 +41,14 @@ class Arcs:
 
 
 class Paths:
-    """The shortest paths that a search has found.
+    """The shortest paths found by a search.
 
     Attributes:
-        reach: scratch; `seen[:count]` of it are the nodes that were seen, and `when` says how far they are.
-        last: (nodes,) the last arc on the path to each node that was seen; -1 of a root.
-        before: (nodes,) the node that it leaves; -1 of a root.
-        path: (nodes,) gets the rows of nodes on a path.
-        count: how many nodes were seen. Those that were not visited may be nearer than `when` says.
+        reach: working memory; `seen[:count]` are the nodes that were seen, and `when` their distances.
+        last: (nodes,) the last arc on the path to each seen node; -1: the node is a root.
+        before: (nodes,) the previous node on the path; -1: the node is a root.
+        path: (nodes,) receives the rows of the nodes of a path.
+        count: the number of seen nodes. Nodes that were not visited may be nearer than `when`.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Paths:
 
 
 def widened(far: float) -> float:
-    """Return a little more than a distance: more than rounding can add to it."""
+    """Return a distance plus a margin for rounding errors."""
     return far * (1.0 + SLACK) + LEAST
 
 
@@ -75,16 +75,16 @@ def find(
     within: float,
     is_nearest: bool,
 ) -> int:
-    """Visit the nodes that are nearest to some roots until all goals are; return how many, -1: it would be too many.
+    """Visit nodes by distance from the roots until all goals are visited; return the number of visits, or -1.
 
     Args:
         arcs: the graph.
-        paths: gets the paths to these nodes.
+        paths: receives the paths.
         roots: rows of nodes.
-        goals: rows of nodes; -1 for one that is never visited.
-        most: how many nodes may be visited.
-        within: what is farther away is not reached.
-        is_nearest: whether the nearest goals are enough, and those that are as near up to rounding.
+        goals: rows of nodes; -1 stands for a goal that is never visited.
+        most: the maximum number of visits; -1 is returned if more are necessary.
+        within: the maximum distance; nodes beyond are not reached.
+        is_nearest: whether to stop after the nearest goals, including ties up to rounding.
     """
     left = list_goals(paths.reach, goals)
     paths.reach.size = 0
@@ -113,7 +113,7 @@ def find(
 
 
 def list_goals(reach: travel.Reach, goals: memoryview[int]) -> int:
-    """List some goals; return how many different ones there are."""
+    """Mark the goals of a search; return the number of different goals."""
     reach.search += 1
     left = 0
     for number in range(len(goals)):
@@ -126,7 +126,7 @@ def list_goals(reach: travel.Reach, goals: memoryview[int]) -> int:
 
 
 def go_along(arcs: Arcs, paths: Paths, start: int, arc: int, within: float) -> int:
-    """Reach the end of an arc from its start, which was visited, unless a path that is as good leads there."""
+    """Extend the path of a visited node by an arc, unless the end already has a path that is at least as good."""
     end = arcs.ends[arc]
     place = paths.reach.places[end]
     far = paths.reach.when[start] + arcs.weights[arc]
@@ -147,7 +147,7 @@ def go_along(arcs: Arcs, paths: Paths, start: int, arc: int, within: float) -> i
 
 
 def trace(paths: Paths, node: int) -> int:
-    """Write the nodes on the path from a node that was visited back to its root; return how many there are."""
+    """Write the nodes on the path from a visited node back to its root; return their number."""
     count = 0
     while node >= 0:
         paths.path[count] = node
