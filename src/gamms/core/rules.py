@@ -1,15 +1,15 @@
-"""Rules of games: tags, flags, agents that come back, goals, and ends. Each is played in one game.
+"""Rules of games: tags, flags, respawns, goals and ends, each applied to one game.
 
-Shapes. A block has games of `agents` agents in the order of their names. Row `game * agents + agent` of a column is an
-agent in a game, row `game * teams + team` of `score` a team. Numbers are 64-bit integers, but `alive`, `placed` and
-`over` (bytes), `score` (64-bit floats) and keys (64-bit integers without sign). Nodes, agents, teams, flags and rules
-are numbers from 0; -1 stands for none. `share` is 64-bit floats.
+Shapes: a block has games of `agents` agents, in the order of their names. Row `game * agents + agent` of a column is an
+agent in a game, row `game * teams + team` of `score` a team. Numbers are 64-bit integers, except `alive`, `placed` and
+`over` (bytes), `score` and `share` (64-bit floats), and keys (unsigned 64-bit integers). Nodes, agents, teams, flags
+and rules are numbered from 0; -1 stands for none.
 
-`Games` has the columns, which `respawn`, `eliminate` and `end_game` write to; `Events` gets what happens. `Tagging`
-collects the contacts that make tags, and `Tags` matches them one to one. `Flags` are taken and brought home. A `Rule`
-writes to columns and events; rules form a chain in the order in which they are called, and `play` calls all of a chain
-in one game. All that lasts longer than a call is in columns that the caller gave, so that games may be played in any
-order and, each thread with rules of its own, at once.
+`Games` holds the columns, which `respawn`, `eliminate` and `end_game` change; `Events` receives events. `Tagging`
+collects contacts, and `Tags` turns them into tags, at most one contact per agent. `Flags` are taken and captured. A
+`Rule` changes columns and adds events; rules form a chain in the order of their calls, and `play` calls a whole chain
+in one game. All lasting state is in columns that the caller gave; therefore games can be played in any order and, if
+each thread has its own rules, in parallel.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ CAPTURE = 5  # agent, other: the flag, node
 REACH = 6  # agent, node
 ARRIVE = 7  # agent, node
 END = 8  # agent: the team that wins, -1: none
-ILLEGAL = 9  # agent, other: the edge that it is on, node: it cannot go there from the edge
-# what becomes of tagged agents
+ILLEGAL = 9  # agent, other: the edge that it is on, node: it cannot move there from the edge
+# effects of a tag
 NOTHING = 0
 RESPAWN = 1
 ELIMINATE = 2
 NOBODY = -1
-LEADER = -2  # instead of a team that wins: the one with the highest score
-ITS_TEAM = -3  # the one that reached its goal
+LEADER = -2  # as a winner: the team with the highest score
+ITS_TEAM = -3  # the team that reached its goal
 # the same for callers in Python, which do not see constants with a C type
 KINDS = ("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end", "illegal")  # by number
 THEN = {"": NOTHING, "respawn": RESPAWN, "eliminate": ELIMINATE}
@@ -54,23 +54,23 @@ class Games:
     """The columns of a block of games that rules read and write.
 
     Attributes:
-        agents, teams: how many a game has.
-        node: (games * agents,) where agents are.
-        start: (games * agents,) where they were when the turn began.
-        previous: (games * agents,) the node before.
-        alive: (games * agents,) 1: the agent takes part.
-        placed: (games * agents,) 1: a rule put the agent where it is since it moved, so that it passed no node.
-        stops: (games * agents,) how often the agent was tagged, put back or taken out.
-        home: (games * agents,) where it comes back; -1: it has not come yet.
-        turn: (games,) how many turns were played.
+        agents, teams: the numbers of agents and teams in a game.
+        node: (games * agents,) the node of each agent.
+        start: (games * agents,) its node at the start of the turn.
+        previous: (games * agents,) its previous node.
+        alive: (games * agents,) 1: the agent is alive.
+        placed: (games * agents,) 1: a rule has placed the agent on its node since its move, so that it passed no node.
+        stops: (games * agents,) how often the agent was tagged, respawned or eliminated.
+        home: (games * agents,) the node where it respawns; -1: it has not entered the game yet.
+        turn: (games,) the number of turns played.
         over: (games,) 1: a rule has ended the game.
-        score: (games * teams,)
-        team: (agents,) of each.
-        first_node: (games,) the place at which the nodes of the map of a game begin in tables of several maps, which
-            differ in the roads that are open; 0 where there is one.
-        edge, share: (games * agents,) in games by metres the edge that an agent is on, -1 on its node, and how much of
-            the edge is behind it; see also `by_edges`. Empty in games along one edge a turn.
-        nobody: the number of the agents' team that is none; -1: all agents have a team.
+        score: (games * teams,) the score of each team.
+        team: (agents,) the team of each agent.
+        first_node: (games,) the place of the first node of the game's map in tables for several maps, which differ in
+            the open roads; 0 if there is one map.
+        edge, share: (games * agents,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
+            behind it; see also `by_edges`. Empty in games along one edge per turn.
+        nobody: the team number of agents without a team; -1: all agents have a team.
     """
 
     def __init__(
@@ -114,12 +114,12 @@ class Games:
 
 
 class Events:
-    """What happened in games, in order; the caller empties it by `count = 0`.
+    """The events of games, in order; the caller removes all by `count = 0`.
 
     Attributes:
-        games, turns, rules, kinds, agents, others, nodes: (room,) of each event; `rules` are their numbers.
-        count: how many there are.
-        room: for how many there is room; more is made when it is needed.
+        games, turns, rules, kinds, agents, others, nodes: (room,) the fields of each event; `rules` are rule numbers.
+        count: the number of events.
+        room: the maximum number of events; it grows when necessary.
     """
 
     def __init__(self, room: int) -> None:
@@ -135,7 +135,7 @@ class Events:
         self.make_room(room)
 
     def make_room(self, room: int) -> int:
-        """Make room for so many events; those that there were are kept."""
+        """Make room for `room` events, and keep the existing ones."""
         self.games = extended("q", self.games, room)
         self.turns = extended("q", self.turns, room)
         self.rules = extended("q", self.rules, room)
@@ -163,7 +163,7 @@ class Events:
 
 
 def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
-    """Return a column with room for so many numbers of a kind of `array`, the first of which are those of another."""
+    """Return a copy of a column with room for `room` numbers; `kind` is a type code of `array`."""
     longer = memoryview(array(kind, bytes(8 * room)))
     longer[: len(column)] = column
     return longer
@@ -173,7 +173,7 @@ def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
 
 
 def respawn(games: Games, events: Events, game: int, agent: int) -> int:
-    """Put an agent, dead or alive, where it began, as if it had always been there."""
+    """Place an agent, dead or alive, on its home node, alive."""
     row = game * games.agents + agent
     node = games.home[row]
     games.node[row] = node
@@ -188,20 +188,20 @@ def respawn(games: Games, events: Events, game: int, agent: int) -> int:
 
 
 def comes_back(out: int, wait: int, turn: int, times: int, most: int) -> bool:
-    """Return whether an agent that is out comes back at the end of a turn.
+    """Return whether an eliminated agent respawns at the end of a turn.
 
     Args:
-        out: the turn in which it went out.
-        wait: how many turns it misses.
-        turn: the turn.
-        times: how often it came back before.
-        most: how often it may come back; -1: always.
+        out: the turn of its elimination.
+        wait: the number of turns that it misses.
+        turn: the current turn.
+        times: the number of its respawns so far.
+        most: the maximum number of respawns; -1: no limit.
     """
     return out + wait <= turn and times != most
 
 
 def eliminate(games: Games, events: Events, game: int, agent: int) -> int:
-    """Take an agent out of a game; nothing happens if it is out already."""
+    """Eliminate an agent; do nothing if it is already eliminated."""
     row = game * games.agents + agent
     if games.alive[row]:
         games.alive[row] = 0
@@ -211,14 +211,14 @@ def eliminate(games: Games, events: Events, game: int, agent: int) -> int:
 
 
 def end_game(games: Games, events: Events, game: int, rule: int, winner: int) -> int:
-    """End a game after this turn; several ends of one turn are joined by whoever reads the events.
+    """End a game after this turn; readers of the events combine several ends of one turn.
 
     Args:
         games: the block.
-        events: get the end.
+        events: receives the end.
         game: the game.
         rule: the number of the rule that ends it.
-        winner: the team that wins; `NOBODY`; or `LEADER`, the team with the highest score, if it is one alone.
+        winner: the winning team; `NOBODY`; or `LEADER`, the team with the highest score, if no other team has it.
     """
     games.over[game] = 1
     if winner == LEADER:
@@ -227,11 +227,11 @@ def end_game(games: Games, events: Events, game: int, rule: int, winner: int) ->
 
 
 def leader(scores: memoryview[float], nobody: int = -1) -> int:
-    """Return the number of the highest of several scores; -1 where there is only one, or several are the highest.
+    """Return the index of the highest score; -1 if several scores are the highest, or only one team exists.
 
     Args:
-        scores: of teams.
-        nobody: the number of one that does not count; -1: all do.
+        scores: (teams,) the scores.
+        nobody: the index of a score to ignore; -1: none.
     """
     best = -1
     teams = 0
@@ -248,21 +248,21 @@ def leader(scores: memoryview[float], nobody: int = -1) -> int:
     return best if is_alone and teams > 1 else -1
 
 
-# -- the course of a turn ----------------------------------------------------------------------------------------------
+# -- paths in a turn ---------------------------------------------------------------------------------------------------
 
 
 def take_moves(
     games: Games, numbers: NodeNumbers, moves: Moves, columns: AgentColumns, agents: MovingAgents, turn: int
 ) -> int:
-    """Write where the agents of the only game of a block were and are, and who was put elsewhere than it went.
+    """Write the start and end nodes of the agents of a single game, and which agents a rule has placed elsewhere.
 
     Args:
         games: the block.
-        numbers: of the nodes.
-        moves: where agents were when the turn began, and where their moves have led.
-        columns: have the ids of the nodes where agents are.
+        numbers: numbers the node ids.
+        moves: the start and end of each move.
+        columns: hold the ids of the current nodes.
         agents: the agents.
-        turn: how many turns were played.
+        turn: the number of turns played.
     """
     games.turn[0] = turn
     for agent in range(games.agents):
@@ -274,13 +274,13 @@ def take_moves(
 
 
 class Steps:
-    """How the agents of one game have gone in a turn: along one edge, or none; a subclass says how others have.
+    """The paths of the agents of one game in a turn, along at most one edge each; subclasses handle other paths.
 
     Attributes:
-        are_one_edge: whether all go along one edge, or none.
-        nodes, times: (2 * agents,) the nodes that agents pass, and when; see `contacts.Tracks`, of which these are the
-            columns with `most=2`.
-        lengths: (agents,) how many each passes.
+        are_one_edge: whether all paths have at most one edge.
+        nodes, times: (2 * agents,) the nodes of each path and their times: the columns of `contacts.Tracks` with
+            `most=2`.
+        lengths: (agents,) the number of nodes of each path.
     """
 
     def __init__(self, nodes: memoryview[int], times: memoryview[float], lengths: memoryview[int]) -> None:
@@ -290,7 +290,7 @@ class Steps:
         self.lengths = lengths
 
     def fill(self, games: Games, game: int) -> int:
-        """Write how the agents of a game came to where they are."""
+        """Write the paths of the agents of a game."""
         for agent in range(games.agents):
             row = game * games.agents + agent
             node = games.node[row]
@@ -308,13 +308,13 @@ class Steps:
 
 
 class Courses(Steps):
-    """How the agents of several games have gone in a turn, in any way; `fill` copies what there is of one game.
+    """Paths computed elsewhere for several games; `fill` copies those of one game.
 
     Args:
-        places: (games,) the number of each game of the block among the several.
-        all_ints, all_floats: columns of the several, one game after the other.
-        ints, floats: get those of one game.
-        behind: fills more columns of that game; None: there are no more.
+        places: (games,) the index of each game of the block in the source columns.
+        all_ints, all_floats: the source columns, game by game.
+        ints, floats: receive the part of one game.
+        behind: fills further columns of the game; None: there are none.
     """
 
     def __init__(
@@ -346,12 +346,12 @@ class Courses(Steps):
 
 
 def fill_steps(steps: Steps, games: Games, game: int) -> int:
-    """Write how the agents of a game came to where they are."""
+    """Write the paths of the agents of a game."""
     return steps.fill(games, game)
 
 
 def fill_sides(games: Games, game: int, plays: memoryview[int], sides: memoryview[int]) -> int:
-    """Write which agents of a game take part: those of `plays`, (agents,), that are alive."""
+    """Write the sides, (agents,), of the living agents of a game from `plays`, and 0 for all others."""
     for agent in range(games.agents):
         sides[agent] = plays[agent] if games.alive[game * games.agents + agent] else 0
     return 0
@@ -360,14 +360,14 @@ def fill_sides(games: Games, game: int, plays: memoryview[int], sides: memoryvie
 def find_arrivals(
     tracks: Tracks, legs: Legs, pieces: Pieces, members: memoryview[int], owners: memoryview[int], team: int
 ) -> int:
-    """Find the first visit of each agent of a team to a node of the team; return how many there are.
+    """Find the first visit of each agent of a team to a node of the team; return the number of these visits.
 
     Args:
-        tracks: of the agents of one game.
-        legs: of the same.
-        pieces: get all visits; those that are found stand first in `order`, by agent.
-        members: (agents,) the team of each.
-        owners: (nodes,) the team that each node belongs to.
+        tracks: the nodes that the agents of one game pass.
+        legs: the edges that they cover.
+        pieces: receives all visits; the first visits are the first items of `order`, by agent.
+        members: (agents,) the team of each agent.
+        owners: (nodes,) the team of each node.
         team: the team.
     """
     pieces.count = 0
@@ -387,14 +387,14 @@ def find_arrivals(
 
 
 class Tags:
-    """Contacts that make tags, and which tags are made of them; all taggings of a game share one.
+    """Contacts of all taggings of a game, and the tags made from them.
 
     Attributes:
-        taken: (agents,) scratch, all 0: whether an agent is in a pair.
-        count: how many contacts there are.
-        number: how many tags were made.
-        taggings, taggers, others, nodes: (number,) of each: by what it was made, who tagged whom, and where the latter
-            was.
+        taken: (agents,) working memory, all 0: whether an agent is already in a pair.
+        count: the number of contacts.
+        number: the number of tags.
+        taggings, taggers, others, nodes: (number,) for each tag, the tagging, the tagger, the tagged agent and its
+            node.
     """
 
     def __init__(self, taken: memoryview[int]) -> None:
@@ -423,7 +423,7 @@ class Tags:
         self.make_room(16)
 
     def make_room(self, room: int) -> int:
-        """Make room for so many contacts; those that there were are kept."""
+        """Make room for `room` contacts, and keep the existing ones."""
         self.times = extended("d", self.times, room)
         self.distances = extended("d", self.distances, room)
         self.draws = extended("Q", self.draws, room)
@@ -444,21 +444,22 @@ class Tags:
         return 0
 
     def begin(self) -> int:
-        """Forget the contacts of the last turn."""
+        """Remove the contacts of the last turn."""
         self.count = 0
         self.number = 0
         self.run = 0
         return 0
 
     def add(self, found: Contacts, tagging: int, mutual: bool, owners: memoryview[int], team: memoryview[int]) -> int:
-        """Add the contacts of a tagging that make tags, in their order.
+        """Add the contacts of a tagging that can make tags, in their order.
 
         Args:
             found: the contacts.
-            tagging: the number of the tagging; greater than those that were added before.
-            mutual: whether agents of the second side tag those of the first, too.
-            owners: (nodes,) the team of each; an agent is tagged only on a node of the tagger's team. Empty: anywhere.
-            team: (agents,) of each.
+            tagging: the number of the tagging, greater than the previous ones.
+            mutual: whether agents of the second side also tag agents of the first.
+            owners: (nodes,) the team of each node; an agent is tagged only on a node of the tagger's team. Empty:
+                anywhere.
+            team: (agents,) the team of each agent.
         """
         self.run = self.count
         is_anywhere = len(owners) == 0
@@ -493,7 +494,7 @@ class Tags:
         return 0
 
     def _merge(self) -> int:
-        """Merge the contacts that were added last with those before, in the order of time."""
+        """Merge the contacts added last with the earlier ones, by time."""
         one = 0
         other = self.run
         for place in range(self.count):
@@ -518,7 +519,7 @@ class Tags:
         return self.on_edges[one] < self.on_edges[other]
 
     def match(self) -> int:
-        """Make tags of contacts whose agents are in no earlier one that makes some; return how many tags there are."""
+        """Make tags greedily: skip contacts of an agent that has been in an earlier pair. Return the number of tags."""
         number = 0
         for place in range(self.count):
             row = self.order[place]
@@ -541,7 +542,7 @@ class Tags:
         return number
 
     def made(self, numbers: NodeNumbers) -> list[tuple[int, int, int, int]]:
-        """Return the tags that were made: by what, who tagged whom, and the id of the node where the latter was."""
+        """Return the tags as (tagging, tagger, tagged agent, id of its node)."""
         return [
             (self.taggings[tag], self.taggers[tag], self.others[tag], numbers.ids[self.nodes[tag]])
             for tag in range(self.number)
@@ -556,19 +557,19 @@ class Tags:
 
 
 class Tagging:
-    """One of the ways by which agents tag others in a chain of them.
+    """One tag rule, in a chain of all tag rules of a game.
 
     Args:
-        contacts: finds the contacts; `Contacts.ask` was called with the tracks of one game, `purposes` and `turns` of
-            one game.
-        search: how they are found: one of `contacts.SEARCHES`.
-        limit: what is near.
-        plays: (agents,) 1: taggers; 2: those who are tagged; 3: both; 0: neither.
+        contacts: finds the contacts; `Contacts.ask` was called with the tracks, purpose and turn of one game.
+        search: the kind of search, one of `contacts.SEARCHES`.
+        limit: the maximum distance.
+        plays: (agents,) 1: taggers; 2: agents that can be tagged; 3: both; 0: neither.
+        sides: (agents,) the sides of the tracks; written before each search.
         mutual: see `Tags.add`.
         owners: see `Tags.add`.
-        then: what becomes of those who are tagged: `NOTHING`, `RESPAWN` or `ELIMINATE`.
-        points: for the tagger's team.
-        behind: the tagging behind it in the chain; None: it is the last.
+        then: the effect on tagged agents: `NOTHING`, `RESPAWN` or `ELIMINATE`.
+        points: the points for the tagger's team.
+        behind: the next tagging of the chain; None: this is the last.
     """
 
     def __init__(
@@ -598,7 +599,7 @@ class Tagging:
         self.is_last = behind is None
 
     def collect(self, tags: Tags, games: Games, game: int, number: int) -> int:
-        """Add the contacts of a turn that make tags, also those of the taggings behind; this one has a number."""
+        """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
         fill_sides(games, game, self.plays, self.sides)
         if self.contacts.find(self.search, self.limit) > 0:
             tags.add(self.contacts, number, self.mutual, self.owners, games.team)
@@ -607,14 +608,14 @@ class Tagging:
         return 0
 
     def score(self, number: int, games: Games, game: int, tagger: int) -> int:
-        """Give the points for a tag by the tagging of a number in this chain."""
+        """Add the points for a tag by tagging `number`, counted from this one, to the tagger's team."""
         if number > 0:
             return self.behind.score(number - 1, games, game, tagger)  # type: ignore[union-attr] # there is one
         games.score[game * games.teams + games.team[tagger]] += self.points
         return 0
 
     def follow_up(self, number: int, games: Games, events: Events, game: int, other: int) -> int:
-        """Let happen to a tagged agent what happens by the tagging of a number in this chain."""
+        """Apply the effect of tagging `number`, counted from this one, to a tagged agent."""
         if number > 0:
             return self.behind.follow_up(number - 1, games, events, game, other)  # type: ignore[union-attr]
         if self.then == RESPAWN:
@@ -628,25 +629,25 @@ class Tagging:
 
 
 class Flags:
-    """The flags of the games of a block: `gamms.rules.capture_flag`.
+    """The flags of the games of a block, as in `gamms.rules.capture_flag`.
 
     Args:
-        flags: how many a game has.
-        team: (flags,) the team that owns each; -1 where no agent plays for it.
-        base: (flags,) the node of each.
-        home: (teams,) the base of each team; -1: it has none, and home is each node on which one of its agents began.
-        owners: (nodes,) the team for which each node is home, instead. Empty: there is no territory.
-        takes: (agents,) the team of each; -1: it takes no flags, because it has no team or is in the air.
+        flags: the number of flags in a game.
+        team: (flags,) the owner of each flag; -1: no agent is in its team.
+        base: (flags,) the node of each flag.
+        home: (teams,) the base of each team; -1: none, then its home is each node where one of its agents started.
+        owners: (nodes,) the team for which each node is home, as an alternative to `home`. Empty: not used.
+        takes: (agents,) the team of each agent; -1: it takes no flags, because it has no team or flies.
         names: (agents,) the keys of their names.
-        purposes: (games * flags,) the keys by which lots decide who takes a flag.
-        carriers: (games * flags,) the agent that carries each; -1: it is on its base.
-        stops: (games * flags,) what `Games.stops` of the carrier was at the end of the last turn.
-        captures: (games * teams,) how many flags each team has captured.
-        starts: (games * members,) nodes on which agents began; -1: in the air.
+        purposes: (games * flags,) the keys of the draws that choose between agents at a base.
+        carriers: (games * flags,) the agent that carries each flag; -1: the flag is on its base.
+        stops: (games * flags,) `Games.stops` of the carrier at the end of the last turn.
+        captures: (games * teams,) the number of captures of each team.
+        starts: (games * members,) the start nodes of agents; -1: in the air.
         members: (members,) the teams of these agents, dead or alive.
-        taken: (flags,) scratch.
-        goal: so many captures end the game; 0: none do.
-        points: for a capture.
+        taken: (flags,) working memory.
+        goal: the number of captures that ends the game; 0: no limit.
+        points: the points for a capture.
     """
 
     def __init__(
@@ -688,7 +689,7 @@ class Flags:
         self.involved = 0
 
     def drop(self, games: Games, events: Events, game: int, rule: int) -> int:
-        """Let carriers that are out, or were stopped since the last turn, drop their flags."""
+        """Drop the flags of carriers that are eliminated, or were tagged or respawned since the last turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             agent = self.carriers[flag]
             if agent < 0:
@@ -700,16 +701,16 @@ class Flags:
         return 0
 
     def note_stops(self, games: Games, game: int) -> int:
-        """Note how often carriers were stopped until now."""
+        """Store the stops of carriers, for `drop` in the next turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             if self.carriers[flag] >= 0:
                 self.stops[flag] = games.stops[game * games.agents + self.carriers[flag]]
         return 0
 
     def concern(self, games: Games, game: int) -> bool:
-        """Return whether a carrier may be home, or one that may take a flag is on its base.
+        """Return whether a carrier may be home, or an agent that may take a flag is on its base.
 
-        Else nothing happens where agents go along one edge: a node that is left at once belongs to the turn before.
+        If neither is true, nothing can happen in games along one edge per turn, because only end nodes count.
         """
         for flag in range(self.flags):
             carrier = self.carriers[game * self.flags + flag]
@@ -721,29 +722,29 @@ class Flags:
         return False
 
     def _may_be_home(self, games: Games, game: int, agent: int) -> bool:
-        """Return whether an agent is on the base of its team, or home is more than a base."""
+        """Return whether an agent is on the base of its team, or its home is not a single base."""
         team = self.takes[agent]
         if team < 0 or len(self.owners) > 0 or self.home[team] < 0:
             return True
         return games.node[game * games.agents + agent] == self.home[team]
 
     def _may_take(self, agent: int, flag: int) -> bool:
-        """Return whether a flag is one of another team."""
+        """Return whether an agent may take a flag: it takes flags, and the flag is not its team's."""
         return self.takes[agent] >= 0 and self.takes[agent] != self.team[flag]
 
     def pass_turn(
         self, games: Games, events: Events, game: int, rule: int, tracks: Tracks, legs: Legs, pieces: Pieces
     ) -> int:
-        """Let agents bring home and take flags, moment by moment.
+        """Let agents capture and take flags, in the order of time within the turn.
 
         Args:
             games: the block.
-            events: get what happens.
+            events: receives the events.
             game: the game.
             rule: the number of the rule.
-            tracks: of the agents of this game alone; their sides are 0 for those that are out or in the air.
-            legs: of the same.
-            pieces: scratch.
+            tracks: the nodes that agents of this game pass; sides are 0 for agents that are eliminated or fly.
+            legs: the edges that they cover.
+            pieces: working memory.
         """
         pieces.count = 0
         contacts.put_visits(tracks, legs, pieces, 0)
@@ -762,7 +763,7 @@ class Flags:
         return 0
 
     def _find_involved(self, game: int, pieces: Pieces) -> int:
-        """Put the visits first of agents that come to a base, or carry a flag now; they stay in their order."""
+        """List the visits of agents that visit a base or carry a flag, in their order."""
         for piece in range(pieces.count):
             pieces.keys[pieces.agents[piece]] = 0
         for piece in range(pieces.count):
@@ -778,7 +779,7 @@ class Flags:
         return 0
 
     def _next_moment(self, pieces: Pieces, now: float) -> float:
-        """Return when the next of the agents involved reaches a node; -1: none does."""
+        """Return the next time when a listed agent reaches a node; -1: none."""
         soonest = -1.0
         for place in range(self.involved):
             since = pieces.since[pieces.order[place]]
@@ -789,7 +790,7 @@ class Flags:
     def _capture(
         self, games: Games, events: Events, game: int, rule: int, pieces: Pieces, flag: int, now: float
     ) -> int:
-        """Let the carrier of a flag bring it home if it reaches home now."""
+        """Capture a flag if its carrier reaches home at this time."""
         row = game * self.flags + flag
         agent = self.carriers[row]
         if agent < 0 or now <= self.taken[flag]:
@@ -820,7 +821,7 @@ class Flags:
         return found
 
     def _take(self, games: Games, events: Events, game: int, rule: int, pieces: Pieces, flag: int, now: float) -> int:
-        """Let one of the agents of other teams that are on the base of a flag now take it, if none carries it."""
+        """Give a flag on its base to one of the agents of other teams there; if there are several, by random draw."""
         row = game * self.flags + flag
         if self.carriers[row] >= 0:
             return 0
@@ -856,7 +857,7 @@ class Flags:
         return found
 
     def _end(self, games: Games, events: Events, game: int, rule: int) -> bool:
-        """End a game in which a team has captured as many flags as it needs; several at one moment draw."""
+        """End the game if a team has enough captures, as a draw if several teams do at the same time."""
         if self.goal == 0:
             return False
         winner = -1
@@ -874,15 +875,15 @@ class Flags:
 
 
 class Rule:
-    """What happens after the moves of a turn, in a chain of such rules.
+    """A rule that is applied after the moves of a turn; rules form a chain.
 
     Args:
         games: the block.
-        events: get what happens.
-        number: of the rule, for events.
+        events: receives the events.
+        number: the number of the rule, for events.
 
     Attributes:
-        behind: the rule that is called next; `is_last`: there is none. `chained` sets both.
+        behind: the next rule; `is_last`: there is none. `chained` sets both.
     """
 
     def __init__(self, games: Games, events: Events, number: int) -> None:
@@ -892,12 +893,12 @@ class Rule:
         self.behind: Rule | None = None
         self.is_last = True
 
-    def happen(self, game: int) -> int:  # noqa: ARG002 - of rules that have something to do
-        """Let happen what the rule says, in one game."""
+    def happen(self, game: int) -> int:  # noqa: ARG002 - subclasses need it
+        """Apply the rule to a game."""
         return 0
 
     def happen_all(self, game: int) -> int:
-        """Call this rule and those behind it."""
+        """Apply this rule and all later rules of the chain."""
         self.happen(game)
         if not self.is_last:
             self.behind.happen_all(game)  # type: ignore[union-attr] # it is not the last
@@ -905,7 +906,7 @@ class Rule:
 
 
 def chained(rules: list[Rule]) -> Rule:
-    """Return the first of several rules, each of which is called before the next."""
+    """Link rules into a chain; return the first one."""
     for rule, behind in pairwise(rules):
         rule.behind = behind
         rule.is_last = False
@@ -913,29 +914,29 @@ def chained(rules: list[Rule]) -> Rule:
 
 
 def play(rule: Rule, game: int) -> int:
-    """Call a rule, and those behind it, in one game."""
+    """Apply a chain of rules to one game."""
     return rule.happen_all(game)
 
 
 def play_games(rule: Rule, games: memoryview[int]) -> int:
-    """Call a rule, and those behind it, in games of these numbers."""
+    """Apply a chain of rules to the games of these numbers."""
     for place in range(len(games)):
         rule.happen_all(games[place])
     return 0
 
 
 class TagRule(Rule):
-    """Agents tag those that they meet: `gamms.rules.tag`, all such rules of a game as one.
+    """Agents tag the agents that they meet: all rules `gamms.rules.tag` of a game together.
 
     Args:
         games: see `Rule`.
         events: see `Rule`.
-        number: see `Rule`; events have this number, and their tags the numbers of taggings behind it.
+        number: see `Rule`; tags of later taggings have the following numbers.
         first: the first tagging of the chain.
-        tags: scratch.
-        steps: the tracks that the contacts of all taggings have.
-        purpose: (1,) the key of the game that the contacts have, by which lots decide between equals.
-        turn: (1,) the turn that the contacts have.
+        tags: working memory.
+        steps: the paths that all taggings search.
+        purpose: (1,) the key of the draws that decide ties, read by all searches.
+        turn: (1,) the turn, read by all searches.
         purposes: (games,) the keys of all games.
     """
 
@@ -960,7 +961,7 @@ class TagRule(Rule):
         self.purposes = purposes
 
     def happen(self, game: int) -> int:
-        """Find all pairs before any agent is moved; then count the tags; then move the tagged agents."""
+        """Find all tags before any agent is moved, count them, then apply their effects."""
         self.steps.fill(self.games, game)
         self.purpose[0] = self.purposes[game]
         self.turn[0] = self.games.turn[game]
@@ -988,13 +989,13 @@ class FlagRule(Rule):
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
-        flags: of the games.
-        steps: the columns of the tracks.
-        tracks: of one game.
-        legs: of one game, none.
-        pieces: scratch.
-        ground: (agents,) 1: the agent is on the ground; 0: it is in the air.
-        sides: (agents,) those of the tracks.
+        flags: the flags of the games.
+        steps: the paths of one game.
+        tracks: the nodes of these paths.
+        legs: the edges of these paths.
+        pieces: working memory.
+        ground: (agents,) 1: the agent is on the ground; 0: it flies.
+        sides: (agents,) the sides of the tracks.
     """
 
     def __init__(
@@ -1021,7 +1022,7 @@ class FlagRule(Rule):
         self.sides = sides
 
     def happen(self, game: int) -> int:
-        """Let carriers drop, bring home and take flags."""
+        """Let carriers drop, capture and take flags."""
         self.flags.drop(self.games, self.events, game, self.number)
         if not self.steps.are_one_edge or self.flags.concern(self.games, game):
             self.steps.fill(self.games, game)
@@ -1032,17 +1033,17 @@ class FlagRule(Rule):
 
 
 class Returns(Rule):
-    """Agents that are out come back where they began: `gamms.rules.respawn`.
+    """Eliminated agents respawn on their home nodes: `gamms.rules.respawn`.
 
     Args:
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
-        plays: (agents,) 1: the agent comes back; 0: it does not.
-        out: (games * agents,) the turn in which it went out; -1: it did not.
-        times: (games * agents,) how often it came back.
-        wait: how many turns an agent misses.
-        most: how often each comes back; -1: always.
+        plays: (agents,) 1: the agent respawns; 0: it does not.
+        out: (games * agents,) the turn of its elimination; -1: it is alive.
+        times: (games * agents,) the number of its respawns.
+        wait: the number of turns that an agent misses.
+        most: the maximum number of respawns; -1: no limit.
     """
 
     def __init__(
@@ -1065,7 +1066,7 @@ class Returns(Rule):
         self.most = most
 
     def happen(self, game: int) -> int:
-        """Bring those back that have waited long enough."""
+        """Respawn the agents that have waited long enough."""
         for agent in range(self.games.agents):
             row = game * self.games.agents + agent
             if self.games.alive[row] or self.games.home[row] < 0 or not self.plays[agent]:
@@ -1081,7 +1082,7 @@ class Returns(Rule):
 
 
 class TimeLimit(Rule):
-    """The game ends after so many turns: `gamms.rules.time_limit`.
+    """The game ends after a number of turns: `gamms.rules.time_limit`.
 
     Args:
         games: see `Rule`.
@@ -1097,7 +1098,7 @@ class TimeLimit(Rule):
         self.winner = winner
 
     def happen(self, game: int) -> int:
-        """End the game when it is time."""
+        """End the game at the limit."""
         if self.games.turn[game] >= self.last:
             end_game(self.games, self.events, game, self.number, self.winner)
         return 0
@@ -1120,7 +1121,7 @@ class NoneLeft(Rule):
         self.winner = winner
 
     def happen(self, game: int) -> int:
-        """End the game if none of them is alive."""
+        """End the game if no agent of the team is alive."""
         for agent in range(self.games.agents):
             if self.games.team[agent] == self.team and self.games.alive[game * self.games.agents + agent]:
                 return 0
@@ -1128,7 +1129,7 @@ class NoneLeft(Rule):
 
 
 class LastTeam(Rule):
-    """The game ends when the living agents are of one team, which wins, or of none: `gamms.rules.last_team`.
+    """The game ends when all living agents are of one team, which wins, or none is alive: `gamms.rules.last_team`.
 
     Args:
         games: see `Rule`.
@@ -1152,12 +1153,12 @@ class Visitors:
     """The agents of one game on the ground, and the nodes that they visit in a turn.
 
     Args:
-        steps: the columns of the tracks.
-        tracks: of one game.
-        legs: of one game.
-        pieces: scratch, which gets the visits.
-        ground: (agents,) 1: the agent is on the ground; 0: it is in the air.
-        sides: (agents,) those of the tracks.
+        steps: the paths of one game.
+        tracks: the nodes of these paths.
+        legs: the edges of these paths.
+        pieces: receives the visits.
+        ground: (agents,) 1: the agent is on the ground; 0: it flies.
+        sides: (agents,) the sides of the tracks.
     """
 
     def __init__(
@@ -1171,7 +1172,7 @@ class Visitors:
         self.sides = sides
 
     def follow(self, games: Games, game: int) -> int:
-        """Follow how the agents of a game have gone in this turn."""
+        """Write the paths and sides of the agents of a game."""
         self.steps.fill(games, game)
         return fill_sides(games, game, self.ground, self.sides)
 
@@ -1185,10 +1186,10 @@ class Reach(Rule):
         number: see `Rule`.
         visitors: the agents.
         goals: (nodes * teams,) 1: the node is a goal of the team; row `node * teams + team`.
-        starters: (teams * agents,) 1: where the agent began is a goal of the team, too. Empty: there are none.
-        order: (reaching,) the teams that have goals, in the order in which their agents are named in events.
-        winner: the team that wins; `NOBODY`; `ITS_TEAM`: the one that reached its goal.
-        points: for each team that reached its goal.
+        starters: (teams * agents,) 1: the start node of the agent is also a goal of the team. Empty: none.
+        order: (teams with goals,) these teams, in the order of their agents in events.
+        winner: the winning team; `NOBODY`; `ITS_TEAM`: the team that reached its goal.
+        points: the points for each team that reached its goal.
     """
 
     def __init__(
@@ -1214,13 +1215,13 @@ class Reach(Rule):
         self.points = points
 
     def happen(self, game: int) -> int:
-        """Let the earliest agents reach their goals; teams that do so at one moment draw."""
+        """End the game when the earliest agents reach their goals; teams that do so at the same time draw."""
         self._mark_starts(game, 1)
         self._reach(game)
         return self._mark_starts(game, 0)
 
     def _mark_starts(self, game: int, mark: int) -> int:
-        """Mark where agents of a game began as goals, or no longer."""
+        """Set or clear the goal marks of start nodes."""
         for place in range(len(self.starters)):
             home = self.games.home[game * self.games.agents + place % self.games.agents]
             if self.starters[place] and home >= 0:
@@ -1261,22 +1262,22 @@ class Reach(Rule):
         return end_game(self.games, self.events, game, self.number, winner)
 
     def _is_goal(self, piece: int, team: int) -> bool:
-        """Return whether a visit is one of a goal of a team."""
+        """Return whether a visited node is a goal of a team."""
         return self.goals[self.pieces.nodes[piece] * self.games.teams + team] == 1
 
 
 class Arrive(Rule):
-    """Agents that reach a goal score and are out: `gamms.rules.arrive`.
+    """Agents that reach a goal score points and leave the game: `gamms.rules.arrive`.
 
     Args:
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
         visitors: the agents.
-        team: of the agents.
+        team: the team.
         owners: (nodes,) the team, if the node is a goal; else -1.
-        starters: (agents,) 1: where the agent began is a goal, too. Empty: there are none.
-        points: for each.
+        starters: (agents,) 1: the start node of the agent is also a goal. Empty: none.
+        points: the points for each arrival.
     """
 
     def __init__(
@@ -1300,7 +1301,7 @@ class Arrive(Rule):
         self.points = points
 
     def happen(self, game: int) -> int:
-        """Let those that are at a goal arrive; all are named before one is taken out."""
+        """Add an event for each agent at a goal, then eliminate these agents."""
         self.visitors.follow(self.games, game)
         self._mark_starts(game, self.team)
         found = find_arrivals(
@@ -1317,7 +1318,7 @@ class Arrive(Rule):
         return 0
 
     def _mark_starts(self, game: int, mark: int) -> int:
-        """Let the nodes where agents of a game began belong to a team."""
+        """Set the owner of start nodes."""
         for agent in range(len(self.starters)):
             home = self.games.home[game * self.games.agents + agent]
             if self.starters[agent] and home >= 0:

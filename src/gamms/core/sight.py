@@ -1,7 +1,7 @@
-"""Who is near: the agents of one game in cells of a grid, so that a look costs no more where there are many.
+"""Fast range search: find the agents of one game near a point, with a grid in a hash table.
 
-`Places` are columns of where agents are; a `Sight` finds those within one radius of a place. Rows are agents in the
-order of their creation, and that is the order in which they are found.
+`Places` holds the positions of agents; a `Sight` finds the agents within one radius of a point. Rows are agents in the
+order of their creation; results are in the same order.
 """
 
 from __future__ import annotations
@@ -12,29 +12,29 @@ from typing import Any
 
 from gamms.core.agents import AgentColumns
 
-LEAST = 1e-150  # radii from here
-MOST = 1e150  # to here have squares that are neither zero nor infinite; others are scaled
+LEAST = 1e-150  # squares of radii between LEAST
+MOST = 1e150  # and MOST are neither zero nor infinite; other radii are scaled
 SCALE = 2.0**600
 MOST_CELLS = 536870912.0  # 2 ** 29, to each side of the origin
 SLACK = 1.0 + 1e-6  # a cell is wider than the radius, because places in cells are rounded
 FACTOR_X = 73856093
 FACTOR_Y = 19349663
-MANY = 16  # agents found from a node, from which on they are kept for the next look from it
-MOST_KEPT = 1 << 20  # of these in all
+MANY = 16  # results of at least this many agents are stored for the next search from the node
+MOST_KEPT = 1 << 20  # the maximum number of stored agents
 TURN = 6.283185307179586  # radians
 
 
 class Places:
-    """Where agents are on the map.
+    """The positions of agents on the map.
 
     Attributes:
         at: node -> (x, y), map units.
-        names: (agents,) of the agents.
+        names: (agents,) the names of the agents.
         rows: name -> row.
-        nodes: (agents,) the nodes that they are on.
-        count: how many agents there are.
-        x, y: (room,) where they are.
-        is_seen: (room,) whether each is found.
+        nodes: (agents,) their nodes.
+        count: the number of agents.
+        x, y: (room,) their positions.
+        is_seen: (room,) whether searches find the agent.
     """
 
     def __init__(self, at: Any) -> None:
@@ -51,11 +51,11 @@ class Places:
         self.is_seen = memoryview(array("b", bytes(room)))
 
     def fill(self, names: list[str], nodes: list[Any]) -> int:
-        """Enter all agents; each is found until `put` says otherwise (KeyError).
+        """Set the nodes of all agents, all of them visible to searches (KeyError: a node does not exist).
 
         Args:
-            names: their names; a list that was given before has not changed.
-            nodes: those that they are on.
+            names: their names; the same list object means unchanged names.
+            nodes: their nodes.
         """
         count = len(nodes)
         self.count = 0
@@ -75,7 +75,7 @@ class Places:
         return 0
 
     def follow(self, columns: AgentColumns) -> int:
-        """Enter the nodes of all agents, of which each is found as before; return how many have moved (KeyError)."""
+        """Update the nodes of all agents from the columns; return the number of agents that have moved (KeyError)."""
         moved = 0
         for row in range(self.count):
             node = columns._node_of(row)
@@ -88,7 +88,7 @@ class Places:
         return moved
 
     def put(self, row: int, node: Any, *, is_seen: bool) -> None:
-        """Enter the node of an agent, and whether it is found (KeyError)."""
+        """Set the node of an agent, and whether searches find it (KeyError: the node does not exist)."""
         place = self.at[node]
         self.nodes[row] = node
         self.x[row] = place[0]
@@ -101,22 +101,22 @@ class Places:
 
 
 class Sight:
-    """Finds the agents within a radius of a place, the rim included.
+    """Finds the agents within a radius of a point, including those exactly on the circle.
 
-    (dx * dx + dy * dy) <= radius * radius is what is compared, in 64-bit floats, both sides times a power of two where
-    the square would be zero or infinite.
+    The test is (dx * dx + dy * dy) <= radius * radius in 64-bit floats; both sides are scaled by a power of two if the
+    square would be zero or infinite.
 
     Args:
-        places: of the agents.
-        radius: map units, not negative; may be infinite.
-        view: the radius and what else is kept of a look.
+        places: the positions of the agents.
+        radius: map units, nonnegative; may be infinite.
+        view: the parameters of the sensor, stored with its last result.
 
     Attributes:
-        view: as given.
-        is_built: whether cells are what places are; else `build` is to be called.
+        view: the parameters of the sensor.
+        is_built: whether the grid is up to date; otherwise `build` is necessary.
     """
 
-    # NOTE: cells are the entries of a hash table, so that neither outliers nor moves make another grid.
+    # NOTE: cells are entries of a hash table, so that neither outliers nor moves require a new grid.
 
     def __init__(self, places: Places, radius: float, view: tuple[Any, ...]) -> None:
         self.places = places
@@ -134,8 +134,8 @@ class Sight:
         self.room = 0
         self.mask = 0
         self.everyone: dict[Any, Any] = {}
-        self.known: dict[Any, dict[Any, Any]] = {}  # by node, until an agent moves
-        self.kept = 0  # agents in these
+        self.known: dict[Any, dict[Any, Any]] = {}  # results by node, until an agent moves
+        self.kept = 0  # the number of agents in `known`
         self._reserve(0)
 
     def _reserve(self, room: int) -> None:
@@ -152,7 +152,7 @@ class Sight:
         self.found = memoryview(array("i", bytes(4 * (room + 1))))
 
     def build(self) -> int:
-        """Enter all agents into cells."""
+        """Build the grid from all agents."""
         if self.places.count > self.room:
             self._reserve(self.places.count + self.places.count // 2)
         self._enter_all()
@@ -187,7 +187,7 @@ class Sight:
         return 0
 
     def move(self, row: int) -> int:
-        """Note that an agent is elsewhere, or is found from now on, or no longer."""
+        """Update the grid after an agent has moved, appeared or disappeared."""
         if self.is_endless:
             self.is_built = False
         if not self.is_built:
@@ -225,7 +225,7 @@ class Sight:
         return 0
 
     def _cell(self, value: float) -> int:
-        """Return the number of the cell of a coordinate; those far away share the last one."""
+        """Return the cell number of a coordinate; coordinates far away are clamped to the last cell."""
         place = value / self.size
         if place > MOST_CELLS:
             place = MOST_CELLS
@@ -240,7 +240,7 @@ class Sight:
         return ((cell_x * FACTOR_X) ^ (cell_y * FACTOR_Y)) & self.mask
 
     def _find(self, x: float, y: float) -> int:
-        """Write the rows of the agents near a place into `found`, ascending; return how many there are."""
+        """Write the rows of the agents near a point into `found`, ascending; return their number."""
         count = 0
         if self.is_endless:
             for row in range(self.places.count):
@@ -267,7 +267,7 @@ class Sight:
         return count
 
     def _sort(self, count: int) -> int:
-        """Put the rows that were found in order: Shell's sort, for few of them by insertion."""
+        """Sort the rows in `found`, by Shell's sort."""
         gap = 1
         while gap < count // 9:
             gap = 3 * gap + 1
@@ -294,7 +294,7 @@ class Sight:
         return data
 
     def by_name(self, x: float, y: float, own: str) -> dict[Any, Any]:
-        """Return name -> node of the agents near a place, but for one of them; no agent has an empty name."""
+        """Return name -> node of the agents near a point, except the agent `own`; "" excludes none."""
         if not self.is_built:
             self.build()
         if not self.is_endless:
@@ -304,20 +304,20 @@ class Sight:
         return data
 
     def rows(self, x: float, y: float) -> list[int]:
-        """Return the rows of the agents near a place, ascending."""
+        """Return the rows of the agents near a point, ascending."""
         if not self.is_built:
             self.build()
         count = self._find(x, y)
         return [self.found[place] for place in range(count)]
 
     def rows_ahead(self, x: float, y: float, axis: float, rim: float) -> list[int]:
-        """Return the rows of the agents near a place and ahead of it, ascending; one at the place itself is ahead.
+        """Return the rows of the agents near a point and within a sector, ascending; an agent at the point is included.
 
         Args:
-            x: of the place.
-            y: of the place.
+            x: of the point.
+            y: of the point.
             axis: the direction of view, radians.
-            rim: how far from the axis directions are that are seen, radians.
+            rim: half the angle of the sector, radians.
         """
         if not self.is_built:
             self.build()
@@ -334,11 +334,11 @@ class Sight:
         return rows
 
     def seen_from(self, node: Any, own: str) -> dict[Any, Any]:
-        """Return name -> node of the agents near a node, but for one of them (KeyError)."""
+        """Return name -> node of the agents near a node, except the agent `own` (KeyError: the node does not exist)."""
         place = self.places.at[node]
         if self.is_endless or not self.is_built:
             return self.by_name(place[0], place[1], own)
-        # NOTE: a copy takes a tenth of the time of a new dict of many (w3, AGENT_RANGE among 1,000).
+        # NOTE: copying a large dict takes a tenth of the time of building it (w3, AGENT_RANGE among 1,000).
         found = self.known.get(node)
         if found is None:
             count = self._find(place[0], place[1])
@@ -355,11 +355,11 @@ class Sight:
 
 
 class Views:
-    """What is seen of nodes and edges all around nodes, as far as it is known.
+    """The nodes and edges that a sensor with a full circle of view sees from each node, as far as computed.
 
     Attributes:
         known: node -> (nodes, edges), a dict and a list.
-        view: as that of a `Sight`.
+        view: see `Sight`.
     """
 
     def __init__(self, known: Any, view: tuple[Any, ...]) -> None:
@@ -368,5 +368,5 @@ class Views:
 
 
 def as_cell(place: float) -> int:
-    """Return a number without its fraction."""
+    """Return a float truncated to an integer."""
     return int(place)

@@ -1,7 +1,7 @@
-"""Strategies of one game: agents that go to nodes, after enemies in sight, or away from them.
+"""Strategies of one game, executed as steps: agents go to nodes, chase visible enemies, or flee from them.
 
-A strategy is a list of steps, tried in turn until one gives a node: `chase(otherwise=patrol(nodes))` is two.
-`act` returns the node to which an agent goes, and writes what it remembers.
+A strategy is a list of steps, tried in order until one chooses a node: `chase(otherwise=patrol(nodes))` has two. `act`
+returns the chosen node, and updates the memory of the agent.
 """
 
 from __future__ import annotations
@@ -12,34 +12,34 @@ from typing import Any
 from gamms.core import draws, routes, travel
 from gamms.core.rules import Games, extended
 
-STAYS = 0  # a step: it stays,
-WALKS = 1  # goes to one of the legal nodes, each as likely,
-GOES = 2  # to a node,
-FOLLOWS = 3  # from one node of a list to the next,
-WANDERS = 4  # to a node that is drawn, and to another one when it was there for some turns,
-CHASES = 5  # to the nearest enemy in sight,
-FLEES = 6  # or to the legal node that is farthest from enemies in sight;
-MIXES = 7  # it tries the next steps with a probability, else those behind a number of steps;
-SKIPS = 8  # steps that are not tried
-KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee", "mix", "skip")  # of steps by their numbers
-NOTHING = -1  # no node: the next step is tried
-NOT_KNOWN = -1.0  # a distance
+STAYS = 0  # kinds of steps: stay;
+WALKS = 1  # move to a uniform random legal node;
+GOES = 2  # go to a fixed node;
+FOLLOWS = 3  # visit the nodes of a list in order;
+WANDERS = 4  # go to a random node, wait there for some turns, then draw another one;
+CHASES = 5  # go to the nearest visible enemy;
+FLEES = 6  # move to the legal node farthest from visible enemies;
+MIXES = 7  # continue with a probability, else skip a number of steps;
+SKIPS = 8  # skip a number of steps
+KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee", "mix", "skip")  # names of steps by number
+NOTHING = -1  # no node was chosen: try the next step
+NOT_KNOWN = -1.0  # a distance not computed yet
 INFINITE = float("inf")
 
 
-# -- what strategies decide by, in a game alone and in batches ---------------------------------------------------------
+# -- decisions common to single games and batches ----------------------------------------------------------------------
 
 
 def next_stop(stops: memoryview[int], following: memoryview[int], first: int, count: int, at: int, node: int) -> int:
-    """Return the number of the stop to which an agent on a node goes; `count` after the last one.
+    """Return the index of the stop that an agent goes to next; `count` after the last stop.
 
     Args:
-        stops: nodes; those of the agent are the `count` ones from `first` on.
-        following: of each of these, the number of the next one that is another node.
+        stops: nodes; the agent's stops are the `count` entries from index `first`.
+        following: for each stop, the index of the next stop at another node.
         first: see `stops`.
-        count: how many stops there are.
-        at: the number of the stop to which the agent went so far.
-        node: where it is.
+        count: the number of stops.
+        at: the index of the current stop.
+        node: the node of the agent.
     """
     if at < count and stops[first + at] == node:
         return following[first + at]
@@ -47,12 +47,12 @@ def next_stop(stops: memoryview[int], following: memoryview[int], first: int, co
 
 
 def turns_left(is_there: bool, left: int, far: float) -> int:
-    """Return for how many turns an agent still stays at its waypoint; -1: it draws another waypoint.
+    """Return the number of turns that an agent still waits at its waypoint; -1: it draws another waypoint.
 
     Args:
         is_there: whether it is at its waypoint.
-        left: for how many turns it was to stay there.
-        far: how far the waypoint is; infinite where no path leads there, or none has been drawn.
+        left: the number of turns that it had left.
+        far: the distance to the waypoint; infinity if there is no path, or no waypoint.
     """
     if is_there:
         return left - 1
@@ -60,7 +60,7 @@ def turns_left(is_there: bool, left: int, far: float) -> int:
 
 
 def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> int:
-    """Return the number of the greatest of the first `count` distances; ties go to the lowest id."""
+    """Return the index of the greatest of the first `count` distances; ties go to the lowest id."""
     found = 0
     for number in range(1, count):
         is_lower = distances[number] == distances[found] and ids[number] < ids[found]
@@ -73,20 +73,20 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
 
 
 class WayTables:
-    """Ways from all nodes to some targets, which are found when they are first asked for.
+    """Shortest paths from all nodes to target nodes, computed on first use.
 
-    They are those of `travel.Ways`, by length.
+    Ties are broken as in `travel.Ways`; the cost is the length.
 
     Attributes:
-        ids: (nodes,) of nodes by their rows.
-        arcs: the edges on all maps, reversed; `arcs.first` is the place of the first node of the map of the game that
-            decides, see `moves.Streets`.
-        paths: scratch.
-        tables: (places,) the number of the table of the target at each place; -1: there is none.
-        targets: (room,) the places of the targets of tables; -1: on a map that no game has any more.
-        far: (room * nodes,) how far it is from a node to the target; infinite where no path leads there.
-        following: (room * nodes,) the node that comes next.
-        count: how many tables there are.
+        ids: (nodes,) the id of each row.
+        arcs: the reversed edges of all maps; `arcs.first` is the place of the first node of the current map, see
+            `moves.Streets`.
+        paths: working memory.
+        tables: (places,) the table number of the target at each place; -1: none.
+        targets: (room,) the place of the target of each table; -1: the map is no longer used.
+        far: (room * nodes,) the distance from each node to the target; infinity: no path.
+        following: (room * nodes,) the next node on the path.
+        count: the number of tables.
     """
 
     def __init__(
@@ -117,11 +117,11 @@ class WayTables:
         following: memoryview[int],
         moved: memoryview[int],
     ) -> None:
-        """Find ways on other maps from now on.
+        """Switch to other maps, and keep the tables of maps that remain.
 
-        `moved` has the first place of each map that there was, -1 of one that is gone. The edges that lead to the node
-        at each place begin at `offsets`; `tails` are the nodes that they lead from, `costs` their lengths. `far` and
-        `following` begin with what they had.
+        `moved` has the new first place of each old map, or -1 if it is gone. The edges into the node at each place
+        begin at `offsets`; `tails` are their source nodes, `costs` their lengths. `far` and `following` begin with the
+        old entries.
         """
         nodes = max(len(self.ids), 1)
         self.arcs = routes.Arcs(offsets, tails, costs, self.ids)
@@ -138,7 +138,7 @@ class WayTables:
                 self.tables[self.targets[table]] = table
 
     def place(self, node: int, target: int) -> int:
-        """Return where the columns have the way from a node to a target."""
+        """Return the index in `far` and `following` for a path from a node to a target."""
         if self.tables[self.arcs.first + target] < 0:
             self.begin(self.arcs.first + target)
             self.find(target, node)
@@ -148,7 +148,7 @@ class WayTables:
         return place
 
     def begin(self, place: int) -> int:
-        """Add a table of the target at a place; where there is no room, without those of before."""
+        """Add a table for the target at a place; if there is no room, delete all older tables."""
         if self.count == len(self.targets):
             for table in range(self.count):
                 if self.targets[table] >= 0:
@@ -163,7 +163,7 @@ class WayTables:
         return 0
 
     def find(self, target: int, node: int) -> int:
-        """Find the ways to a target from all nodes that are no farther from it than a node; -1: from all nodes."""
+        """Search paths to a target from all nodes up to the distance of a node; -1: from all nodes."""
         first = self.tables[self.arcs.first + target] * len(self.ids)
         self.root[0] = target
         self.goal[0] = node
@@ -181,19 +181,19 @@ class WayTables:
         return 0
 
     def distance(self, node: int, target: int) -> float:
-        """Return how far it is from a node to a target; infinite where no path leads there."""
+        """Return the distance from a node to a target; infinity if there is no path."""
         return self.far[self.place(node, target)]
 
 
 class Looks:
-    """What sensors on agents show: the agents of some teams within a radius on the map.
+    """The sensors of agents: each shows the agents of some teams within a radius.
 
     Attributes:
         begins: (agents + 1,) the sensors of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
-        squares: (sensors,) of the radius; may be infinite.
-        shows: (sensors * teams,) 1: it shows the agents of a team.
-        teams: how many there are.
-        places: (2 * nodes,) x and y of each node, map units; or of whatever else `shows` is asked about.
+        squares: (sensors,) squared radii; may be infinite.
+        shows: (sensors * teams,) 1: the sensor shows agents of the team.
+        teams: the number of teams.
+        places: (2 * nodes,) x and y of each node, map units; or of other positions that callers of `shows` number.
     """
 
     def __init__(
@@ -215,16 +215,16 @@ class Steps:
     """The steps of the strategies of agents.
 
     Attributes:
-        begins: (agents + 1,) those of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
-        kinds: (steps,) `STAYS`, ...
-        first: (steps,) where their nodes begin in `nodes`.
-        sizes: (steps,) how many these are.
-        numbers: (steps,) of `FOLLOWS` 1: the agent begins with the nearest; of `WANDERS` for how many turns it stays;
-            of `MIXES` and `SKIPS` of how many steps.
-        chances: (steps,) of `MIXES`, the probability.
-        slots: (steps,) the column of what agents remember by the step; of `WANDERS` the next one, too.
+        begins: (agents + 1,) the steps of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
+        kinds: (steps,) `STAYS` to `SKIPS`.
+        first: (steps,) where the nodes of the step begin in `nodes`.
+        sizes: (steps,) the number of its nodes.
+        numbers: (steps,) for `FOLLOWS`, 1: begin with the nearest stop; for `WANDERS`, the turns to wait; for `MIXES`
+            and `SKIPS`, the number of steps to skip.
+        chances: (steps,) for `MIXES`, the probability.
+        slots: (steps,) the memory column of the step; `WANDERS` also uses the next one.
         nodes: rows of nodes.
-        following: of each of these that is on a list, the number of the next one on it that is another node.
+        following: for each node on a list, the index of the next one that is a different node.
     """
 
     def __init__(
@@ -251,22 +251,22 @@ class Steps:
 
 
 class Strategies:
-    """The agents of games as they decide by steps; rows are those of `rules.Games`.
+    """The agents of games that decide by strategy steps; rows are as in `rules.Games`.
 
     Attributes:
         games: the games.
-        steps: of their strategies.
-        ways: the ways on the map.
-        looks: the sensors that agents carry.
+        steps: the steps of their strategies.
+        ways: shortest paths.
+        looks: the sensors of the agents.
         keys: (rows,) the `draws.first_key` of each agent.
-        legal: (nodes,) the legal nodes of the agent that decides, its own first; the caller writes them.
-        legal_ids, safety: (nodes,) scratch: their ids, and how far the nearest enemy is from them.
-        memory: (columns * rows,) what agents remember.
-        count: how many legal nodes there are.
-        ahead: the node at the end of the edge that the agent is on; -1: it is on its node.
-        goes_far: whether it may go on towards nodes that are not legal,
-        long_ways: along these.
-        drawn: how often it has drawn in this turn; the caller sets it.
+        legal: (nodes,) the legal nodes of the current agent, its own node first; written by the caller.
+        legal_ids, safety: (nodes,) working memory: their ids, and their distances from the nearest enemy.
+        memory: (columns * rows,) the memory of the agents.
+        count: the number of legal nodes.
+        ahead: the node at the end of the current agent's edge; -1: it is on a node.
+        goes_far: whether the current agent may choose a target beyond the legal nodes,
+        long_ways: and the paths that it then follows.
+        drawn: the number of draws of the current agent in this turn; set by the caller.
     """
 
     def __init__(
@@ -296,12 +296,12 @@ class Strategies:
         self.drawn = 0
 
     def go_far(self, ways: travel.Ways) -> None:
-        """Have the ways of agents that may go on towards nodes that are not legal, by their rows."""
+        """Set the shortest paths, by row, of agents that may choose targets beyond their legal nodes."""
         self.long_ways = ways
 
 
 def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
-    """Take the first `count` of some nodes as the legal ones of the agent that decides next."""
+    """Set the legal nodes of the current agent to the first `count` of `nodes`."""
     p.count = count
     for number in range(count):
         p.legal[number] = nodes[number]
@@ -309,7 +309,7 @@ def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
 
 
 def act(p: Strategies, game: int, agent: int) -> int:
-    """Return the node to which an agent of a game goes, which is legal unless it goes far; -1: it stays."""
+    """Return the node that an agent chooses, legal unless `goes_far`; -1: it stays."""
     node = p.games.node[game * p.games.agents + agent]
     p.ways.arcs.first = p.games.first_node[game]
     step = p.steps.begins[agent]
@@ -340,14 +340,14 @@ def act(p: Strategies, game: int, agent: int) -> int:
 
 
 def _distance(p: Strategies, game: int, agent: int, node: int, target: int) -> float:
-    """Return how far it is from a node to the target of an agent; if it goes far, the way to there is remembered."""
+    """Return the distance from a node to the target of an agent; with `goes_far`, the path is stored."""
     if p.goes_far:
         return travel.distance(p.long_ways, game * p.games.agents + agent, node, target)  # type: ignore[arg-type]
     return p.ways.distance(node, target)
 
 
 def _towards(p: Strategies, game: int, agent: int, node: int, target: int) -> int:
-    """Return the node to which an agent goes on its way to a target; NOTHING: there is none, or no path."""
+    """Return the node that an agent moves to on its path to a target; NOTHING: no target, or no path."""
     if target < 0 or _is_legal(p, target):
         return target
     has_path = _distance(p, game, agent, node, target) < INFINITE
@@ -371,25 +371,25 @@ def _is_legal(p: Strategies, node: int) -> bool:
 
 
 def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:
-    """Draw a number below a bound."""
+    """Return a random number below a bound."""
     p.drawn += 1
     return draws.below_at(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
 
 
 def _chance(p: Strategies, game: int, agent: int) -> float:
-    """Draw a number from 0 to 1."""
+    """Return a random number in [0, 1)."""
     p.drawn += 1
     key = draws.turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])
     return draws.fraction(draws.bits_at(key, p.drawn - 1))
 
 
 def _place(p: Strategies, game: int, agent: int, column: int) -> int:
-    """Return where an agent remembers something."""
+    """Return the index of a memory column of an agent in `memory`."""
     return column * len(p.games.node) + game * p.games.agents + agent
 
 
 def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
-    """Return the node on its list to which an agent goes; -1: it was at the last one."""
+    """Return the next node on an agent's list; -1: it has visited the last one."""
     first = p.steps.first[step]
     place = _place(p, game, agent, p.steps.slots[step])
     at = p.memory[place]
@@ -408,7 +408,7 @@ def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
 
 
 def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
-    """Return the node that was drawn, or draw another one."""
+    """Return the agent's current waypoint, or draw a new one."""
     place = _place(p, game, agent, p.steps.slots[step])
     place_of_left = _place(p, game, agent, p.steps.slots[step] + 1)
     target = p.memory[place]
@@ -425,7 +425,7 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
 
 
 def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool:
-    """Whether an agent sees another one, which is an enemy."""
+    """Return whether an agent sees another one, and it is an enemy."""
     at = game * games.agents
     if not games.alive[at + other] or games.team[other] == games.team[agent]:
         return False
@@ -433,7 +433,7 @@ def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool
 
 
 def shows(looks: Looks, agent: int, team: int, here: int, there: int) -> bool:
-    """Whether a sensor of an agent on a node shows an agent of a team on another node."""
+    """Return whether a sensor of an agent at `here` shows an agent of a team at `there`."""
     dx = looks.places[2 * there] - looks.places[2 * here]
     dy = looks.places[2 * there + 1] - looks.places[2 * here + 1]
     square = dx * dx + dy * dy
@@ -444,7 +444,7 @@ def shows(looks: Looks, agent: int, team: int, here: int, there: int) -> bool:
 
 
 def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
-    """Return the node of the enemy in sight that is nearest by road, of several the first; -1: there is none."""
+    """Return the node of the nearest visible enemy by road, the first of equals; -1: none."""
     found = -1
     least = INFINITE
     at = game * p.games.agents
@@ -458,7 +458,7 @@ def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
 
 
 def _farthest(p: Strategies, game: int, agent: int) -> int:
-    """Return the legal node that is farthest from the nearest enemy in sight; NOTHING: no enemy is in sight."""
+    """Return the legal node farthest from the nearest visible enemy; NOTHING: no enemy is visible."""
     at = game * p.games.agents
     is_seen = False
     for number in range(p.count):

@@ -1,9 +1,9 @@
-"""Travel by metres: which nodes an agent reaches in a turn, and what it covers of edges on its way.
+"""Travel by metres: the nodes that an agent can reach in a turn, and the parts of edges that it covers.
 
 Agents cover speed times time on each edge, as in microscopic traffic models with a constant speed per edge and without
 interaction (Treiber and Kesting, Traffic Flow Dynamics, 2013, chapter 6). A turn is the time from 0 to 1. Nodes and
-edges have row numbers; where there is none, the number is -1. An agent without a speed has the speed NaN: it goes along
-one edge in a turn, however long that is.
+edges are rows; -1 stands for none. An agent without a speed has the speed NaN: it moves along one edge per turn, of any
+length.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from __future__ import annotations
 from math import fabs
 
 INFINITE = float("inf")
-SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
-ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end arrives at its end
-FORWARD = 1  # as `ir.progress.Motion` has them
+SLACK = 1e-9  # of a turn: a path that takes exactly a turn must not fail by rounding
+ROUNDED = 1e-12  # of a turn: an arrival this shortly before the end counts as at the end
+FORWARD = 1  # the values of `ir.progress.Motion`
 BACK = 2
 STOPPED = 3
 
@@ -22,17 +22,17 @@ class Roads:
     """The edges of a map.
 
     Attributes:
-        ids: (nodes,) of the nodes; of two that are reached at once the one with the smaller id comes first.
-        offsets: (nodes + 1,) where the edges that leave each node begin in `leaving`.
-        leaving: (edges,) rows of edges, by the node that they leave; those of a node in insertion order.
-        patched: (patched,) rows of nodes that other edges leave, ascending.
-        patch_offsets: (patched + 1,) where the edges that leave these begin in `patch`.
+        ids: (nodes,) node ids; of two nodes reached at the same time, the one with the smaller id comes first.
+        offsets: (nodes + 1,) where the edges out of each node begin in `leaving`.
+        leaving: (edges,) rows of edges by source node, in insertion order.
+        patched: (patched,) rows of nodes whose outgoing edges are replaced, ascending.
+        patch_offsets: (patched + 1,) where the replacing edges begin in `patch`.
         patch: rows of edges.
         sources, targets: (edges,) rows of nodes.
         lengths: (edges,) metres.
-        costs: (edges,) by which agents choose their ways.
-        seconds: (edges,) that each takes at least; empty where edges have no speed of their own.
-        turn_seconds: how long a turn lasts, in the time of speeds.
+        costs: (edges,) the costs by which agents choose paths.
+        seconds: (edges,) the minimum travel time of each edge; empty: edges have no speed limits.
+        turn_seconds: the duration of a turn, in the time unit of speeds.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Roads:
         self.turn_seconds = turn_seconds
 
     def place(self, node: int) -> int:
-        """Return where a node is in `patched`, or -1."""
+        """Return the index of a node in `patched`, by binary search; -1: it is not there."""
         first = 0
         last = len(self.patched)
         while first < last:
@@ -79,14 +79,14 @@ class Roads:
         return -1
 
     def count(self, node: int) -> int:
-        """Return how many edges leave a node."""
+        """Return the number of edges out of a node."""
         place = self.place(node) if self.is_patched else -1
         if place < 0:
             return self.offsets[node + 1] - self.offsets[node]
         return self.patch_offsets[place + 1] - self.patch_offsets[place]
 
     def edge(self, node: int, number: int) -> int:
-        """Return one of the edges that leave a node, by its number from 0."""
+        """Return edge number `number` out of a node."""
         place = self.place(node) if self.is_patched else -1
         if place < 0:
             return self.leaving[self.offsets[node] + number]
@@ -94,19 +94,19 @@ class Roads:
 
 
 class Reach:
-    """The nodes in reach of one agent, and scratch to find them; all columns are (nodes,).
+    """The nodes that one agent can reach, and working memory of the search; all columns are (nodes,).
 
     Attributes:
-        nodes: rows, in the order of `state["legal"]`; there are as many as the function that finds them returns.
-        times: when each is reached.
-        listed: the number of the search that has listed each node.
-        found: how many there are.
+        nodes: rows, in the order of `state["legal"]`; the first `found` are in use.
+        times: the arrival time at each of them.
+        listed: the number of the last search that has listed each node.
+        found: the number of nodes.
         search: the number of the last search.
-        heap, size: nodes to be visited, the first one first.
-        places: where each node is in the heap, from 1; 0: it has not been seen; -1: it has been visited.
-        when: when each node is reached at the soonest.
-        rank: of two nodes that are reached at once the one with the smaller rank comes first.
-        seen, count: nodes that have been seen.
+        heap, size: a binary heap of nodes to visit.
+        places: the position of each node in the heap, from 1; 0: it has not been seen; -1: it has been visited.
+        when: the earliest known arrival time at each node.
+        rank: breaks ties between nodes with equal times; the smaller rank comes first.
+        seen, count: the nodes that have been seen.
     """
 
     def __init__(
@@ -135,14 +135,14 @@ class Reach:
 
 
 class KnownReach:
-    """What is legal where turns begin, as far as there is room to remember it.
+    """Stored sets of legal nodes at the start of a turn, as far as there is room.
 
     Attributes:
-        kinds: (agents,) the number of the speed of each; agents with the same speed have the same.
-        counts: (kinds * nodes,) how many nodes are legal; 0: that is not known.
+        kinds: (agents,) the number of the agent's speed; equal speeds have equal numbers.
+        counts: (kinds * nodes,) the number of legal nodes; 0: not computed yet.
         first: (kinds * nodes,) where they begin in `nodes`.
         nodes: (room,) rows of nodes.
-        used: how many of these there are.
+        used: the number of entries in `nodes`.
     """
 
     def __init__(
@@ -156,28 +156,27 @@ class KnownReach:
 
 
 class Trips:
-    """The ways of agents through a turn.
+    """The paths of agents through a turn.
 
     Attributes:
-        most: how many legs a row has room for.
-        node: (rows,) the node that each agent has passed last.
+        most: the maximum number of legs in a row.
+        node: (rows,) the node that each agent passed last.
         edge: (rows,) the edge that it is on; -1: it is on its node.
-        share: (rows,) of the edge, from its source; 0.0 on a node.
-        motion: (rows,) how it moves there, see `ir.progress.Motion`.
-        now: (rows,) the time of the turn.
-        speed: (rows,) metres in the time of speeds; NaN: none.
-        left: (rows,) how many edges it may enter or go on along.
-        pace: (rows,) turns per metre of a way that takes the rest of the turn, however long it is; -1.0: it goes at its
+        share: (rows,) the share of the edge behind it; 0.0 on a node.
+        motion: (rows,) its motion on the edge; see `ir.progress.Motion`.
+        now: (rows,) the current time in the turn.
+        speed: (rows,) metres in the time unit of speeds; NaN: none.
+        left: (rows,) the number of edges that it may still enter or continue on.
+        pace: (rows,) turns per metre, if the path takes the rest of the turn whatever its length; -1.0: it moves at its
             speed.
-        legs: (rows,) how many legs there are.
-        edges: (rows * most,) what they lead along.
+        legs: (rows,) the number of legs.
+        edges: (rows * most,) the edge of each leg.
         begins, ends: (rows * most,) shares of the edge.
-        since, until: (rows * most,) of the turn.
-        passed: (rows,) how many nodes there are: the one that the agent has passed last, then the others that it comes
-            to.
+        since, until: (rows * most,) the times of the leg.
+        passed: (rows,) the number of nodes: the one passed last at the start, then all nodes reached.
         nodes: (rows * (most + 1),) these nodes.
-        times: (rows * (most + 1),) when the agent is at each.
-        route: rows of nodes that an agent is to go along; see `go`.
+        times: (rows * (most + 1),) the time at each of them.
+        route: the nodes of a route to follow; see `go`.
     """
 
     def __init__(
@@ -224,22 +223,21 @@ class Trips:
 
 
 class Ways:
-    """The cheapest ways of agents to nodes, of which the next nodes are remembered.
+    """Shortest paths of agents to goal nodes; the next nodes of one path per row are stored.
 
-    Of ways that cost the same the one with the fewest edges is taken; of these, at each node, the one that goes on to
-    the node with the smallest id.
+    Among paths of equal cost, one with the fewest edges is taken; further ties go, at each node, to the next node with
+    the smallest id.
 
     Attributes:
-        roads: the map, on which every edge has a finite cost.
-        back: the same with all edges turned round.
-        reach: scratch.
-        direct: (edges,) scratch, all 0 at first: 1 of an edge that is known to be the only cheapest way from its
-            source to its target, 2 of one that is not.
-        most: how many nodes of a way are remembered, the one where it begins included.
-        goal: (rows,) where the way leads that an agent remembers.
-        count: (rows,) how many of its nodes are remembered, at first 0; also of a goal to which no way leads.
-        at: (rows,) the number of the node among them that was asked for last.
-        nodes, far: (rows * most,) these nodes, and how far it is from each to the goal.
+        roads: the map; every edge has a finite cost.
+        back: the map with all edges reversed.
+        reach: working memory.
+        direct: (edges,) a cache, all 0 at first: 1: the edge is the only shortest path between its ends; 2: it is not.
+        most: the maximum number of stored nodes of a path, including the first.
+        goal: (rows,) the goal of the stored path.
+        count: (rows,) the number of its stored nodes; 0 at first, and if there is no path.
+        at: (rows,) the index of the last requested node.
+        nodes, far: (rows * most,) the stored nodes, and the cost from each to the goal.
     """
 
     def __init__(
@@ -271,7 +269,7 @@ class Ways:
 
 
 def cheapest(roads: Roads, source: int, target: int) -> int:
-    """Return the cheapest edge from one node to another, of equal ones the first; -1: there is none."""
+    """Return the cheapest edge from one node to another, the first of equals; -1: none."""
     found = -1
     for number in range(roads.count(source)):
         edge = roads.edge(source, number)
@@ -281,7 +279,7 @@ def cheapest(roads: Roads, source: int, target: int) -> int:
 
 
 def back(roads: Roads, edge: int) -> int:
-    """Return the edge by which one turns round, the first that leads back and is as long; -1: there is none."""
+    """Return the edge for turning around: the first edge back with equal length; -1: none."""
     node = roads.targets[edge]
     length = roads.lengths[edge]
     for number in range(roads.count(node)):
@@ -292,7 +290,7 @@ def back(roads: Roads, edge: int) -> int:
 
 
 def turns(roads: Roads, edge: int, share: float, speed: float) -> float:
-    """Return how many turns a share of an edge takes at a speed."""
+    """Return the travel time of a share of an edge at a speed, in turns."""
     if speed != speed:  # noqa: PLR0124 - NaN
         return share
     metres = share * roads.lengths[edge]
@@ -310,16 +308,16 @@ def turns(roads: Roads, edge: int, share: float, speed: float) -> float:
 
 
 def is_endless(roads: Roads, speed: float) -> bool:
-    """Return whether any distance can be covered in a turn at a speed."""
+    """Return whether an agent of this speed can cover any distance in a turn."""
     return speed == INFINITE and len(roads.seconds) == 0
 
 
 def is_going(roads: Roads, edge: int, motion: int) -> bool:
-    """Return whether an agent is on its way along an edge, or back where one may turn round on it."""
+    """Return whether an agent moves along an edge, or back where it can turn around."""
     return motion == FORWARD or (motion == BACK and back(roads, edge) >= 0)
 
 
-# -- what is in reach ------------------------------------------------------------------------------------------------
+# -- legal nodes -----------------------------------------------------------------------------------------------------
 
 
 def reachable(
@@ -333,21 +331,21 @@ def reachable(
     now: float,
     goes_on: bool,
 ) -> int:
-    """Find the nodes that an agent may go to, and return how many there are.
+    """Find the legal nodes of an agent; return their number.
 
-    These are the nodes next to where it is, then those in reach in this turn, the nearest first. An agent on an edge
-    may go to both of its ends; without a speed to these alone.
+    First come the nodes next to its position, then the nodes that it can reach in this turn, by time. An agent on an
+    edge may go to both ends; without a speed, only to these.
 
     Args:
         roads: the map.
-        reach: gets the nodes.
-        node: the one that the agent has passed last.
-        edge: the one that it is on; -1: it is on its node.
-        share: of the edge that is behind it.
-        motion: how it moves there.
-        speed: of the agent.
-        now: the time of the turn.
-        goes_on: whether an agent that is on its way along an edge goes on to the end of it first.
+        reach: receives the nodes.
+        node: the node that the agent passed last.
+        edge: the edge that it is on; -1: it is on its node.
+        share: the share of the edge behind it.
+        motion: its motion on the edge.
+        speed: its speed.
+        now: the current time in the turn.
+        goes_on: whether an agent that moves along an edge has to go on to its end first.
     """
     reach.search += 1
     reach.found = 0
@@ -384,7 +382,7 @@ def reachable(
 
 
 def count_legal(roads: Roads, reach: Reach, known: KnownReach, agent: int, node: int, speed: float) -> int:
-    """Return how many nodes are legal for an agent on a node when a turn begins."""
+    """Return the number of legal nodes of an agent on a node at the start of a turn."""
     key = known.kinds[agent] * len(roads.ids) + node
     if known.counts[key] > 0:
         return known.counts[key]
@@ -399,13 +397,13 @@ def count_legal(roads: Roads, reach: Reach, known: KnownReach, agent: int, node:
 
 
 def legal_node(roads: Roads, reach: Reach, known: KnownReach, agent: int, node: int, number: int) -> int:
-    """Return one of the nodes that `count_legal` has counted last."""
+    """Return legal node number `number` after a call of `count_legal`."""
     key = known.kinds[agent] * len(roads.ids) + node
     return known.nodes[known.first[key] + number] if known.counts[key] > 0 else reach.nodes[number]
 
 
 def list_node(reach: Reach, node: int, time: float) -> int:
-    """Append a node that is reached at a time, unless it is listed."""
+    """Append a node with its time, unless it is already listed."""
     if reach.listed[node] != reach.search:
         reach.listed[node] = reach.search
         reach.nodes[reach.found] = node
@@ -415,7 +413,7 @@ def list_node(reach: Reach, node: int, time: float) -> int:
 
 
 def list_near(roads: Roads, reach: Reach, node: int) -> int:
-    """Append a node and those next to it."""
+    """Append a node and its neighbors."""
     list_node(reach, node, 0.0)
     for number in range(roads.count(node)):
         list_node(reach, roads.targets[roads.edge(node, number)], 0.0)
@@ -423,9 +421,10 @@ def list_near(roads: Roads, reach: Reach, node: int) -> int:
 
 
 def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: float, left: float) -> int:
-    """Append the nodes within what is left of a turn from a node, where the agent is after a part of it.
+    """Append the nodes that can be reached from a node in the rest of a turn, by Dijkstra's algorithm.
 
-    They are appended as they are reached, but in the order of their rows if any distance can be covered.
+    They are in the order of arrival; if any distance can be covered, in the order of rows. `begun` is the arrival time
+    at the first node, and `left` the time that is left in the turn.
     """
     endless = is_endless(roads, speed)
     latest = left + SLACK
@@ -452,14 +451,14 @@ def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: floa
 
 
 def forget_seen(reach: Reach) -> int:
-    """End a search."""
+    """Reset the working memory after a search."""
     for number in range(reach.count):
         reach.places[reach.seen[number]] = 0
     return 0
 
 
 def sort_seen(reach: Reach) -> int:
-    """End a search, and put the nodes that it has seen in the order of their rows."""
+    """Reset the working memory after a search, and sort the seen nodes by row."""
     forget_seen(reach)
     number = reach.count
     reach.size = 0
@@ -472,14 +471,14 @@ def sort_seen(reach: Reach) -> int:
 
 
 def comes_before(reach: Reach, one: int, other: int) -> bool:
-    """Return whether a node is reached before another; of two at once the one with the smaller rank is."""
+    """Return whether a node comes before another in the heap, by time, then by rank."""
     if reach.when[one] != reach.when[other]:
         return reach.when[one] < reach.when[other]
     return reach.rank[one] < reach.rank[other]
 
 
 def reach_node(reach: Reach, node: int, time: float, rank: int) -> int:
-    """Note that a node can be reached at a time, and its rank then."""
+    """Add a node to the heap, or move it forward if the new time or rank is better."""
     place = reach.places[node]
     if place < 0:
         return 0
@@ -505,7 +504,7 @@ def reach_node(reach: Reach, node: int, time: float, rank: int) -> int:
 
 
 def visit_first(reach: Reach) -> int:
-    """Take the first node from the heap and return it."""
+    """Remove the first node from the heap and return it."""
     first = reach.heap[0]
     reach.places[first] = -1
     node = reach.heap[reach.size - 1]
@@ -527,7 +526,7 @@ def visit_first(reach: Reach) -> int:
 
 
 def is_only_way(roads: Roads, reach: Reach, source: int, target: int) -> bool:
-    """Return whether an edge leads from a node to another, and any other path there costs more, whatever is rounded."""
+    """Return whether an edge is the shortest path from a node to another by more than rounding errors."""
     edge = cheapest(roads, source, target)
     if edge < 0 or not roads.costs[edge] < INFINITE:
         return False
@@ -548,11 +547,11 @@ def is_only_way(roads: Roads, reach: Reach, source: int, target: int) -> bool:
     return found
 
 
-# -- ways ----------------------------------------------------------------------------------------------------------
+# -- shortest paths --------------------------------------------------------------------------------------------------
 
 
 def is_direct(ways: Ways, source: int, target: int) -> bool:
-    """Return whether an edge is the only cheapest way from one node to another."""
+    """Return whether an edge is the only shortest path from one node to another."""
     edge = cheapest(ways.roads, source, target)
     if edge < 0 or source == target:
         return False
@@ -562,10 +561,9 @@ def is_direct(ways: Ways, source: int, target: int) -> bool:
 
 
 def find_way(ways: Ways, row: int, source: int, goal: int) -> int:
-    """Let an agent remember the way from a node to another; return how many of its nodes it remembers, 0: no way.
+    """Store the shortest path from a node to a goal; return the number of stored nodes, 0 if there is no path.
 
-    Distances are found from the goal, each from that of the next node on the way, so that they do not depend on where
-    the way begins.
+    The search starts at the goal, so that the costs do not depend on the start of the path.
     """
     ways.reach.size = 0
     ways.reach.count = 0
@@ -591,7 +589,7 @@ def find_way(ways: Ways, row: int, source: int, goal: int) -> int:
 
 
 def next_on_way(ways: Ways, node: int) -> int:
-    """Return the node that comes behind another on the way to the goal of a search; -1: it is the goal."""
+    """Return the next node on the path to the goal of a search; -1: the node is the goal."""
     found = -1
     for number in range(ways.roads.count(node)):
         edge = ways.roads.edge(node, number)
@@ -607,11 +605,11 @@ def next_on_way(ways: Ways, node: int) -> int:
 
 
 def place_on_way(ways: Ways, row: int, node: int, goal: int) -> int:
-    """Return the number of a node on the way to a goal that an agent remembers; -1: there is no way to the goal."""
+    """Return the index of a node on the stored path to a goal, after a search if necessary; -1: there is no path."""
     if ways.goal[row] == goal:
         place = ways.at[row]
         for _ in range(ways.count[row]):
-            # The last node does not tell where the way goes on, unless it is the goal.
+            # The last stored node has no next node, unless it is the goal.
             if ways.nodes[row * ways.most + place] == node and (place + 1 < ways.count[row] or node == goal):
                 ways.at[row] = place
                 return place
@@ -620,7 +618,7 @@ def place_on_way(ways: Ways, row: int, node: int, goal: int) -> int:
 
 
 def distance(ways: Ways, row: int, node: int, goal: int) -> float:
-    """Return what the way of an agent from a node to a goal costs; infinite where there is none."""
+    """Return the cost of an agent's path from a node to a goal; infinity if there is no path."""
     if is_direct(ways, node, goal):
         return ways.roads.costs[cheapest(ways.roads, node, goal)]
     place = place_on_way(ways, row, node, goal)
@@ -628,7 +626,7 @@ def distance(ways: Ways, row: int, node: int, goal: int) -> float:
 
 
 def following(ways: Ways, row: int, node: int, goal: int) -> int:
-    """Return the next node on the way of an agent from a node to a goal; where there is none, the node."""
+    """Return the next node on an agent's path from a node to a goal; the node itself if there is no path."""
     if is_direct(ways, node, goal):
         return goal
     place = place_on_way(ways, row, node, goal)
@@ -636,9 +634,9 @@ def following(ways: Ways, row: int, node: int, goal: int) -> int:
 
 
 def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int, begin: int) -> int:
-    """Append the next nodes on the way of an agent from a node to a goal to the first `begin` nodes of a route.
+    """Append the next nodes of an agent's path to a route that has `begin` nodes.
 
-    Return how many nodes the route has then: no more at the goal, and where no way leads there.
+    Return the new number of nodes; it is unchanged at the goal and if there is no path.
     """
     if is_direct(ways, node, goal):
         trips.route[begin] = goal
@@ -651,13 +649,13 @@ def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int, begin: i
     return begin + count
 
 
-# -- where to --------------------------------------------------------------------------------------------------------
+# -- directions ------------------------------------------------------------------------------------------------------
 
 
 def end_towards(roads: Roads, node: int, edge: int, target: int) -> int:
-    """Return the motion of an agent on an edge towards a node that is an end of it; 0: it is none.
+    """Return the motion on an edge toward a node that is an end of it; 0: it is not an end.
 
-    `node` is the one that the agent has passed last; it is an end where the agent may turn round.
+    `node` is the node that the agent passed last; it counts as an end if the agent can turn around.
     """
     if target == roads.targets[edge]:
         return FORWARD
@@ -667,14 +665,14 @@ def end_towards(roads: Roads, node: int, edge: int, target: int) -> int:
 
 
 def shorter_way(roads: Roads, edge: int, share: float, ahead: float, behind: float) -> int:
-    """Return the motion of an agent on an edge that goes the shorter way, of equal ones the one on; 0: there is none.
+    """Return the motion on an edge toward the cheaper path; on a tie, forward; 0: no path.
 
     Args:
         roads: the map.
-        edge: that the agent is on.
-        share: of the edge that is behind it.
-        ahead: what the way costs from the end of the edge.
-        behind: what it costs from the source.
+        edge: the edge that the agent is on.
+        share: the share of the edge behind it.
+        ahead: the cost of the path from the end of the edge.
+        behind: the cost of the path from its source.
     """
     cost = roads.costs[edge]
     ahead = (1.0 - share) * cost + ahead
@@ -684,13 +682,13 @@ def shorter_way(roads: Roads, edge: int, share: float, ahead: float, behind: flo
     return FORWARD if ahead < INFINITE else 0
 
 
-# -- through the turn ------------------------------------------------------------------------------------------------
+# -- motion through the turn -----------------------------------------------------------------------------------------
 
 
 def begin(
     trips: Trips, row: int, node: int, edge: int, share: float, motion: int, now: float, speed: float, left: int
 ) -> int:
-    """Put an agent where it is when it sets out; see `Trips` for the arguments."""
+    """Place an agent at its start; `Trips` describes the arguments."""
     trips.node[row] = node
     trips.edge[row] = edge
     trips.share[row] = share if edge >= 0 else 0.0
@@ -707,7 +705,7 @@ def begin(
 
 
 def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: float) -> int:
-    """Let an agent cover a part of an edge from now until a time."""
+    """Add a leg along a part of an edge, from the current time until `until`."""
     place = row * trips.most + trips.legs[row]
     trips.edges[place] = edge
     trips.begins[place] = begin
@@ -720,7 +718,7 @@ def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: 
 
 
 def turns_to_end(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> float:
-    """Return how long an agent takes to the end of an edge, from where it is on it."""
+    """Return the time that an agent needs to reach the end of its edge, in turns."""
     share = fabs((0.0 if motion == BACK else 1.0) - trips.share[row])
     if trips.pace[row] >= 0.0:
         return share * roads.lengths[edge] * trips.pace[row]
@@ -728,7 +726,7 @@ def turns_to_end(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -
 
 
 def stop_before_end(trips: Trips, row: int, motion: int, takes: float) -> float:
-    """Return the share of an edge at which the turn stops an agent that takes longer; -1.0: it covers nothing."""
+    """Return the share of an edge where an agent is at the end of the turn; -1.0: it covers nothing."""
     first = trips.share[row]
     last = 0.0 if motion == BACK else 1.0
     part = fabs(last - first) * (1.0 - trips.now[row]) / takes if takes < INFINITE else 0.0
@@ -737,9 +735,9 @@ def stop_before_end(trips: Trips, row: int, motion: int, takes: float) -> float:
 
 
 def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
-    """Let an agent go along an edge from where it is on it; return whether it gets to the end before the turn is over.
+    """Move an agent along an edge; return whether it reaches the end before the turn is over.
 
-    One that does not stands where it is then. `motion` is BACK on the way to the source of the edge, else FORWARD.
+    Otherwise it stops on the edge. `motion` is BACK toward the source of the edge, else FORWARD.
     """
     first = trips.share[row]
     takes = turns_to_end(roads, trips, row, edge, motion)
@@ -768,7 +766,7 @@ def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
 
 
 def stand(trips: Trips, row: int) -> int:
-    """Let an agent stand where it is for the rest of the turn."""
+    """Keep an agent at its position for the rest of the turn."""
     trips.left[row] = 0
     if trips.edge[row] >= 0 and trips.now[row] < 1.0:
         add_leg(trips, row, trips.edge[row], trips.share[row], trips.share[row], 1.0)
@@ -776,10 +774,7 @@ def stand(trips: Trips, row: int) -> int:
 
 
 def go_in_part(trips: Trips, row: int, part: int, parts: int) -> int:
-    """Let an agent go its way in one of several equal parts of the turn; before and after it stands where it is then.
-
-    On a node it waits, and is there twice; on an edge it has a leg more before, and one after.
-    """
+    """Fit the path of an agent into one of several equal parts of the turn; until then it waits at its start."""
     first = row * trips.most
     node = row * (trips.most + 1)
     stands = 0.0 < trips.begins[first] < 1.0
@@ -827,7 +822,7 @@ def copy_leg(trips: Trips, leg: int, others: Trips, other: int) -> int:
 
 
 def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
-    """Copy the way of an agent into a row of other trips, which have room for it."""
+    """Copy the path of an agent to a row of other trips."""
     others.node[other] = trips.node[row]
     others.edge[other] = trips.edge[row]
     others.share[other] = trips.share[row]
@@ -843,7 +838,7 @@ def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
 
 
 def without_edge(roads: Roads, trips: Trips, node: int, count: int) -> int:
-    """Return the number of the first node of a route to which no edge leads from the one before; -1: there is none."""
+    """Return the index of the first route node that no edge reaches from the previous one; -1: there is none."""
     at = node
     for number in range(count):
         if trips.route[number] != at and cheapest(roads, at, trips.route[number]) < 0:
@@ -853,13 +848,13 @@ def without_edge(roads: Roads, trips: Trips, node: int, count: int) -> int:
 
 
 def takes_all(roads: Roads, trips: Trips, row: int) -> bool:
-    """Return whether the way of an agent takes the rest of the turn, however long it is."""
+    """Return whether the path of an agent takes the rest of the turn, whatever its length."""
     speed = trips.speed[row]
     return speed != speed or is_endless(roads, speed)  # noqa: PLR0124 - NaN
 
 
 def set_pace(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> int:
-    """Work out the pace of an agent whose way takes the rest of the turn; see `go` for the arguments."""
+    """Compute the pace of an agent whose path takes the rest of the turn; `go` describes the arguments."""
     at = trips.node[row]
     left = trips.left[row]
     metres = 0.0
@@ -878,17 +873,17 @@ def set_pace(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> i
 
 
 def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
-    """Let an agent go to an end of its edge, if it is on one, and on along a route; return whether it may go on.
+    """Move an agent to an end of its edge, if it is on one, then along a route; return whether it may go on.
 
-    An agent whose way takes the rest of the turn needs the whole of its route at once.
+    An agent whose path takes the rest of the turn needs its whole route in one call.
 
     Args:
         roads: the map.
-        trips: has the nodes of the route, with an edge from each to the next; a node twice in a row is no pause. It
-            gets the legs: there is room for two more than the route has nodes.
-        row: of the agent.
-        motion: of an agent on an edge: BACK, or FORWARD.
-        count: how many nodes the route has.
+        trips: holds the route; an edge leads from each node to the next, and repeated nodes are skipped. It receives
+            the legs, and needs room for two legs more than the route has nodes.
+        row: the row of the agent.
+        motion: for an agent on an edge: BACK or FORWARD.
+        count: the number of nodes of the route.
     """
     if trips.pace[row] < 0.0 and takes_all(roads, trips, row):
         set_pace(roads, trips, row, motion, count)
@@ -904,14 +899,16 @@ def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
 
 
 def go_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, target: int) -> bool:
-    """Let an agent go towards a node until the turn is over, one on an edge the shorter way; return whether it can.
+    """Move an agent toward a node until the turn is over; return whether it can.
+
+    An agent on an edge takes the shorter direction.
 
     Args:
         roads: the map.
-        trips: has the agent where it sets out.
-        ways: finds the cheapest ways.
-        memory: the row of `ways` that remembers those of the agent.
-        row: of the agent.
+        trips: holds the agent at its start.
+        ways: shortest paths.
+        memory: the row of `ways` for the agent's path.
+        row: the row of the agent.
         target: the node.
     """
     node = trips.node[row]
@@ -940,7 +937,7 @@ def go_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, ta
 
 
 def motion_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, target: int) -> int:
-    """Return the motion of an agent on an edge towards a node; 0: it cannot go there."""
+    """Return the motion of an agent on an edge toward a node; 0: it cannot go there."""
     node = trips.node[row]
     edge = trips.edge[row]
     motion = end_towards(roads, node, edge, target)
@@ -955,7 +952,7 @@ def motion_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int
 
 
 def backs(roads: Roads, edges: memoryview[int], found: memoryview[int]) -> int:
-    """Write the edge by which one turns round on each of some edges, -1 among them, see `back`."""
+    """Write the edge for turning around on each edge of an array, see `back`; -1 stays -1."""
     for number in range(len(edges)):
         found[number] = back(roads, edges[number]) if edges[number] >= 0 else -1
     return 0
@@ -976,10 +973,10 @@ def reach_each(
     times: memoryview[float],
     counts: memoryview[int],
 ) -> int:
-    """Find what each agent from number `first` on may go to; return the number of the first that found no room.
+    """Find the legal nodes of each agent from number `first` on; return the first agent that did not fit.
 
-    The columns of agents are those of `reachable`. `found` and `times` get the nodes of one agent after the other and
-    when these are reached, `counts` how many each agent has.
+    The agents' columns are as in `reachable`. The nodes and times of all agents are written one after the other to
+    `found` and `times`, the number of nodes of each agent to `counts`.
     """
     used = 0
     for number in range(first, len(node)):

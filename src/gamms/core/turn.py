@@ -1,18 +1,18 @@
-"""A turn of one game, and games to their ends, where all their parts are functions of the core.
+"""Play turns of one game, or whole games, by functions of the core alone.
 
-A turn of a game is these phases, one after the other, which `play_part` calls. All agents decide before one moves; with
-an order of play, agents do so in parts of the turn, one part after the other, and the rules follow the last.
+A turn consists of these phases, which `play_part` calls in order. All agents decide before any moves. With
+an order of play, a turn has parts, in which some of the agents decide and move; the rules follow the last part.
 
 | phase    | what happens                                            | along one edge, several, by metres           |
 |----------|---------------------------------------------------------|----------------------------------------------|
-| decide   | each living agent chooses where it goes, or is given it | `decide` of `moves`, `by_edges`, `by_metres` |
-| give way | agents that lose conflicts stay where they are          | `give_way`, likewise                         |
-| move     | agents go; one turn more was played                     | `move`, likewise                             |
-| rules    | the rules are applied in order; they may end the game   | `rules.play`                                 |
+| decide   | each living agent chooses or is given its move          | `decide` of `moves`, `by_edges`, `by_metres` |
+| give way | agents that lose conflicts stay                         | `give_way`, likewise                         |
+| move     | agents move; the turn counter advances                  | `move`, likewise                             |
+| rules    | the rules are applied in order and may end the game     | `rules.play`                                 |
 
-Agents that decide where they arrive decide and give way several times in a turn: `arrivals.play`.
+Agents that decide on arrival decide and give way several times per turn: `arrivals.play`.
 
-Games share nothing but the map and their rules' arguments: they may be played in any order and on several threads.
+Games share only the map and the arguments of rules; they can be played in any order and on several threads.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ except ImportError:  # Cython is not needed to run the text
 
 
 class Player:
-    """What one thread plays games with.
+    """The data with which one thread plays games.
 
     Attributes:
         games: the columns of all games.
-        movers: their agents as they move along one edge in a turn.
-        walkers: their agents as they go along several edges, if they do so: `by_edges`.
-        travelers: their agents as they go by metres, if they do so: `by_metres`.
-        arrivals: the same as they decide where they arrive, if they do so.
-        first: the first of their rules, if `has_rules`.
-        until: (games,) a game is played until so many parts of its turns are.
+        movers: the agents' moves along one edge per turn.
+        walkers: moves along several edges per turn; None: not used.
+        travelers: moves by metres; None: not used.
+        arrivals: moves by metres with decisions on arrival; None: not used.
+        first: the first rule, if `has_rules`.
+        until: (games,) the number of parts of turns after which the game stops.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ def play_part(p: Player, game: int) -> int:
 
 
 def play(p: Player, begin: int, end: int) -> int:
-    """Play the games from `begin` to `end - 1`, each until it is over or its turns are played."""
+    """Play the games `begin` to `end - 1`, each until it is over or its number of turns is reached."""
     parts = p.movers.parts
     for game in range(begin, end):
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
@@ -96,7 +96,7 @@ def play(p: Player, begin: int, end: int) -> int:
 
 
 def play_aside(p: Player, begin: int, end: int) -> int:
-    """Do what `play` does, and let other threads of Python go on meanwhile."""
+    """Call `play` without the GIL."""
     with cython.nogil:
         play(p, begin, end)
     return 0
