@@ -1,7 +1,7 @@
-"""The game engine: `ctx.game`, which plays turns in which all agents move at once.
+"""The game engine: `ctx.game`, which plays turns of simultaneous moves.
 
-Read `game.py` first, then `turn.py`; the state is `gamms.ir.game_state`. A rule is a plain function; a new one needs
-nothing here. `batch` plays many games at once. May import: typing, kernels, ir and below, never another engine.
+Read `game.py` first, then `turn.py`; the state is `gamms.ir.game_state`. A rule is a plain function, so new rules need
+no changes here. `batch` plays many games at once. May import: typing, kernels, ir and below, never another engine.
 """
 
 from gamms.errors import IllegalMutation

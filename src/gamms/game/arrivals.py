@@ -1,4 +1,4 @@
-"""The course of a turn in which agents decide at each arrival: who arrives when, and where all are meanwhile."""
+"""Positions during a turn in which agents decide on arrival: who arrives when, and where the others are meanwhile."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -10,21 +10,21 @@ from gamms.game.travel import ResolvedAction, progress_at
 from gamms.ir.agents import AgentBlock
 from gamms.typing.game import EdgePlace, Move
 
-MOST_ARRIVALS = 1000  # in one turn; more, and an agent goes to and fro on edges of no length
+MOST_ARRIVALS = 1000  # per turn; beyond, an agent would move endlessly on edges of length 0
 WAITS = f"it arrived {MOST_ARRIVALS} times in one turn, and waits"
 NO_DEEDS = "deeds are done where a turn begins, not at an arrival in it"
 
 
 class Arrivals:
-    """The agents that are under way in a turn, in the order of time in which they arrive at nodes.
+    """The agents under way in a turn, in the order of their arrivals at nodes.
 
-    Only those that arrive are moved. Where the others are follows from their legs, whenever that is asked for
-    (`AgentBlock.on_edge`), so that an arrival costs what the agents cost that arrive.
+    Only arriving agents are moved. The positions of the others are computed from their legs when needed
+    (`AgentBlock.on_edge`), so that the cost of an arrival depends only on the arriving agents.
 
     Args:
         turn: the moves of all agents, which begin now.
         block: the agents.
-        has_end: whether those that arrive when the turn is over are of interest, too.
+        has_end: whether arrivals at the end of the turn are needed, too.
     """
 
     def __init__(self, turn: TurnMoves, block: AgentBlock, *, has_end: bool) -> None:
@@ -36,7 +36,7 @@ class Arrivals:
         self._places: list[Any] = [node if on is None else EdgePlace(on.edge) for node, on in pairs]
 
     def depart(self, i: int) -> None:
-        """Let the agent of a slot go on, or stand, as its move says from now on."""
+        """Start the agent of a slot on its move: it goes on, or stands."""
         action, slot = self._turn.actions.get(i), self._turn.slots[i]
         if action is None or not action.legs:
             return
@@ -47,7 +47,7 @@ class Arrivals:
             self._queue.push(i, leg.until)
 
     def times(self) -> Iterator[tuple[float, list[int]]]:
-        """Yield when agents arrive, and the slots of those that do then, in the order of their names."""
+        """Yield (time, slots of the agents that arrive then, in the order of their names)."""
         queue, under_way, turn = self._queue, self._under_way, self._turn
         while queue.size:
             now, here = queue.first_time(), list[int]()
@@ -61,7 +61,7 @@ class Arrivals:
     # -- conflicts ------------------------------------------------------------------------------------------------
 
     def places(self, here: Sequence[int], actions: Mapping[int, ResolvedAction]) -> tuple[list[Any], list[Any]]:
-        """Return where agents are, and where they will be if those of some slots do this: nodes and edges."""
+        """Return the places of all agents (node ids or edges) before and after the actions of some slots."""
         before, after = self._places, self._places.copy()
         for i in here:
             action = actions.get(i)
@@ -73,7 +73,7 @@ class Arrivals:
         return before, after
 
     def moves(self, places: tuple[list[Any], list[Any]], indices: list[int]) -> dict[str, Move]:
-        """Return agent -> its move between such places, of these slots."""
+        """Return agent -> its move between two lists of places, for the slots `indices`."""
         slots, (before, after) = self._turn.slots, places
         return {
             slots[i].name: Move(slots[i].name, slots[i].team, before[i], after[i], (before[i], after[i]))
@@ -81,11 +81,11 @@ class Arrivals:
         }
 
     def take(self, places: list[Any]) -> None:
-        """Let agents be at these places from now on."""
+        """Set the current places of all agents."""
         self._places = places
 
     def hold(self, i: int) -> None:
-        """Let the agent of a slot that arrives now stand just before the node."""
+        """Stop the arriving agent of a slot just before the node."""
         self._turn.stop_short(i)
         slot, action = self._turn.slots[i], self._turn.actions[i]
         self._under_way.arrive(slot.row, action.end)
@@ -93,7 +93,7 @@ class Arrivals:
         self._under_way.pass_time(self._under_way.time)
 
     def close(self) -> None:
-        """Put all agents back to where the turn began: their moves are made when it is over."""
+        """Put all agents back to their places at the start of the turn; their moves are applied after the turn."""
         self._under_way.pass_time(0.0)
         for i in self._moved:
             self._under_way.put_back(self._turn.slots[i].row, self._turn.starts[i])

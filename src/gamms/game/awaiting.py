@@ -1,4 +1,4 @@
-"""How decisions that are awaited are collected: they start together, and end together under one deadline."""
+"""Await decisions of agents concurrently: all start together and have one deadline."""
 
 import asyncio
 import math
@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 from gamms.deciding import AWAITED, DecidePhase
 from gamms.errors import GammsError
 
-_GRACE_S = 1.0  # that a coroutine has to end once it was cancelled
+_GRACE_S = 1.0  # the time for a cancelled coroutine to end
 
 
 class Outcome(NamedTuple):
-    """What came of one awaitable."""
+    """The result of one awaitable: a value, an error, or a timeout."""
 
     value: Any = None
     error: BaseException | None = None
@@ -27,9 +27,9 @@ class Outcome(NamedTuple):
 class EventLoop:
     """The event loop of one game, which runs only while agents decide.
 
-    It stays open from turn to turn, and so do the connections that strategies have opened in it. It runs in the thread
-    that plays the game; where that runs an event loop of its own, as notebooks do, it runs in a thread that ends with
-    the turn.
+    It stays open between turns, and so do connections that strategies have opened in it. It runs in the thread that
+    plays the game; if this thread already runs an event loop, as notebooks do, it runs in a helper thread until the
+    turn ends.
     """
 
     def __init__(self) -> None:
@@ -44,12 +44,12 @@ class EventLoop:
         *,
         strict: bool,
     ) -> list[Outcome]:
-        """Await all, and return what came of each, in the same order.
+        """Await all awaitables; return their outcomes in the same order.
 
         Args:
-            phase: of the context; while they run, nothing can be changed.
-            awaited: an agent or `Deciders`, and what it has to be awaited for.
-            deadline_s: seconds; what has not ended then is cancelled. None: no bound.
+            phase: the phase of the context; nothing can be changed while they run.
+            awaited: pairs of a decider (an agent or `Deciders`) and its awaitable.
+            deadline_s: seconds; later awaitables are cancelled. None: no limit.
             strict: cancel the others as soon as one raises.
         """
         if self._loop is None or self._loop.is_closed():
@@ -82,7 +82,7 @@ async def _collected(
 
 
 async def _ended(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, until: str) -> None:
-    """Wait for tasks as `asyncio.wait` does, but wake up now and then, to hear Ctrl-C."""
+    """Wait for tasks like `asyncio.wait`, but wake up regularly to handle Ctrl-C."""
     from gamms.workers import SIGNALS_S
 
     now = asyncio.get_running_loop().time
@@ -116,7 +116,7 @@ def _is_in_a_loop() -> bool:
 
 
 def _run(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome]]) -> list[Outcome]:
-    """Run the loop in this thread; an interrupt cancels what is running."""
+    """Run the loop in this thread; an interrupt cancels the work."""
     task = loop.create_task(work)
     try:
         return loop.run_until_complete(task)
@@ -129,7 +129,7 @@ def _run(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome
 
 
 def _run_in_thread(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome]]) -> list[Outcome]:
-    """Run the loop in a thread of its own, because this one runs another loop; an interrupt cancels what is running."""
+    """Run the loop in a helper thread, because this thread runs another loop; an interrupt cancels the work."""
     from gamms.workers import first_done
 
     found: Future[list[Outcome]] = Future()
@@ -161,7 +161,7 @@ def _cancel_all(loop: asyncio.AbstractEventLoop) -> "set[asyncio.Task[Any]]":
 
 
 def _close(loop: asyncio.AbstractEventLoop) -> None:
-    """End what strategies have left running, and the loop."""
+    """Cancel remaining tasks of strategies, and close the loop."""
     if loop.is_closed() or loop.is_running():
         return
     tasks = _cancel_all(loop)

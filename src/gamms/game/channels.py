@@ -1,4 +1,4 @@
-"""Channels: by what agents can send messages, as a game declares it, and how what they want to send is checked."""
+"""Channels: declarations of how agents can send messages, and checks of their outboxes."""
 
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import compress
@@ -38,7 +38,7 @@ _UNLIMITED = (1 << 63) - 1  # bytes
 
 
 class Jammer(NamedTuple):
-    """An agent, all of a team, or a place, around which nothing is heard on a channel."""
+    """An agent, a team or a place that jams a channel: within its radius, nobody hears messages."""
 
     radius_m: float
     agent: str | None = None
@@ -47,7 +47,7 @@ class Jammer(NamedTuple):
 
 
 class Channel(NamedTuple):
-    """How agents can send messages; `Settings.add_channel` says what each attribute means."""
+    """A way to send messages; `Settings.add_channel` describes the attributes."""
 
     name: str
     range_m: float | None = None
@@ -66,7 +66,7 @@ class Channel(NamedTuple):
         return f"Channel({', '.join([shown(self.name), *given])})"
 
     def options(self) -> dict[str, Plain]:
-        """Return the keywords that declare it, as plain values, without those that are as by default."""
+        """Return the keywords that declare the channel, as plain values; defaults are left out."""
         values = zip(self._fields[1:], self[1:], strict=True)
         given: dict[str, Any] = {key: value for key, value in values if value != self._field_defaults[key]}
         if self.jammers:
@@ -75,24 +75,24 @@ class Channel(NamedTuple):
         return plain
 
     def is_for(self, team: Hashable) -> bool:
-        """Return whether the agents of a team may use it."""
+        """Return whether agents of a team may use the channel."""
         return self.teams is None or team in self.teams
 
     def named(self) -> set[Any]:
-        """Return the agents and teams that it names, without telling which is which."""
+        """Return all agents and teams that the channel mentions, without distinction."""
         relays = self.relay if isinstance(self.relay, tuple) else ()
         jammers = [one.agent if one.team is None else one.team for one in self.jammers if one.at is None]
         return {*relays, *(self.teams or ()), *self.eavesdroppers, *jammers}
 
 
-# -- declared -----------------------------------------------------------------------------------------------------
+# -- declarations -------------------------------------------------------------------------------------------------
 
 
 def as_channels(value: object) -> Mapping[str, Channel]:
-    """Return declared channels as a read-only mapping, by name.
+    """Return declared channels as a read-only mapping: name -> channel.
 
     Raises:
-        BadType, BadValue, UnknownName: they are not declared like this.
+        BadType, BadValue, UnknownName: a declaration is invalid.
     """
     given = as_mapping(value, "ctx.game.channels")
     return ReadOnlyMapping(
@@ -101,11 +101,11 @@ def as_channels(value: object) -> Mapping[str, Channel]:
 
 
 def as_channel(name: object, options: object) -> Channel:
-    """Return the channel that keywords declare; None stands for one that is not given.
+    """Return the channel declared by keywords; None means that a keyword is not given.
 
     Raises:
-        BadType, BadValue: one of them is impossible, or nothing says how far messages go.
-        UnknownName (KeyError): there is no such keyword.
+        BadType, BadValue: a value is impossible, or the channel has no range.
+        UnknownName (KeyError): a keyword does not exist.
     """
     known = Channel(as_name(name, "a channel"))
     given = {key: one for key, one in as_mapping(options, f"Channel {known.name!r}").items() if one is not None}
@@ -127,7 +127,7 @@ def _loss(value: object, name: str) -> float | tuple[tuple[float, float], ...]:
 
 
 def _names(value: object, name: str) -> tuple[Any, ...]:
-    """Return agents or teams: one, or several in a list, tuple or set."""
+    """Return agents or teams as a tuple, from a single one or from a list, tuple or set."""
     several = tuple(value) if isinstance(value, _SEVERAL) else (value,)
     return tuple(dict.fromkeys(as_key(one, f"Each of {name}") for one in several))
 
@@ -176,7 +176,7 @@ _CHECKS: dict[str, Any] = {  # keyword -> what checks it
 
 
 def unknown_in(channel: Channel, ctx: HostContext) -> list[str]:
-    """Return what a channel names and is not there, such as teams without agents, as errors."""
+    """Return error texts for agents, teams and nodes that a channel mentions and that do not exist."""
     agents, teams, graph = ctx.agent.agents, set(ctx.agent.teams), ctx.graph.graph
     missing = [one for one in channel.named() if one not in teams and one not in agents]
     found = [str(UnknownName("agent or team", one, [*agents, *teams])) for one in sorted(missing, key=str)]
@@ -184,7 +184,7 @@ def unknown_in(channel: Channel, ctx: HostContext) -> list[str]:
     return found + [str(UnknownName("node of a jammer:", node)) for node in nodes]
 
 
-# -- sent ---------------------------------------------------------------------------------------------------------
+# -- outboxes -----------------------------------------------------------------------------------------------------
 
 
 class Outgoing(NamedTuple):
@@ -198,15 +198,15 @@ class Outgoing(NamedTuple):
 
 
 class Sender(Protocol):
-    """The agent whose outbox is checked."""
+    """The agent that owns an outbox."""
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """The name of the agent."""
 
     @property
     def team(self) -> Any:
-        """Its team; any value that can be a key of a dict."""
+        """The team of the agent, any hashable value."""
 
 
 S = TypeVar("S", bound=Sender)
@@ -215,12 +215,12 @@ S = TypeVar("S", bound=Sender)
 def checked_outboxes(
     outboxes: Iterable[tuple[S, Any]], channels: Mapping[str, Channel], teams: Mapping[str, Any]
 ) -> tuple[list[Outgoing], list[tuple[S, str]]]:
-    """Return the messages that can be sent, and of each other one its sender and what is wrong with it.
+    """Return the messages that can be sent, and (sender, error text) for each other message.
 
     Args:
-        outboxes: agents, and what strategies have left in their states.
-        channels: of the game, by name.
-        teams: agent -> its team, of all agents.
+        outboxes: pairs of an agent and the outbox in its state.
+        channels: name -> channel.
+        teams: agent -> its team, for all agents.
     """
     wanted, flaws, senders = dict[tuple[int, int], Outgoing](), dict[tuple[int, int], str](), list[S]()
     for place, (sender, outbox) in enumerate(outboxes):
@@ -249,13 +249,13 @@ def checked_outboxes(
 
 
 def flaw_of(number: int, error: Exception) -> str:
-    """Say what is wrong with a message, by its number in the outbox."""
+    """Return the error text of a message, with its number in the outbox."""
     why = error if isinstance(error, GammsError) else reason(error)
     return f"{type(error).__name__}: state['outbox'][{number}]: {why}"
 
 
 def bytes_of(channel: Channel, shape: tuple[int, ...]) -> IntArray:
-    """Return how many bytes agents may send in a turn, (games, agents)."""
+    """Return the numbers of bytes that agents may send in a turn, as an array of a shape such as (games, agents)."""
     return np.full(shape, _UNLIMITED if channel.max_bytes_per_turn is None else channel.max_bytes_per_turn, np.int64)
 
 
@@ -266,14 +266,14 @@ def refusals(
     teams: Mapping[str, Any],
     left: IntArray,
 ) -> dict[int, GammsError]:
-    """Return why messages, by their numbers, cannot be sent.
+    """Return message number -> the reason why it cannot be sent.
 
     Args:
         channel: the channel.
-        sent: the games, senders, receivers and sizes of messages, (messages,) each.
-        is_there: (games, agents) which agents are in the game, alive or not.
+        sent: the games, senders, receivers and sizes of messages, each (messages,).
+        is_there: (games, agents) whether the agent is in the game, alive or not.
         teams: agent -> its team.
-        left: how many bytes agents may still send; see `bytes_of`.
+        left: (games, agents) the numbers of bytes that agents may still send; see `bytes_of`.
     """
     at, senders, to, sizes = sent
     if channel.max_bytes_per_turn is None and to.count(None) == len(to):
@@ -288,7 +288,7 @@ def refusals(
 
 
 def _refusal(channel: Channel, verdict: int, to: Any, size: int, teams: Mapping[str, Any]) -> GammsError:
-    """Return why a message of this size to this receiver cannot be sent, from what `core.admit` says."""
+    """Return the error of a message that cannot be sent, from the verdict of `core.admit`."""
     if verdict == core.UNKNOWN:
         names = sorted(teams)
         named = dict.fromkeys(team for team in map(teams.__getitem__, names) if team is not None)
@@ -304,14 +304,15 @@ def _refusal(channel: Channel, verdict: int, to: Any, size: int, teams: Mapping[
 
 
 def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the number of the group of agents that each message is for, -1 for everybody, and the groups.
+    """Return the recipients of messages as numbered groups of agents.
 
     Args:
-        to: (messages,) of each an agent, a team, or None.
+        to: (messages,) the recipient of each message: an agent, a team, or None.
         teams: agent -> its team.
 
     Returns:
-        The numbers, where each group begins among the members, and the members, by their numbers in `teams`.
+        The group of each message, -1 for everybody; where each group begins in the members; and the members, as indices
+        in `teams`.
     """
     number_of = {one: number for number, one in enumerate(dict.fromkeys([None, *to]), -1)}
     row_of, members, first = {name: row for row, name in enumerate(teams)}, list[int](), [0]
@@ -323,7 +324,7 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
 
 
 def flat(column: np.ndarray[Any, Any]) -> Any:  # a memoryview, which is not subscriptable
-    """Return an array as one row of numbers, as the core takes it."""
+    """Return an array as a flat memoryview for the core."""
     return column.ravel().data
 
 
@@ -348,15 +349,15 @@ def _checked_message(given: object, sender: Sender, channels: Mapping[str, Chann
 
 
 def size_of(body: Plain) -> int:
-    """Return how many bytes a body has, a plain value."""
+    """Return the size of a plain value in bytes, when packed."""
     return len(to_bytes(body, "The body of a message"))
 
 
 def receivers_of(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:
-    """Return the agents that a message is for, the sender included: an agent, or else a team, or all if it is None.
+    """Return the recipients of a message, including the sender.
 
     Args:
-        to: what the message says.
+        to: an agent, a team, or None for everybody; the name of an agent takes precedence.
         teams: agent -> its team.
     """
     if to is None:
@@ -367,6 +368,6 @@ def receivers_of(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:
 
 
 def matching(named: Iterable[Any], names: Iterable[str], teams: Iterable[Any]) -> list[bool]:
-    """Return for each agent whether it, or its team, is among what was named."""
+    """Return for each agent whether `named` contains its name or its team."""
     wanted = set(named)
     return [name in wanted or team in wanted for name, team in zip(names, teams, strict=True)]

@@ -1,6 +1,7 @@
-"""Conflicts of moves: too many agents on a node, or two that exchange nodes, and which of them have to stay.
+"""Conflicts of moves: declare them with `Conflicts`, and resolve them turn by turn.
 
-`gamms.core.conflicts` finds and decides them. This module has what a program declares, and puts turns into numbers.
+A conflict is a node with too many agents, or two agents that exchange nodes. `gamms.core.conflicts` finds and decides
+conflicts; this module holds the public classes, and converts turns to numbers.
 """
 
 from array import array
@@ -27,19 +28,19 @@ from gamms.text import Called, as_code, shown, shown_as_called
 from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace, IConflicts, Move
 
-Capacity = int | Mapping[int, int | None] | str | None  # as a caller gives it
-UNLIMITED = (1 << 63) - 1  # no graph has so many agents
+Capacity = int | Mapping[int, int | None] | str | None  # the type of the argument
+UNLIMITED = (1 << 63) - 1  # more agents than any game has
 _PURPOSE = "conflicts"  # of draws
-_MISSING = object()  # the rank of an agent of which a ranking knows none
+_MISSING = object()  # the rank of an agent that the ranking does not know
 
 
 class Contest(NamedTuple):
-    """More agents than places: what a resolver decides.
+    """A place that more agents want to enter than it has room for; a resolver decides it.
 
     Attributes:
-        node: the node or edge that all of them want to end on; for an exchange its two nodes, the smaller first.
-        places: how many of them may win, at least 1 and fewer than there are.
-        movers: their moves, in the order of their names.
+        node: the node or edge that all of them want to end on; for an exchange, its two nodes, the smaller id first.
+        places: the maximum number of winners, at least 1 and less than the number of movers.
+        movers: their moves, in the order of names.
     """
 
     node: int | EdgePlace | tuple[int, int]
@@ -53,20 +54,20 @@ MoversOf = Callable[[list[int]], Sequence[Move]]  # the moves of agents by their
 
 
 class Ranking:
-    """A resolver by which the agents with the smallest ranks win; names decide between equals.
+    """A resolver by which the agents with the smallest ranks win; ties go to the first names.
 
-    The core decides all contests of games alone and of batches by the ranks, without asking again.
+    The core decides all such contests, in single games and in batches, without calling the resolver again.
 
     Args:
-        rank: `(name, team) -> rank`, the same in all turns; None for an agent that never wins. A `LookupError` is
-            raised again when the agent is in a contest. If it is None, ranks are drawn anew in every turn.
-        of_team: whether the rank follows from the team alone.
+        rank: `(name, team) -> rank`, the same in all turns; the rank None never wins. A `LookupError` is raised again
+            when the agent is in a contest. None: ranks are drawn at random in every turn.
+        of_team: whether the rank depends on the team only.
     """
 
     def __init__(self, rank: Rank | None, *, of_team: bool = False) -> None:
         self.rank = rank
         self._of_team = of_team
-        self.__module__ = getattr(rank, "__module__", __name__)  # as scenario files ask for where it is declared
+        self.__module__ = getattr(rank, "__module__", __name__)  # scenario files look up the module of the function
 
     def __call__(self, contest: Contest, ctx: HostContext) -> list[Move]:
         """Return the moves of the winners."""
@@ -98,7 +99,7 @@ class Ranking:
         return np.array([number[rank] for rank in given], np.uint64)
 
     def check(self, rank: int, name: str, team: Hashable) -> None:
-        """Raise what the function has raised that gives an agent in a contest its rank."""
+        """Raise the error of the rank function for an agent without a rank that is in a contest."""
         if self.rank is not None and rank == core.RANK_MISSING:
             self.rank(name, team)
 
@@ -110,33 +111,33 @@ class Ranking:
 
 
 class Conflicts:
-    """The conflicts of a game, and how they are resolved; set as `ctx.game.conflicts`.
+    """The conflicts of a game and their resolution; set as `ctx.game.conflicts`.
 
-    The capacity of a node counts the agents that stay there and those that come. An agent that stays keeps its place,
-    so there are as many places for those that come as the capacity leaves; where more want to come, there is a contest,
-    and the losers stay where they are. An agent that leaves makes room in the same turn: a chain of agents moves up, a
-    full circle turns. A node that more agents stay on than it takes is closed until fewer stay than it takes.
+    The capacity of a node limits the number of agents that stay there or enter. Agents that stay keep their places; if
+    more agents want to enter than there is room for, there is a contest, and the losers stay on their nodes. An agent
+    that leaves makes room in the same turn, so a chain of agents can move up, and a full circle can rotate. Nobody can
+    enter a node on which more agents stay than its capacity, until enough of them have left.
 
     Args:
-        capacity: how many; for each node by a mapping from node ids, or by the name of a node attribute that is read
-            in every turn. None, a node that is not in the mapping, or one without the attribute: any number.
-            0 closes a single node to agents that are not on it.
-        among: "all" agents on the ground count, or only those of one "team", each by itself (None is a team, too).
-        edge_capacity: how many agents may end a turn on an edge, in games by metres, or be on it at any time where they
-            decide at arrivals: a number, or by edge ids or an attribute of edges, as for nodes. Each direction of a
-            street is an edge of its own. An agent that is on the edge already keeps its place.
-        allow_swaps: whether two agents may exchange nodes. If not, the winner of the contest decides: those that go
-            its way may, those that come towards it stay (and may then be in the way). Only start and end matter, not
-            where paths of several edges cross; a path that ends where it began counts as staying. With `among="team"`,
+        capacity: the capacity of every node; or a mapping from node ids to capacities; or the name of a node attribute,
+            read in every turn. None, a node outside the mapping, or a node without the attribute: no limit. 0 closes a
+            single node to agents from elsewhere.
+        among: "all": all agents on the ground count; "team": each team counts by itself (None is a team, too).
+        edge_capacity: in games by metres, the number of agents that may end a turn on an edge, or be on it at any time
+            if agents decide at arrivals: a number, or by edge ids or an edge attribute, as for nodes. Each direction of
+            a street is an edge of its own. An agent that is already on the edge keeps its place.
+        allow_swaps: whether two agents may exchange nodes. If not, the winner of the contest decides: agents in its
+            direction move, and agents in the opposite direction stay (and may then be in the way). Only start and end
+            nodes count, not nodes along a path; a path that ends at its start counts as staying. With `among="team"`,
             members of different teams may exchange nodes.
-        resolve: which agents win: `by_priority(…)`, `by_rank(…)`, `at_random()`, `nobody()`, or a function
-            `(contest, ctx) -> winners` that gives names or moves of at most `contest.places` of `contest.movers`.
+        resolve: chooses the winners: `by_priority(…)`, `by_rank(…)`, `at_random()`, `nobody()`, or a function
+            `(contest, ctx) -> winners` that returns names or moves of at most `contest.places` of `contest.movers`.
 
     Attributes:
-        allow_swaps: as given.
+        allow_swaps: see the argument.
 
     Raises:
-        BadType, BadValue: an argument that is not one of these.
+        BadType, BadValue: an argument is invalid.
     """
 
     def __init__(
@@ -162,19 +163,18 @@ class Conflicts:
         return f"Conflicts({', '.join(f'{name}={value}' for name, value in self._given.items())})"
 
     def resolve(self, moves: Mapping[str, Move], ctx: HostContext) -> set[str]:
-        """Return the names of the agents that must stay; of those that stay anyway, none.
+        """Return the names of the agents that must stay, among agents that want to move.
 
-        First the exchanges of nodes, if they are forbidden, are decided, all at once: a mover goes one way only, so
-        that it takes part in one of them, and no new one can arise. Then, in rounds, the nodes with too many: all
-        contests of a round are found before one is decided, and no mover is in two, because it has one end. So the
-        answer depends on the moves and the context alone, in whatever order they come.
+        If exchanges are forbidden, they are decided first, all at once: each agent moves in one direction, so it is in
+        at most one exchange, and no new exchange can arise. Then follow rounds for full nodes: all contests of a round
+        are found before one is decided, and no agent is in two, because it has one end. Thus the result depends only on
+        the moves and the context, not on their order.
 
-        It ends: every contest has fewer places than movers, so each round but the last turns at least one mover into
-        one that stays, none that stays is ever made to move, and there are no more movers than agents. The last round
-        has no contest left: no node takes in more than its capacity leaves.
+        The procedure ends: in each round with a contest, at least one agent loses and stays from then on, and there are
+        finitely many agents. After the last round, no node exceeds its capacity by agents that entered.
 
         Raises:
-            BadType, BadValue: what the resolver gave, or the capacity in a node attribute, is wrong.
+            BadType, BadValue: the answer of the resolver, or a capacity in a node attribute, is invalid.
             UnknownName (KeyError): no node has the attribute with the capacities.
         """
         listed = sorted(moves.values(), key=_name_of)
@@ -188,13 +188,13 @@ _name_of = attrgetter("agent")
 
 
 def ranked(conflicts: object) -> Conflicts | None:
-    """Return conflicts that the core resolves by ranks; None: they are not such."""
+    """Return conflicts that the core can resolve by ranks; None for all others."""
     known = _own(conflicts)
     return None if known is None or _ranking_of(known._resolver) is None else known
 
 
 def _own(conflicts: object) -> Conflicts | None:
-    """Return conflicts that the core finds; None: another class says who stays."""
+    """Return conflicts whose contests the core finds; None: a subclass or another class decides who stays."""
     is_own = isinstance(conflicts, Conflicts) and type(conflicts).resolve is Conflicts.resolve
     return cast("Conflicts", conflicts) if is_own else None
 
@@ -206,23 +206,23 @@ def _ranking_of(resolver: Resolver) -> Ranking | None:
 
 @shown_as_called
 def at_random() -> Resolver:
-    """Make a resolver that draws a number for each agent in every turn; the smallest win.
+    """Make a resolver that draws a number for each agent in every turn; the smallest numbers win.
 
-    The draw follows from the seed of the context, the turn and the agent's name alone. So neither other agents, other
-    draws nor the order of contests change it, and an agent in two contests of a turn keeps its number.
+    The draw depends only on the seed of the context, the turn and the agent's name. Therefore other agents, other draws
+    and the order of contests do not change it, and an agent in two contests of a turn keeps its number.
     """
     return Ranking(None)
 
 
-# -- the turns of one game -----------------------------------------------------------------------------------------
+# -- turns of one game ---------------------------------------------------------------------------------------------
 
 
 class TurnConflicts:
-    """Finds the agents that stay in the turns of a game, whose agents are mostly the same from turn to turn."""
+    """Finds the agents that stay in each turn of a game; its working memory is reused while the agents are the same."""
 
     def __init__(self) -> None:
         self._agents: _Agents | None = None
-        self._order: TurnOrder | None = None  # what these depend on
+        self._order: TurnOrder | None = None  # `_agents` was made for these
         self._conflicts: IConflicts | None = None
         self._key: tuple[Any, ...] = ()
 
@@ -239,13 +239,13 @@ class TurnConflicts:
         """Return the slots of the agents that stay.
 
         Args:
-            conflicts: of the game.
+            conflicts: the conflicts of the game.
             order: the living agents.
-            turn: how many turns were played.
-            places: where each begins and ends, ids of nodes, or edges, by slot.
-            moves: the same, as the core has it, where no agent is on an edge; None: some may be.
-            moves_of: returns the moves of slots, by name and in their order.
-            ctx: of the game.
+            turn: the number of turns played.
+            places: the start and the end of each move, by slot: node ids, or edges.
+            moves: the same as arrays of the core, if no agent is on an edge; otherwise None.
+            moves_of: returns the moves of slots, by name and in order.
+            ctx: the context.
         """
         whole, key = order.whole, (getattr(conflicts, "allow_swaps", None), ctx.seed)
         if order is not self._order or conflicts is not self._conflicts or self._key != key:
@@ -271,13 +271,14 @@ class TurnConflicts:
 
 
 class _Memory:
-    """The contests of the core, and those of its arrays that are read here.
+    """Working memory of the core, and its arrays that this module reads.
 
     Args:
-        conflicts: of the game.
-        agents: how many there are.
-        nodes, places: how many places of a team are nodes, and how many there are at all.
-        teams: how many teams have places of their own.
+        conflicts: the conflicts of the game.
+        agents: the number of agents.
+        nodes: the number of nodes among the places of a team.
+        places: the number of places of a team.
+        teams: the number of teams with places of their own.
     """
 
     def __init__(self, conflicts: Conflicts, agents: int, nodes: int, places: int, teams: int = 1) -> None:
@@ -305,12 +306,12 @@ class _Memory:
 
 
 class _Agents:
-    """The agents of a game whose conflicts are resolved, in the order of their names.
+    """The agents of a game with conflicts, in the order of their names.
 
-    Their places are numbered from turn to turn: nodes, and as many numbers behind them, edges.
+    Places are numbered in each turn: nodes first, then an equal number of edges.
 
     Attributes:
-        is_ranked: whether ranks decide, and all nodes have one capacity.
+        is_ranked: whether ranks decide, and all nodes have the same capacity.
     """
 
     def __init__(self, conflicts: Conflicts, names: Sequence[str], teams: Sequence[Hashable], seed: int) -> None:
@@ -352,11 +353,11 @@ class _Agents:
         """Return the numbers of the agents that stay.
 
         Args:
-            places: where agents begin, and where they end.
-            moves: the same, as the core has it; None: there may be edges among the places.
-            turn: how many turns were played.
+            places: the start and the end of each move.
+            moves: the same as arrays of the core; None: some places may be edges.
+            turn: the number of turns played.
             movers_of: returns the moves of agents.
-            ctx: of the game.
+            ctx: the context.
         """
         if moves is None:
             self._number(*places)
@@ -375,14 +376,14 @@ class _Agents:
         return self._found()
 
     def losers_of(self, moves: Moves, turn: int) -> list[int]:
-        """Return the same of moves between nodes, if `is_ranked`."""
+        """Return the numbers of the agents that stay, for moves between nodes; requires `is_ranked`."""
         # NOTE: each turn of most games with conflicts comes here (benchmarks: turns).
         if not core.resolve_moves(self._memory.contests, self._requests, self._numbering, moves, turn):
             return []
         return self._found()
 
     def _found(self) -> list[int]:
-        """Return the numbers of the agents that stay, as the core has them."""
+        """Return the numbers of the agents that stay, from the core; raise the error of a missing rank."""
         memory = self._memory
         losers: list[int] = core.losers(memory.contests)
         if self._ranking is not None and self._ranking.rank is not None:
@@ -392,14 +393,14 @@ class _Agents:
         return losers
 
     def _number(self, starts: Sequence[Any], ends: Sequence[Any]) -> None:
-        """Number the places where agents begin and end."""
+        """Number the start and end places."""
         are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)]
         nodes, ids = (as_ids([*map(_id_of, places)]) for places in (starts, ends))
         self._numbering.number_moves(Moves(nodes, ids))
         self._numbers += self._most * np.array(are_edges, np.int64)
 
     def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
-        """Let a function decide each contest."""
+        """Decide each contest by the resolver function."""
         c, requests = self._memory.contests, self._requests
         core.begin(c, requests, 0)
         try:
@@ -416,7 +417,7 @@ class _Agents:
             core.clear(c)
 
     def _ask(self, found: int, movers_of: MoversOf, ctx: HostContext, *, is_exchange: bool) -> None:
-        """Let a function decide the contests of a round, in the order of their nodes."""
+        """Call the resolver for the contests of a round, in the order of their nodes."""
         memory, resolver, contests = self._memory, self._conflicts._resolver, []
         first = memory.first[: found + 1].tolist()
         for k in range(found):
@@ -446,47 +447,48 @@ def _first_keys(seed: int, names: Sequence[str]) -> BitArray:
 
 
 def _between_places(move: Move) -> Move:
-    """Return a move from where it begins to where it ends, which may be edges, as conflicts compare it."""
+    """Return a move whose start and end are places, which may be edges."""
     start, end = move.places
     return move._replace(start=cast("int", start), end=cast("int", end)) if move.legs else move
 
 
 def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
-    """Return the rank by which contests are decided, so that a resolver with draws of its own repeats them."""
+    """Return the sort key of a contest; a fixed order makes resolvers with random draws repeatable."""
     return (isinstance(contest.node, EdgePlace), contest.node, contest.movers[0].agent)
 
 
-# -- the turns of many agents or games -------------------------------------------------------------------------------
+# -- turns of many agents or games ----------------------------------------------------------------------------------
 
 
 class Movers(Protocol):
-    """The agents whose moves are compared, in the order of their names."""
+    """The agents whose moves are compared, in the order of names."""
 
     @property
     def names(self) -> Sequence[str]:
-        """Names of the agents."""
+        """The names of the agents."""
 
     @property
     def teams(self) -> Sequence[Hashable]:
-        """The teams that agents play for."""
+        """The teams of the game."""
 
     @property
     def team_of(self) -> IntArray:
-        """The number of the team of each, (agents,)."""
+        """The index in `teams` of each agent's team, (agents,)."""
 
 
 class ArrayMoves(NamedTuple):
-    """The moves of a turn of several games, in arrays (games, agents).
+    """The moves of one turn of several games, as arrays (games, agents).
 
     Attributes:
         roster: the agents.
         columns: the map.
-        starts, ends: where moves begin and end: rows of nodes and, if `has_edges`, behind them rows of edges.
+        starts, ends: the start and end places: rows of nodes; if `has_edges`, also rows of edges, numbered after all
+            nodes.
         has_edges: whether edges are places.
-        counts: which agents count.
-        turns: (games,) how many turns were played.
+        counts: whether the agent takes room.
+        turns: (games,) the number of turns played.
         first_keys: returns the `first_key`s of agents for a purpose, (games, agents).
-        shared: returns what is the same in all turns on this map; it is given a key and a function that makes it.
+        shared: returns an object that lasts for all turns on this map, from a key and a function that makes it.
     """
 
     roster: Movers
@@ -501,7 +503,7 @@ class ArrayMoves(NamedTuple):
 
 
 def stopped_in_arrays(conflicts: Conflicts, moves: ArrayMoves) -> BoolArray:
-    """Return which agents stay, (games, agents), by conflicts that are `ranked`."""
+    """Return which agents stay, (games, agents), by conflicts for which `ranked` is not None."""
     known: list[Table] = moves.shared(("conflicts", conflicts, conflicts.allow_swaps), list)
     if not known or known[0].roster is not moves.roster:
         known[:] = [Table(conflicts, moves.roster, moves.columns, has_edges=moves.has_edges)]
@@ -509,12 +511,12 @@ def stopped_in_arrays(conflicts: Conflicts, moves: ArrayMoves) -> BoolArray:
 
 
 class Table:
-    """What the conflicts of some agents on a map need in every turn; see `gamms.core.conflicts`.
+    """Constant data of the conflicts of some agents on a map; see `gamms.core.conflicts`.
 
     Attributes:
         roster: the agents.
-        contests: the memory of one game at a time.
-        ranks: (agents,) of the agents; None: they are drawn for `purpose`.
+        contests: working memory for one game at a time.
+        ranks: (agents,) the ranks of the agents; None: ranks are drawn for `purpose`.
     """
 
     purpose = _PURPOSE
@@ -534,16 +536,16 @@ class Table:
             self.ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
 
     def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.Requests:
-        """Return the moves of games as the core takes them; of ranks that are drawn, the `first_key`s."""
+        """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""
         return core.Requests(starts, ends, counts, self._places, self._limits, flat(ranks, np.uint64))
 
     @property
     def has_missing_ranks(self) -> bool:
-        """Whether an agent has no rank, so that a contest that it is in cannot be decided."""
+        """Whether an agent has no rank, so that its contests cannot be decided."""
         return self.ranks is not None and bool((self.ranks == core.RANK_MISSING).any())
 
     def stopped(self, moves: ArrayMoves) -> BoolArray:
-        """Return which agents stay."""
+        """Return which agents stay, (games, agents)."""
         stays = np.zeros(moves.ends.shape, np.uint8)
         ranks = moves.first_keys(_PURPOSE) if self.ranks is None else self.ranks
         requests = self.requests(
@@ -558,7 +560,7 @@ class Table:
 
 
 def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable
-    """Return a column as the core takes it, to be read."""
+    """Return a column as a flat, read-only buffer for the core."""
     return np.ascontiguousarray(column, kind).reshape(-1).data
 
 
@@ -566,7 +568,7 @@ def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memory
 
 
 def _as_resolver(resolve: object) -> Resolver:
-    """Check what a caller gave as resolver."""
+    """Return the resolver argument, checked."""
     if not callable(resolve):
         raise BadType(f"resolve must be a function (contest, ctx) -> winners, not {shown(resolve)}.")
     try:
@@ -578,11 +580,11 @@ def _as_resolver(resolve: object) -> Resolver:
         raise BadType(
             f"resolve={name} does not take (contest, ctx). If it makes a resolver, call it, as in {name}(…)."
         ) from None
-    return cast("Resolver", resolve)  # what it takes and gives shows when it is called
+    return cast("Resolver", resolve)  # its arguments and result are checked at each call
 
 
 def _winners_of(contest: Contest, resolve: Resolver, ctx: HostContext) -> set[str]:
-    """Return the names of the winners by a resolver, checked."""
+    """Call a resolver; return the names of the winners, checked."""
     answer: object = resolve(contest, ctx)
     if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
         form = "must give a list of the winners, names or moves, not"
@@ -618,10 +620,10 @@ class _Limits(NamedTuple):
     """The capacities of nodes or of edges.
 
     Attributes:
-        least: none has a smaller one, so that for fewer agents none is looked at.
-        of: returns those of ids in the turn of a context; `UNLIMITED` where there is none.
-        rows: returns those of all nodes or edges of a map, given their ids and attributes.
-        number: of all; None: they may differ.
+        least: a lower bound of all capacities; with fewer agents, no capacity is looked up.
+        of: returns the capacities of ids, in the current turn of a context; `UNLIMITED` for no limit.
+        rows: returns the capacities of all nodes or edges of a map, from their ids and attributes.
+        number: the common capacity; None: capacities may differ.
     """
 
     least: int
@@ -634,8 +636,8 @@ class _Capacities:
     """The capacities of nodes and edges.
 
     Attributes:
-        least: none has a smaller one.
-        number: of all nodes; None: they may differ.
+        least: a lower bound of all capacities.
+        number: the common capacity of all nodes; None: capacities may differ.
     """
 
     def __init__(self, nodes: _Limits | None, edges: _Limits | None) -> None:
@@ -645,7 +647,7 @@ class _Capacities:
         self.number = None if self._edges.number is None else self._nodes.number
 
     def of(self, ctx: HostContext, places: Sequence[Any]) -> list[int]:
-        """Return those of places in the turn of a context: ids of nodes, and edges."""
+        """Return the capacities of places in the current turn; a place is a node id or an edge."""
         is_edge = [isinstance(place, EdgePlace) for place in places]
         nodes = [place for place in places if not isinstance(place, EdgePlace)]
         edges = [place.edge for place in places if isinstance(place, EdgePlace)]
@@ -653,7 +655,7 @@ class _Capacities:
         return [next(of_edge if is_one else of_node) for is_one in is_edge]
 
     def rows(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
-        """Return those of all nodes of a map and, if they are places, of all edges behind them."""
+        """Return the capacities of all nodes of a map, followed by those of all edges if these are places."""
         rows = self._nodes.rows(columns.node_ids, columns.node_attributes)
         if not has_edges:
             return rows
@@ -665,7 +667,7 @@ def _of_all(number: int) -> _Limits:
 
 
 def _in_attribute(name: str, kind: str) -> _Limits:
-    """Return capacities in an attribute of the nodes or edges, read in each turn: it may change."""
+    """Return capacities that are read from an attribute of nodes or edges in each turn."""
     is_known = False
 
     def of(ctx: HostContext, ids: list[int]) -> list[int]:
@@ -674,7 +676,7 @@ def _in_attribute(name: str, kind: str) -> _Limits:
         attributes = graph.node_attributes if kind == "node" else graph.edge_attributes
         all_ids = graph.get_nodes if kind == "node" else graph.get_edges
         if not is_known and not any(name in attributes(id) for id in all_ids()):
-            # A misspelt attribute would mean no limit anywhere, without a word.
+            # A misspelled attribute would silently remove all limits.
             raise UnknownName(f"{kind} attribute", name, {one: None for id in all_ids() for one in attributes(id)})
         is_known = True
         return [_as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}") for one in ids]
@@ -690,7 +692,7 @@ def _in_attribute(name: str, kind: str) -> _Limits:
 
 
 def _as_limits(capacity: object, kind: str) -> _Limits | None:
-    """Check what a caller gave as the capacity of each "node" or "edge"; None if there is none."""
+    """Check the capacity argument for a "node" or "edge"; return None if there is no limit."""
     what = "capacity" if kind == "node" else "edge_capacity"
     if capacity is None:
         return None

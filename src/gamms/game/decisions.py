@@ -1,4 +1,4 @@
-"""What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
+"""Collect the decisions of one turn from strategies, plans and awaitables."""
 
 from collections.abc import Awaitable, Callable, Hashable, Mapping, MutableSequence, Sequence
 from functools import cached_property, partial
@@ -37,19 +37,19 @@ if TYPE_CHECKING:
 State = dict[str, Any]  # of an agent
 
 _REASONS = {"error": "its strategy or plan raised an error", "overrun": "its strategy or plan took too long"}
-COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
+COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> name of its count
 
 
 class TeamArrays:
-    """What a plan of arrays gets: the living agents of its team in the order of their names; arrays are read-only.
+    """The argument of a plan of arrays: the living agents of its team, in the order of names; arrays are read-only.
 
     Attributes:
         team: the team.
-        turn: the number of turns that were played before this one.
-        names: of the agents.
-        facts: what was published; read-only.
-        team_memory: a copy of what the team remembers; what is written into it counts from the next turn on.
-        draw: random numbers, one for each agent.
+        turn: the number of turns played before this one.
+        names: the names of the agents.
+        facts: the published facts; read-only.
+        team_memory: a copy of the team's memory; changes take effect in the next turn.
+        draw: random numbers, one for each agent per call.
     """
 
     def __init__(
@@ -72,22 +72,22 @@ class TeamArrays:
 
     @cached_property
     def nodes(self) -> IntArray:
-        """(agents,) ids of the nodes they are on."""
+        """(agents,) the node id of each agent."""
         return locked(self._nodes.astype(np.int64))
 
     @property
     def offsets(self) -> IntArray | None:
-        """(agents + 1,): agent `i` may go to `targets[offsets[i]:offsets[i + 1]]`; None where every node is legal."""
+        """(agents + 1,): the targets of agent `i` are `targets[offsets[i]:offsets[i + 1]]`; None: any node is legal."""
         return None if self._legal is None else self._legal.ragged[0]
 
     @property
     def targets(self) -> IntArray | None:
-        """(legal,) ids of nodes, of each agent its own node first; None where every node of the graph is legal."""
+        """(legal,) node ids, the agent's own node first for each agent; None: all nodes of the graph are legal."""
         return None if self._legal is None else self._legal.ragged[1]
 
     @property
     def counts(self) -> RowArray:
-        """(agents,): how many nodes are legal for each, its own included.
+        """(agents,) the number of legal nodes of each agent, including its own.
 
         Raises:
             BadValue: every node of the graph is legal.
@@ -95,12 +95,12 @@ class TeamArrays:
         return self._listed().counts
 
     def choose(self, actions: object) -> IntArray:
-        """Return the nodes that actions lead to: the k-th legal node of each agent, 0 being its own.
+        """Return the nodes that actions lead to, (agents,); action k is the k-th legal node, and 0 the agent's own.
 
-        What it returns is legal, and is not checked again when a plan returns it.
+        A plan that returns this array unchanged skips the check of legality.
 
         Raises:
-            BadType, BadValue: they are no numbers of legal nodes, (agents,).
+            BadType, BadValue: the actions are not numbers of legal nodes, (agents,).
         """
         legal, numbers = self._listed(), np.asarray(actions)
         if numbers.dtype.kind not in "iu" or numbers.shape != self._nodes.shape:
@@ -117,7 +117,7 @@ class TeamArrays:
         return self._chosen
 
     def take_chosen(self, nodes: object) -> Any:
-        """Return what `choose` returned, to be written to; None if these nodes are others."""
+        """Return the writable array behind `choose`; None if `nodes` is another array."""
         return self._chosen.base if nodes is self._chosen and self._chosen is not None else None
 
     def _listed(self) -> LegalNodes:
@@ -127,15 +127,15 @@ class TeamArrays:
 
     @cached_property
     def rng(self) -> np.random.Generator:
-        """A NumPy generator of the team and the turn."""
+        """A NumPy generator for the team and the turn."""
         return kernels.stream(self._seed, "team", str(self.team), self.turn)
 
     def checked(self, answer: object) -> IntArray:
         """Return the nodes that a plan has chosen, (agents,), as integers.
 
         Raises:
-            BadType: they are no integers.
-            BadValue: there are more or fewer than agents.
+            BadType: they are not integers.
+            BadValue: the number of nodes is not the number of agents.
         """
         try:
             nodes = np.asarray(answer)
@@ -151,7 +151,7 @@ class TeamArrays:
         return nodes if nodes is self._chosen else nodes.astype(np.int64, copy=False)
 
     def is_legal(self, nodes: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-        """Return which of these nodes are known to be legal, (agents,)."""
+        """Return which nodes are known to be legal, (agents,)."""
         if self.offsets is None:
             return np.zeros(len(nodes), np.bool_)
         matches = self.targets == np.repeat(nodes, np.diff(self.offsets))
@@ -159,14 +159,14 @@ class TeamArrays:
 
 
 ArrayPlan = Callable[[TeamArrays], Any]
-"""Decides for a team in arrays: it returns the ids of nodes (agents,).
+"""Decides for a team in arrays: returns node ids, (agents,).
 
-Any: all that NumPy makes such an array of, and an awaitable of it.
+Any: anything that NumPy converts to an array, or an awaitable of it.
 """
 
 
 class _Question(NamedTuple):
-    """A strategy or a plan, and what it is asked."""
+    """A strategy or a plan, with its argument."""
 
     decider: Any  # the agent, or `Deciders`
     name: str  # such as "plan of team 'red'"
@@ -177,35 +177,35 @@ class _Question(NamedTuple):
     are_plain: bool = False  # whether the agents of a plan move along one edge, on the ground
 
     def states(self) -> list[Any]:
-        """Return the states of its agents; None for each where there are none."""
+        """Return the states of its agents; for a plan of arrays, None for each agent."""
         if isinstance(self.given, TeamArrays):
             return [None] * len(self.indices)
         return list(self.given.values()) if self.is_plan else [self.given]
 
 
 class Decisions:
-    """What has been decided in a part of a turn so far; `begin` comes first.
+    """The decisions of one part of a turn; call `begin` first.
 
     Args:
-        settings: of the game.
-        state: of the game.
-        phase: of the context.
-        legality: says where actions lead.
-        observe: gives the state of an agent now.
+        settings: the settings of the game.
+        state: the state of the game.
+        phase: the phase of the context.
+        legality: resolves actions to moves.
+        observe: returns the current state of an agent.
 
     Attributes:
-        observe, state: as given.
-        slots: of all agents.
-        starts: the nodes they are on.
-        ends: the node that each agent goes to, by slot: a list, or a view of an array; see `ends_to_write`.
-        actions: what agents do that not only go to a node, by slot; of each part a dict of its own.
-        awaited: what is to be collected.
-        written: what agents have made of their copies of the team's memory, with their slots.
-        failures: what went wrong, with slot and kind; `close` publishes both once all have decided.
-        moves: where agents start and end, as the core has it; None: `starts` and `ends` say it.
+        observe, state: see the arguments.
+        slots: the slots of all agents.
+        starts: the node of each agent, by slot.
+        ends: the node that each agent moves to, by slot: a list, or a view of an array; see `ends_to_write`.
+        actions: slot -> its action, unless it only moves to a node; a new dict for each part.
+        awaited: awaitables to collect.
+        written: (slot, changed copy of the team memory) of each agent that changed it.
+        failures: (slot, kind, message) of each failure; `close` publishes `written` and `failures` after all decisions.
+        moves: the starts and ends as arrays of the core; None: use `starts` and `ends`.
     """
 
-    make = AgentState  # of a template
+    make = AgentState  # makes a state from a template
 
     __slots__ = (
         *("_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
@@ -232,14 +232,13 @@ class Decisions:
         ends: Any = None,
         moves: Moves | None = None,
     ) -> Self:
-        """Forget what was decided; return this.
+        """Start a new part of a turn; return this object.
 
         Args:
-            slots: of the agents.
-            starts: the nodes that they are on.
-            ends: a copy of these, to be written to; None: one is made when something else than a plan of all is
-                decided.
-            moves: both, as the core has them.
+            slots: the slots of the agents.
+            starts: the node of each agent.
+            ends: a writable copy of `starts`; None: it is made when necessary.
+            moves: both as arrays of the core.
         """
         self.slots = slots
         self.starts = starts
@@ -251,21 +250,21 @@ class Decisions:
         return self
 
     def ends_to_write(self) -> Any:
-        """Return `ends`, which may be written to."""
+        """Return `ends`, copied from `starts` if it is still the same object."""
         if self.ends is self.starts:
             self.ends = copied_column(self.starts)
         return self.ends
 
     def _forget(self) -> None:
-        """Empty what few games collect in a turn."""
+        """Reset the lists that few games use."""
         self.written: list[tuple[int, Any]] = []
         self.failures: list[tuple[int, str, str]] = []
         self.awaited: list[tuple[_Question, Any]] = []
 
-    # -- asking -------------------------------------------------------------------------------------------------
+    # -- questions ----------------------------------------------------------------------------------------------
 
     def ask(self, i: int, state: State | None) -> None:
-        """Ask the strategy of an agent of any kind, with this state; None: it observes now."""
+        """Call the strategy of an agent of any kind with a state; None: the agent observes now."""
         slot = self.slots[i]
         self._phase.agent = None
         if state is None:
@@ -275,13 +274,13 @@ class Decisions:
             self._put(self._question(i, state))
 
     def ask_each(self, part: Part, near: Mapping[int, tuple[int, ...]]) -> None:
-        """Ask the individuals of a part one by one, where there are no channels and no time budget.
+        """Call the strategies of the individuals of a part one by one; requires no channels and no time budget.
 
-        When it returns, the last of them is still deciding for the phase of the context.
+        After the call, the last agent is still deciding in the phase of the context.
 
         Args:
             part: the agents.
-            near: the nodes that are legal along one edge.
+            near: node id -> the nodes that are legal along one edge.
         """
         looks = part.looks(self._phase.sensor_changes) if part.has_looks else ()
         shared = [sensor.shared_look() for sensor in looks] if self._phase.moment is not None else [None for _ in looks]
@@ -291,17 +290,17 @@ class Decisions:
         ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, self.moves, near, shared)
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
-        """Ask the plan of a team, with the states of its agents."""
+        """Call the plan of a team with the states of its agents."""
         slots = [self.slots[i] for i in commanded.indices]
         for slot, state in zip(slots, states, strict=True):
             slot.last[0] = state
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
     def ask_arrays(self, commanded: Commanded, seed: int) -> None:
-        """Ask the plan of a team, with arrays.
+        """Call the plan of a team with arrays.
 
         Raises:
-            BadType: one of its agents flies.
+            BadType: an agent of the team flies.
         """
         indices, is_all = commanded.indices, len(commanded.indices) == len(self.slots)
         flying = [] if commanded.are_plain else [i for i in indices if self.slots[i].flies]
@@ -322,16 +321,16 @@ class Decisions:
         self._put_plan(commanded, given)
 
     def team_memory(self, team: Hashable) -> Memory:
-        """Return a copy of what a team remembers, which may be written to."""
+        """Return a writable copy of a team's memory."""
         memory: Memory = copied(self.state.team_memories.get(team, {}))
         return memory
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
-        """Collect what an agent's strategy decides later with all others that are awaited."""
+        """Store the awaitable that an agent's strategy has returned."""
         self.awaited.append((self._question(i, state), awaitable))
 
     def collect(self, loop: "EventLoop") -> None:
-        """Await what is awaited, and take the decisions in the order of the names."""
+        """Await all stored awaitables, and process the results in the order of names."""
         awaited, self.awaited = self.awaited, []
         deadline = self._settings.deadline_s
         pairs = [(question.decider, awaitable) for question, awaitable in awaited]
@@ -348,17 +347,17 @@ class Decisions:
                 self._answer(question, value)
 
     def drop(self) -> None:
-        """Close what is awaited and will not be collected."""
+        """Close awaitables that will not be collected."""
         for _, awaitable in self.awaited:
             getattr(awaitable, "close", bool)()
 
     @property
     def failed(self) -> set[int]:
-        """The slots of those that did not do what they wanted."""
+        """The slots of the agents whose decision failed."""
         return {i for i, *_ in self.failures}
 
     def close(self) -> list[tuple[int, str]]:
-        """Merge team memories and publish errors; return the slots of those whose wish was not done, and why."""
+        """Merge team memories and publish errors; return (slot, reason) for each action that was not executed."""
         undone = self.undone()
         if self.written:
             self.merge_team_memories()
@@ -369,17 +368,17 @@ class Decisions:
         return undone
 
     def undone(self) -> list[tuple[int, str]]:
-        """Return the slots of those whose wish is not done, and why."""
+        """Return (slot, reason) for each action that was not executed."""
         return [(i, _REASONS.get(kind, message)) for i, kind, message in sorted(self.failures, key=itemgetter(0))]
 
     # -- answers ------------------------------------------------------------------------------------------------
 
     def note(self, i: int, team_memory: object) -> None:
-        """Take what an agent has made of its copy of the team's memory."""
+        """Store an agent's changed copy of the team memory."""
         self.written.append((i, team_memory))
 
     def take(self, i: int, state: State) -> None:
-        """Take the action that is in the state of an agent."""
+        """Read the action from the state of an agent."""
         slot, here = self.slots[i], self.starts[i]
         self._phase.agent = None
         if "action" in state:
@@ -392,7 +391,7 @@ class Decisions:
             self._refuse(i, IllegalAction.missing(self._legality.reachable(slot, here)))
 
     def fail(self, i: int, state: State, error: Exception) -> None:
-        """Handle what a strategy has raised: raise it, or take the default action, by the settings."""
+        """Handle an error of a strategy: raise it, or use the default action, depending on the settings."""
         self._phase.agent = None
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
@@ -489,7 +488,7 @@ class Decisions:
             self.actions[i], self.ends_to_write()[i] = resolved, resolved.end
 
     def _refuse(self, i: int, error: GammsError) -> None:
-        """Handle an action that is not legal: raise the error, or keep the agent where it is, by the settings."""
+        """Handle an illegal action: raise the error, or keep the agent on its node, depending on the settings."""
         if self._settings.on_illegal == "raise":
             name = self.slots[i].name
             raise IllegalAction(f"Agent {shown(name)} in turn {self.state.turn}: {error}") from error
@@ -502,7 +501,7 @@ class Decisions:
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 
     def _miss(self, question: _Question, kind: str, message: str) -> None:
-        """Take the default action for agents whose strategy or plan has failed."""
+        """Use the default action for agents whose strategy or plan has failed."""
         for i, state in zip(question.indices, question.states(), strict=True):
             self.failures.append((i, kind, message))
             self._do_default(i, state)
@@ -524,7 +523,7 @@ class Decisions:
         self._decide(i, action, is_default=True)
 
     def _note(self, question: _Question) -> None:
-        """Take what was written into the copies of the team's memory."""
+        """Store the changed copies of the team memory."""
         if not self._settings.team_memory:
             return
         if isinstance(question.given, TeamArrays):
@@ -536,7 +535,7 @@ class Decisions:
                 self.note(i, copy)
 
     def merge_team_memories(self) -> None:
-        """Make one memory of what the members of each team have written."""
+        """Merge the changes that the members of each team have made to its memory."""
         shared = self.state.team_memories
         written: dict[Any, list[tuple[int, Memory]]] = {}
         for i, copy in sorted(self.written, key=itemgetter(0)):
@@ -551,7 +550,7 @@ class Decisions:
                 shared[team] = after
 
     def _can_be_shared(self, i: int, team_memory: Memory) -> bool:
-        """Return whether what an agent has written can be copied; if not, it counts as its error."""
+        """Return whether an agent's changes can be copied; otherwise count an error of the agent."""
         flaw = why_not_copied(team_memory)
         if flaw is not None and self._settings.on_error == "raise":
             raise BadValue(f"Agent {self.slots[i].name!r} in turn {self.state.turn}: {flaw}")

@@ -1,4 +1,4 @@
-"""Deeds: what agents may do besides moving, as a game declares it, and how what they want to do is checked."""
+"""Deeds: declarations of what agents may do besides moving, and checks of their requests."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from gamms.text import shown
 from gamms.typing.context import HostContext
 
 OF_DEED = ("turn", "agent", "deed", "at")
-"""What every deed has, so that no field can be called like this."""
+"""Keys of every deed; declared fields must have other names."""
 
 _OPTIONAL = "?"  # ends the kind of a field that may be missing
 
@@ -41,7 +41,7 @@ def _sensor(value: object, name: str, ctx: HostContext) -> Any:
 
 
 def _known(value: Any, kind: str, name: str, known: Collection[Any]) -> Any:
-    """Return a value that is one of those known."""
+    """Return a value if it is in `known` (UnknownName)."""
     return as_known(value, f"{kind} as {name}:", known)
 
 
@@ -64,11 +64,11 @@ FIELD_KINDS: dict[str, Callable[[Any, str, HostContext], Any]] = {
     "text": lambda value, name, _: as_text(value, name),
     "value": _plain,
 }
-"""Kind of field -> what checks a value of it."""
+"""Kind of field -> a function that checks a value."""
 
 
 class DeclaredField(NamedTuple):
-    """A field of a deed: the name of its kind, or its choices, and whether it must be given."""
+    """A field of a deed: its kind, its choices if the kind is "choice", and whether it is required."""
 
     kind: str
     choices: tuple[Any, ...]
@@ -76,10 +76,10 @@ class DeclaredField(NamedTuple):
 
 
 def as_deeds(value: object) -> Mapping[str, Mapping[str, Any]]:
-    """Return declared deeds as a read-only mapping: deed -> its fields -> the kind of each, or its choices.
+    """Return declared deeds as a read-only mapping: deed -> field -> its kind, or a tuple of choices.
 
     Raises:
-        BadType, BadValue: they are not declared like this.
+        BadType, BadValue: a declaration is invalid.
     """
     declared = {}
     for deed, fields in as_mapping(value, "ctx.game.deeds").items():
@@ -111,24 +111,24 @@ def _declaration(key: object, kind: object, name: str) -> Any:
 
 
 def field_of(kind: str | tuple[Any, ...]) -> DeclaredField:
-    """Return what the declaration of a field says."""
+    """Return the parsed declaration of a field."""
     if isinstance(kind, tuple):
         return DeclaredField("choice", kind, is_required=True)
     return DeclaredField(kind.removesuffix(_OPTIONAL), (), not kind.endswith(_OPTIONAL))
 
 
 def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, dict[str, Any]]:
-    """Return what an agent wants to do, checked: deed -> the values of its fields, plain and in their order.
+    """Return the checked request of an agent: deed -> field -> plain value, in the declared order.
 
     Args:
-        given: deed -> its fields; the value alone stands for those of a deed that needs one field, and None, True or an
-            empty dict for those of a deed that needs none.
+        given: deed -> its fields; a deed with one required field accepts its value alone, and a deed without required
+            fields accepts None or True.
         declared: the deeds of the game.
-        ctx: the context, whose agents and map count.
+        ctx: the context, for the names of agents, nodes and so on.
 
     Raises:
-        UnknownName (KeyError): there is no such deed, field, agent, node and so on.
-        BadType, BadValue: a field is missing, or has an impossible value.
+        UnknownName (KeyError): a deed, field, agent, node or other name does not exist.
+        BadType, BadValue: a field is missing or has an impossible value.
     """
     if not isinstance(given, Mapping):
         raise BadType(f"What an agent does is a dict from deeds to their fields, not {shown(given)}.")
@@ -169,10 +169,10 @@ def _by_field(deed: str, given: object, required: list[str]) -> Mapping[Any, Any
 
 
 def checked_value(value: object, field: DeclaredField, name: str, ctx: HostContext) -> Any:
-    """Return the value of a field, plain.
+    """Return the value of a field as a plain value.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: it is not of its kind, or none of its choices.
+        UnknownName (KeyError), BadType, BadValue: it does not fit its kind, or is not one of the choices.
     """
     if field.kind != "choice":
         return FIELD_KINDS[field.kind](value, name, ctx)

@@ -1,4 +1,4 @@
-"""What agents know: facts that were published to all, a team or an agent, and copies of the game to look ahead."""
+"""Knowledge of agents: published facts, and copies of the game for looking ahead."""
 
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, Literal, NamedTuple
@@ -13,12 +13,12 @@ from gamms.typing.context import HostContext
 
 
 class FactsOf(ReadOnlyMapping):
-    """What was published to all, to a team and to an agent; of facts of one name the last of these.
+    """The facts that an agent or a team knows; its own facts override those of its team, and these the public ones.
 
     Args:
-        state: of the game.
+        state: the state of the game.
         team: the team.
-        agent: the name of the agent; None: what all agents of the team know.
+        agent: the name of the agent; None: only facts that all agents of the team know.
     """
 
     __slots__ = ("_agent", "_state", "_team")
@@ -34,7 +34,7 @@ class FactsOf(ReadOnlyMapping):
 
 
 def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
-    """Return the facts that a team, an agent (or its name), or all (None) know, to be added to.
+    """Return the writable dict of facts published to a team, an agent (or its name), or everybody (None).
 
     Raises:
         UnknownName (KeyError): there is no such team or agent.
@@ -45,7 +45,7 @@ def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     agents = ctx.agent.agents
     name: Any = getattr(to, "name", to)
     is_agent = isinstance(name, str) and name in agents
-    is_team = name is to and as_key(to, "A team") in ctx.agent.teams  # which looks at all agents
+    is_team = name is to and as_key(to, "A team") in ctx.agent.teams  # slow, because it looks at all agents
     if is_agent and is_team:
         raise BadValue(
             f"{shown(to)} is an agent and a team. For the agent, give ctx.agent.get_agent({shown(to)}) itself; for the "
@@ -61,12 +61,12 @@ Information = Literal["private", "full"]
 
 
 class PrivateFork(NamedTuple):
-    """A copy of a game for the agents that decide, from `state["fork"]`.
+    """A copy of a game for the deciding agents, from `state["fork"]`.
 
     Attributes:
-        game: the copy, with a context of its own, `game.ctx`. Any: the class `Game`, which makes it.
-        names: of the agents that it is for.
-        own: returns what a function is in the copy that closes over the game, or over an agent of it.
+        game: the copy, with its own context `game.ctx`. Any: the class `Game` imports this module.
+        names: the names of these agents.
+        own: returns a function's counterpart in the copy, if it closes over the game or its agents.
     """
 
     game: Any
@@ -75,10 +75,10 @@ class PrivateFork(NamedTuple):
 
 
 class PrivateForks:
-    """Gives the agents that decide copies of their game: `state["fork"]`.
+    """Makes copies of the game for deciding agents: `state["fork"]`.
 
     Args:
-        ctx: the context of the game; None: that of a state which was pickled.
+        ctx: the context of the game; None: the state was pickled.
     """
 
     __slots__ = ("_ctx",)
@@ -87,19 +87,19 @@ class PrivateForks:
         self._ctx: Any = ctx  # whose class knows its game
 
     def __call__(self, seed: int, *, information: Information = "private") -> PrivateFork:
-        """Return a copy of the game as far as the agents that decide know it, with random numbers of its own.
+        """Return a copy of the game with only the knowledge of the deciding agents, and its own random numbers.
 
-        It begins where they decide: rules of "before" were applied in this turn, and teams that are earlier in the
-        order of play have moved. No random number in it follows from the seed of the game. Agents have no strategies.
+        The copy begins in the middle of this turn: rules of the phase "before" have run, and teams earlier in the order
+        of play have moved. Its random numbers do not depend on the seed of the game. Its agents have no strategies.
 
         Args:
-            seed: of the copy.
-            information: "private": what the agents do not know is as it was at the start, see docs/planning.md;
-                "full": all is as it is, where `ctx.game.information` allows that.
+            seed: the seed of the copy.
+            information: "private": state that the agents do not know is as at the start, see docs/planning.md; "full":
+                the true state, if `ctx.game.information` allows it.
 
         Raises:
             BadValue: the game does not allow full information.
-            IllegalMutation: no agent decides, whose knowledge would count.
+            IllegalMutation: no agent is deciding.
         """
         game = None if self._ctx is None else self._ctx.current_game
         if game is None:
@@ -108,7 +108,7 @@ class PrivateForks:
         return fork
 
     def note_search(self, decisions: Mapping[str, bool]) -> None:
-        """Count in the timings of the game for how many agents a search has decided, and for how many it had no time.
+        """Count the agents whose action a search found, and the agents for which it had no time, in the timings.
 
         Args:
             decisions: agent -> whether its action was searched for; False: it follows its script.
@@ -120,21 +120,21 @@ class PrivateForks:
             timings[name] = timings.get(name, 0.0) + 1.0
 
     def is_of(self, ctx: object) -> bool:
-        """Return whether it is of the game of a context."""
+        """Return whether this object belongs to a context."""
         return self._ctx is ctx
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "PrivateForks":
-        """Belong to the copy of the context if that is copied, too."""
+        """Refer to the copy of the context, if the context is copied, too."""
         return PrivateForks(memo.get(id(self._ctx), self._ctx))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PrivateForks, (None,)
 
     def __eq__(self, other: object) -> bool:
-        """Whether it does the same for a state that is compared."""
+        """Return True for any other object of this class, so that states can be compared."""
         return isinstance(other, PrivateForks)
 
-    __hash__ = None  # type: ignore[assignment] # what is equal in all games has no hash
+    __hash__ = None  # type: ignore[assignment] # equal objects of different games
 
     def __repr__(self) -> str:
         return "fork(seed)"

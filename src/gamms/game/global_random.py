@@ -1,4 +1,4 @@
-"""The generators of `random` and `numpy.random` while a whole game is played."""
+"""Seed the global generators of `random` and `numpy.random` while a game runs."""
 
 import random
 from collections.abc import Iterator
@@ -10,21 +10,21 @@ from gamms.typing.context import HostContext
 
 
 def global_state() -> tuple[object, ...]:
-    """Return the states of both generators, equal to those of another moment if nothing was drawn since."""
+    """Return the states of both generators; the result is equal to an earlier one if nothing was drawn since."""
     numpy = np.random.get_state(legacy=False)["state"]  # noqa: NPY002 - as below
     return random.getstate(), numpy["pos"], numpy["key"].tobytes()
 
 
 @contextmanager
 def seeded_for_run(ctx: HostContext, turn: int) -> Iterator[None]:
-    """Seed `random` and `numpy.random` for the block, from the seed of a context; afterwards they are as before.
+    """Seed `random` and `numpy.random` from the seed of a context within the block, and restore them afterwards.
 
-    Strategies of programs for 1.0.0 draw from them. They belong to the process: games in several threads draw from
-    each other's, and each draw changes those of all other agents.
+    Strategies written for 1.0.0 draw from these generators. They belong to the process: games in several threads share
+    them, and each draw changes the draws of all agents.
 
     Args:
-        ctx: the context; nothing is seeded where its seed was not given by the caller.
-        turn: the first turn that is played in the block.
+        ctx: the context; if its seed was not given by the caller, nothing is seeded.
+        turn: the first turn of the block.
     """
     if not ctx.is_seeded:
         yield

@@ -1,4 +1,4 @@
-"""State that a function keeps where the game does not know of it: in closures, defaults, globals and objects."""
+"""State of a function that the game does not know: in closures, default arguments, globals and objects."""
 
 import marshal
 import random
@@ -29,7 +29,7 @@ class _Variable(NamedTuple):
     """A variable as it is at a moment."""
 
     name: str
-    image: object  # equals that of another moment if nothing has changed
+    image: object  # equal at two moments if nothing has changed in between
     text: str
 
 
@@ -38,11 +38,11 @@ _MISSING = _Variable("", None, "nothing")
 
 
 class HiddenState:
-    """What a function can reach besides its arguments, as it is now.
+    """The variables that a function can reach besides its arguments, with their current values.
 
-    Looked at are closure variables, default arguments, the globals that it names, attributes of functions and of the
-    object that a method belongs to, and the same of functions among these. Objects of GAMMS, of Python and of installed
-    packages are not looked into.
+    These are closure variables, default arguments, globals that it names, attributes of functions and of the object of
+    a method, and the same for functions among these. Objects of GAMMS, of Python and of installed packages are not
+    searched.
 
     Args:
         function: a strategy or a rule.
@@ -53,7 +53,7 @@ class HiddenState:
         self._before = self._now()
 
     def changed(self, way_out: str) -> str:
-        """Return a sentence about the first variable that has changed since, with a way out; "" if none has."""
+        """Return a sentence about the first variable that has changed since, followed by `way_out`; "" if none has."""
         known, now = self._looked, self._now()
         for key, (name, image, text) in now.items():
             before = self._before.get(key, _MISSING if key[0] in known else now[key])
@@ -73,10 +73,10 @@ class HiddenState:
 
 @contextmanager
 def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -> Iterator[None]:
-    """Refuse what functions have changed in the block of what they can reach besides their arguments.
+    """Raise an error if functions have changed, within the block, state that they can reach besides their arguments.
 
     Raises:
-        BadValue: a variable has changed; the message names it, and the way out.
+        BadValue: a variable has changed; the message has its name and the way out.
     """
     hidden = [HiddenState(one) for one in {id(one): one for one in functions}.values()]
     yield
@@ -87,7 +87,10 @@ def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -
 
 
 def image_of(made: object) -> object:
-    """Return what equals the image of a value, or of what a function can reach, that the same code makes elsewhere."""
+    """Return a comparable image of a value, or of the state that a function can reach.
+
+    Equal values have equal images.
+    """
     if isinstance(made, Mapping):
         return [(key, image_of(one)) for key, one in made.items()]
     if not callable(made) or isinstance(made, type):
@@ -98,7 +101,7 @@ def image_of(made: object) -> object:
 
 
 def _look(function: object, found: _Variables, seen: set[int]) -> None:
-    """Add the variables of a function, and of those that are among them."""
+    """Add the variables that a function can reach, recursively."""
     if id(function) in seen:
         return
     seen.add(id(function))
@@ -111,7 +114,7 @@ def _look(function: object, found: _Variables, seen: set[int]) -> None:
 
 
 def _named_values(function: object) -> Iterator[tuple[str, object]]:
-    """Yield what a function can reach besides its arguments, each with words for it."""
+    """Yield (description, value) for each variable that a function can reach besides its arguments."""
     if isinstance(function, FunctionType):
         yield from _variables_of(function)
     elif isinstance(function, partial):
@@ -149,14 +152,14 @@ def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
 
 @lru_cache(maxsize=1 << 12)
 def _globals_in(code: CodeType) -> tuple[str, ...]:
-    """Return the globals that a function names, and those that functions within it name, each once."""
+    """Return the names of globals in a function and its inner functions, each once."""
     named = [one.argval for one in get_instructions(code) if one.opname in ("LOAD_GLOBAL", "STORE_GLOBAL")]
     within = [_globals_in(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
     return tuple(dict.fromkeys([*named, *chain(*within)]))
 
 
 def _attributes(owner: object) -> Iterator[tuple[str, object]]:
-    """Yield the attributes of a class, or of an object of a class, that the program defines."""
+    """Yield (description, value) for each attribute of a class of the program, or of an object of one."""
     kind = owner if isinstance(owner, type) else type(owner)
     if not _is_of_program(kind):
         return
@@ -171,7 +174,7 @@ def _attributes(owner: object) -> Iterator[tuple[str, object]]:
 
 
 def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program keeps
-    """Return what equals the image of the same value at another time if it has not changed."""
+    """Return a comparable image of a value; it is equal at another time if the value has not changed."""
     for kinds, image in () if type(value) in _CONTAINERS else _ATOMS:
         if isinstance(value, kinds):
             return image(value)
@@ -183,14 +186,14 @@ def _image(value: Any, seen: set[int]) -> object:  # Any: whatever a program kee
     if isinstance(value, set | frozenset):
         return frozenset(_image(one, seen) for one in value)
     if isinstance(value, Iterator) and type(value).__module__ in _OF_ITERATORS:
-        # What is left of it, or what it is made from, which it goes on along; asking takes nothing from it.
+        # Its remaining length and the objects that it iterates over; reading these consumes nothing.
         return length_hint(value), tuple(_image(one, seen) for one in get_referents(value))
     pairs = dict(value if isinstance(value, Mapping) else _attributes(value))
     return _images(pairs.keys(), seen), _images(pairs.values(), seen)
 
 
 def _images(values: Collection[Any], seen: set[int]) -> object:
-    """Return what equals the images of the same values at another time if none has changed."""
+    """Return a comparable image of several values."""
     # NOTE: strategies hold tables of places in closures: a fourth of the time (benchmarks: games of the gallery).
     if _SCALARS.issuperset(map(type, values)):
         return marshal.dumps([*values], _WITHOUT_REFERENCES)
@@ -207,13 +210,13 @@ _ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
     (np.ndarray, lambda one: (one.dtype.str, one.shape, repr(one) if one.dtype.hasobject else one.tobytes())),
     (random.Random, lambda one: one.getstate()),
     (np.random.Generator, lambda one: repr(one.bit_generator.state)),
-    # A generator may pass signals through, which are no state of a game.
+    # Generators may carry signals, which are not state of a game.
     ((type(None), FunctionType, ModuleType, GeneratorType), lambda _: None),
 )
 
 
 def _is_of_program(kind: type) -> bool:
-    """Return whether a class is neither of GAMMS, nor of Python, nor of an installed package."""
+    """Return whether a class belongs neither to GAMMS, nor to Python, nor to an installed package."""
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
     return _package_of(kind) not in {"gamms", *sys.stdlib_module_names} and not _INSTALLED & {*Path(file).parts}
 

@@ -1,4 +1,4 @@
-"""Which actions of agents are legal, and where they lead."""
+"""Check the actions of agents, and find the moves that they lead to."""
 
 from collections.abc import Sequence
 from itertools import chain, pairwise
@@ -20,34 +20,34 @@ from gamms.typing.game import Track
 
 
 class IllegalAction(GammsError, ValueError):
-    """An action that is malformed, or not legal."""
+    """An action is malformed or not legal."""
 
     @classmethod
     def missing(cls, legal: Sequence[int]) -> "IllegalAction":
-        """Return the error of an agent that has set no action, with the ids of its legal nodes."""
+        """Return the error for an agent that has set no action; `legal` are the ids of its legal nodes."""
         return cls(f"state['action'] was not set (what is returned does not count); legal are {[*legal]}")
 
 
 class Legality:
-    """Which actions of agents are legal, and where they lead.
+    """Checks the actions of agents, and finds the moves that they lead to.
 
     Args:
-        ctx: the context, whose graph and agents count.
-        settings: of the game.
+        ctx: the context, for its graph and agents.
+        settings: the settings of the game.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
         self.travel = Travel(ctx, settings)
-        self._streets: Streets | None = None  # of the graph as it was when they were asked for
+        self._streets: Streets | None = None  # of the last revision of the graph
         self._walking: Walking | None = None
-        self._ids: tuple[Streets | None, tuple[int, ...]] = None, ()  # of all nodes, and of which map
+        self._ids: tuple[Streets | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
-        """Return what an action leads to.
+        """Return the move that an action leads to.
 
         Raises:
-            GammsError: it is malformed, or not legal; the message says why.
+            GammsError: the action is malformed or not legal; the message says why.
         """
         deeds = None
         if isinstance(action, dict) and "do" in action:
@@ -75,7 +75,7 @@ class Legality:
         return resolved._replace(heading=heading, deeds=deeds)
 
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
-        """Return where an agent that travels gets on its way to a node, along nodes, or to a stop."""
+        """Return the move of an agent by metres: toward a node, along a list of nodes, or None to stop."""
         travel = self.travel
         place = travel.place(mover.row)
         if wanted is None:
@@ -85,7 +85,7 @@ class Legality:
         return travel.towards(mover.row, place, here, mover.speed, wanted)
 
     def is_open(self, track: Track) -> bool:
-        """Return whether all edges of a legal move are there still."""
+        """Return whether all edges of a legal move still exist."""
         path, _, legs = track
         if legs:
             return all(self.travel.roads.on(leg.edge) is not None for leg in legs)
@@ -96,7 +96,7 @@ class Legality:
         return all(end in near[start] for start, end in pairwise(path))
 
     def reachable(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
-        """Return the nodes that an agent may move to in this turn, its own first; none for a flyer."""
+        """Return the ids of the legal nodes of an agent in this turn, its own first; () for an agent that flies."""
         if mover.flies:
             return ()
         graph = self._ctx.graph.graph
@@ -118,7 +118,7 @@ class Legality:
 
     @property
     def streets(self) -> Streets:
-        """Where agents may go along one edge, in arrays."""
+        """The legal moves along one edge, as arrays."""
         columns = self._ctx.graph.graph.columns()
         if self._streets is None or self._streets.columns is not columns:
             self._streets = Streets(columns, self._ctx.graph.routes)
@@ -126,14 +126,14 @@ class Legality:
 
     @property
     def walking(self) -> Walking:
-        """Where agents get along several edges a turn."""
+        """The legal moves along several edges per turn."""
         streets = self.streets
         if self._walking is None or self._walking.streets is not streets:
             self._walking = Walking(streets)
         return self._walking
 
     def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
-        """Return what `reachable` returns for each of several agents: offsets (agents + 1,) and ids."""
+        """Return the legal nodes of several agents: offsets (agents + 1,) and ids."""
         legal = [self.reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
         offsets = np.zeros(len(legal) + 1, np.int64)
         np.cumsum(list(map(len, legal)), out=offsets[1:])
@@ -146,7 +146,7 @@ class Legality:
         return node
 
     def _checked_path(self, here: int, path: list[int]) -> list[int]:
-        """Return a list of nodes that was given as an action, without the node the agent is on."""
+        """Return an action's list of nodes without the agent's own node (BadValue: an edge is missing)."""
         path = path[1:] if path and path[0] == here else path
         near = self._ctx.graph.graph.neighborhoods
         if self._settings.legal == "edges":
@@ -156,7 +156,7 @@ class Legality:
         return path
 
     def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
-        """Return where a path, or the shortest one to its only node, leads in this turn."""
+        """Return the move along a path, or along the shortest path to its only node, as far as it goes in this turn."""
         path = self._checked_path(here, nodes) if is_route else nodes
         if not path or (path == [here] and not is_route):
             return ResolvedAction(here, (here,))

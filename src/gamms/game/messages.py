@@ -1,8 +1,8 @@
-"""Messages: who hears what is sent, and what is in the inbox of an agent.
+"""Messages: find who hears each message, and collect the inboxes of agents.
 
-All is decided when a message is sent, after the moves of that turn: where everybody is then says who is in range,
-what is jammed and which way relays take. So one entry of the log of a game says what becomes of a message, and what is
-under way follows from the log.
+The outcome of a message is decided when it is sent, after the moves of that turn: the positions of all agents then
+determine who is in range, who is jammed, and the route over relays. Thus one entry in the log of a game describes the
+outcome of a message, and messages under way follow from the log.
 """
 
 from collections import defaultdict
@@ -33,25 +33,25 @@ from gamms.typing.on_edges import located
 
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
-ANTENNA = np.array((0.0, 0.0, 1.6))  # from an agent on the ground to the end of its sight lines, metres
-_AT_ONCE = 1 << 20  # messages times agents that are worked out together
-_MOST_TERMS = 64  # channels of agents that are kept in numbers
+ANTENNA = np.array((0.0, 0.0, 1.6))  # the offset from an agent on the ground to its antenna, metres
+_AT_ONCE = 1 << 20  # the maximum number of messages times agents per call of the core
+_MOST_TERMS = 64  # the size of the cache of core channels
 
 
 class Scene(NamedTuple):
-    """Where agents are when messages are sent and all have moved, in one game or in several at once.
+    """The positions of agents after their moves, when messages are sent, in one or several games.
 
     Attributes:
-        teams: of the agents, by name, in the order of their names.
-        keys: (agents,) the hashes of the names, for keyed draws.
-        turns: (games,) how many turns were played before this one.
-        xyz, antennas: (games, agents, 3) where they are, and the ends of their sight lines.
-        alive: (games, agents)
-        purposes: returns the hashes of the seeds and of a purpose, (games,).
-        is_within: returns which agents so many edges lead to from transmitters at most, (transmitters, agents); called
-            with the games and the agents, (transmitters,), and the number.
-        visible: says which of some places (places, 3) are in sight of one, (3,).
-        place_of: returns x and y of a node by its id, one pair or none.
+        teams: agent -> its team, in the order of names.
+        keys: (agents,) hashes of the names, for keyed draws.
+        turns: (games,) the number of turns played before this one.
+        xyz, antennas: (games, agents, 3) the positions of the agents and of their antennas.
+        alive: (games, agents) whether the agent is alive.
+        purposes: returns hashes of the seeds and a purpose, (games,).
+        is_within: returns which agents are within a number of edges of transmitters, (transmitters, agents); called
+            with the games and the agents of the transmitters, (transmitters,), and the number.
+        visible: returns which points, (points, 3), are visible from a point, (3,).
+        place_of: returns x and y of a node by its id: a list of one pair, or an empty list.
     """
 
     teams: Mapping[str, Any]
@@ -67,7 +67,7 @@ class Scene(NamedTuple):
 
     @classmethod
     def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "Scene":
-        """Ask where the living agents of one game are now."""
+        """Return the current positions of the living agents of one game."""
         graph, block, ids = ctx.graph.graph, ctx.agent.block, [agent.current_node_id for agent in agents]
         xyz, near = np.zeros((1, len(agents), 3)), dict[tuple[int, int], BoolArray]()
         xyz[0, :, :2], ground = graph.positions(ids), graph.ground(ids)
@@ -103,13 +103,13 @@ class Scene(NamedTuple):
 
 
 def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing], turn: int) -> list[dict[str, Any]]:
-    """Return the entries of the log for messages that are sent now.
+    """Return the log entries of messages that are sent now.
 
     Args:
-        ctx: the context, whose map and channels count.
-        agents: the living ones, in the order of their names.
-        outgoing: the messages; those of agents that are dead by now are dropped.
-        turn: how many turns were played before this one.
+        ctx: the context, for its map and channels.
+        agents: the living agents, in the order of names.
+        outgoing: the messages; those of dead senders are dropped.
+        turn: the number of turns played before this one.
     """
     row_of, channels = {agent.name: row for row, agent in enumerate(agents)}, ctx.game.channels
     going = [one for one in outgoing if one.channel in channels and one.sender in row_of]
@@ -136,13 +136,13 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
 
 
 class Fates(NamedTuple):
-    """What becomes of messages: for each that an agent hears or misses a row, by message, then by agent; (rows,).
+    """The outcomes of messages: one row for each agent that hears or misses a message, by message, then by agent.
 
     Attributes:
-        messages: their numbers.
-        agents: likewise.
-        outcomes: `core.HEARD`, `OVERHEARD`, `LOST` or `JAMMED`.
-        arrivals: the numbers of the turns, from 1, in which messages are heard.
+        messages: (rows,) the number of the message.
+        agents: (rows,) the number of the agent.
+        outcomes: (rows,) `core.HEARD`, `OVERHEARD`, `LOST` or `JAMMED`.
+        arrivals: (rows,) the turn, from 1, in which the agent hears the message.
     """
 
     messages: IntArray
@@ -151,7 +151,7 @@ class Fates(NamedTuple):
     arrivals: IntArray
 
     def entries(self, names: Sequence[str], num_messages: int) -> Iterator[dict[str, Any]]:
-        """Yield what the log says of who hears each message and when, and who does not."""
+        """Yield, for each message, the part of its log entry about agents that hear or miss it."""
         rows = list(zip(self.agents.tolist(), self.outcomes.tolist(), self.arrivals.tolist(), strict=True))
         for first, last in pairwise(np.searchsorted(self.messages, np.arange(num_messages + 1)).tolist()):
             found: dict[int, dict[str, int]] = {core.HEARD: {}, core.OVERHEARD: {}, core.LOST: {}, core.JAMMED: {}}
@@ -162,14 +162,14 @@ class Fates(NamedTuple):
 
 
 def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> Fates:
-    """Return what becomes of messages of one channel.
+    """Return the outcomes of messages of one channel.
 
     Args:
         channel: the channel.
-        scene: where agents are.
-        at: (messages,) the games in the scene, ascending.
-        senders: (messages,) their numbers.
-        to: (messages,) of each an agent, a team, or None.
+        scene: the positions of the agents.
+        at: (messages,) the game of each message in the scene, ascending.
+        senders: (messages,) the numbers of the senders.
+        to: (messages,) the recipient of each message: an agent, a team, or None.
     """
     network, numbers = _Network(channel, scene, senders), np.zeros(len(at), np.int64)
     groups, first, members = groups_of(to, scene.teams)
@@ -189,12 +189,12 @@ def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to
 
 
 class _Network:
-    """Whom agents reach by a channel.
+    """The agents that transmitters reach by a channel.
 
     Args:
         channel: the channel.
-        scene: where agents are.
-        senders: the agents that send.
+        scene: the positions of the agents.
+        senders: the numbers of the senders.
 
     Attributes:
         rows: working memory.
@@ -215,7 +215,7 @@ class _Network:
         self._bytes = np.zeros((2, agents), np.uint8)
 
     def spread(self, messages: core.Messages) -> None:
-        """Find what becomes of messages."""
+        """Find the outcomes of messages."""
         scene = self._scene
         while True:
             columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
@@ -229,7 +229,7 @@ class _Network:
             self._reach = np.concatenate((self._reach, self._reached(network, transmitters)))
 
     def _reached(self, network: core.Network, transmitters: IntArray) -> ByteArray:
-        """Return which agents transmitters reach, (transmitters, agents)."""
+        """Return which agents each transmitter reaches, (transmitters, agents)."""
         channel, scene, agents = self._channel, self._scene, len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
         core.find_in_range(self._terms, network, len(reach), flat(reach))
@@ -247,7 +247,7 @@ class _Network:
 def _terms_of(
     channel: Channel, names: tuple[str, ...], teams: tuple[Any, ...], jammers: tuple[tuple[float, ...], ...]
 ) -> core.Channel:
-    """Return what a channel says of agents of these names and teams, in numbers; see `_places_of`."""
+    """Return a channel in the form of the core; `_places_of` describes jammers."""
     uses = [channel.is_for(team) for team in teams]
     overhears = matching(channel.eavesdroppers, names, teams)
     relays = uses if channel.relay is True else matching(channel.relay or (), names, teams)
@@ -267,7 +267,7 @@ def _terms_of(
 
 
 def _places_of(jammer: Jammer, scene: Scene) -> list[tuple[float, ...]]:
-    """Return where a jammer is: the number of an agent or -1, x, y and z of a place, and the radius."""
+    """Return a jammer as tuples: the number of an agent, or -1 with x, y and z of a place; and the radius."""
     if jammer.at is None:
         wanted, known = (jammer.team, scene.teams.values()) if jammer.agent is None else (jammer.agent, scene.teams)
         return [(row, 0.0, 0.0, 0.0, jammer.radius_m) for row, one in enumerate(known) if one == wanted]
@@ -276,26 +276,26 @@ def _places_of(jammer: Jammer, scene: Scene) -> list[tuple[float, ...]]:
 
 
 class Outboxes:
-    """What agents send in a turn.
+    """The messages that agents send in a turn.
 
     Args:
-        ctx: the context, whose agents count.
-        settings: of the game.
+        ctx: the context, for its agents.
+        settings: the settings of the game.
 
     Attributes:
-        outgoing: what they send in the turn under way.
+        outgoing: the messages of the current turn.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
         self.outgoing: list[Outgoing] = []
-        self._known_channels: list[Channel] = []  # of which it was checked whom they name
+        self._known_channels: list[Channel] = []  # channels whose names were checked
 
     def take(self, slots: Iterable[AgentSlot], turn: int) -> list[tuple[AgentSlot, str]]:
-        """Take what agents have decided to send, and return what cannot be sent: by whom, and why.
+        """Collect the outboxes of agents; return (slot, error text) for each message that cannot be sent.
 
         Raises:
-            IllegalAction: something cannot be sent, and `on_illegal` is "raise".
+            IllegalAction: a message cannot be sent, and `on_illegal` is "raise".
         """
         self._warn_of_unknown_names()
         messages, unsent = self.read(slots)
@@ -305,13 +305,13 @@ class Outboxes:
         return unsent
 
     def read(self, slots: Iterable[AgentSlot]) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
-        """Return what agents have decided to send, and what of it cannot be sent: by whom, and why."""
+        """Return the messages in outboxes, and (slot, error text) for each message that cannot be sent."""
         channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
         outboxes = [(slot, slot.last[0].get("outbox", ())) for slot in slots]
         return checked_outboxes([one for one in outboxes if one[1] != []], channels, teams)
 
     def sent(self, agents: Sequence[IAgent], turn: int) -> list[dict[str, Any]]:
-        """Send what was taken, between agents that have moved by now; return its entries in the log."""
+        """Send the collected messages, after all agents have moved; return their log entries."""
         outgoing, self.outgoing = self.outgoing, []
         return sent(self._ctx, agents, outgoing, turn)
 
@@ -324,22 +324,22 @@ class Outboxes:
 
 
 class Inboxes:
-    """What agents hear in a turn, found in the log of messages.
+    """The messages that agents hear in a turn, found in the log of messages.
 
     Args:
-        ctx: the context, whose channels count: what is under way on one that is gone does not arrive.
-        state: of the game.
+        ctx: the context; messages on channels that were removed do not arrive.
+        state: the state of the game.
     """
 
     def __init__(self, ctx: HostContext, state: GameState) -> None:
         self._ctx, self._state = ctx, state
-        self._known: list[dict[str, Any]] = []  # the log as it was when it was read last
-        self._by_turn: dict[int, list[dict[str, Any]]] = {}  # in which they arrive -> messages
-        self._turn: int | None = None  # for which `_found` is
-        self._found: dict[str, list[_Arrival]] = {}  # agent -> what it hears in this turn
+        self._known: list[dict[str, Any]] = []  # the log at the last call
+        self._by_turn: dict[int, list[dict[str, Any]]] = {}  # turn of arrival -> log entries
+        self._turn: int | None = None  # the turn of `_found`
+        self._found: dict[str, list[_Arrival]] = {}  # agent -> its messages of this turn
 
     def of(self, name: str) -> list[dict[str, Any]]:
-        """Return the messages that an agent hears in the turn that comes, in the order in which they were sent."""
+        """Return the messages that an agent hears in the next turn, in the order of sending."""
         arriving, inbox = self._arriving().get(name), list[dict[str, Any]]()
         if not arriving:
             return inbox
@@ -368,8 +368,8 @@ class Inboxes:
         return self._found
 
     def _catch_up(self, log: list[dict[str, Any]]) -> None:
-        """Read what is new in the log; where it was cut for a snapshot, forget what is no longer in it."""
-        # A log is only appended to and cut, so that what comes before an entry of both is the same in both.
+        """Read new entries of the log; after a snapshot was restored, drop entries that no longer exist."""
+        # A log is only appended to and truncated, so two logs with a common entry agree up to this entry.
         known = self._known
         same = min(len(known), len(log))
         while same and known[same - 1] is not log[same - 1]:
@@ -386,7 +386,7 @@ class Inboxes:
         known[same:] = log[same:]
 
 
-_Arrival = tuple[dict[str, Any], Callable[[Any], Any] | None]  # a message, and what copies its body
+_Arrival = tuple[dict[str, Any], Callable[[Any], Any] | None]  # a message, and a function that copies its body
 
 
 def _turns_of(entry: dict[str, Any]) -> set[int]:
@@ -394,7 +394,7 @@ def _turns_of(entry: dict[str, Any]) -> set[int]:
 
 
 def _copy_of(body: Any) -> Callable[[Any], Any] | None:
-    """Return what copies a body, so that those who hear it share nothing; None where nothing in it can change."""
+    """Return a function that copies a body for each recipient; None if the body is immutable."""
     kind = type(body)
     if kind in _SCALARS:
         return None
