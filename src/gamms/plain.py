@@ -84,6 +84,8 @@ def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = N
 
 def is_same(one: Plain, other: Plain) -> bool:
     """Return whether two values that `to_plain` gave are equal, arrays in them and the order of keys, too."""
+    if one is other:
+        return True
     if type(one) is not type(other):
         return False
     if isinstance(one, np.ndarray):
@@ -92,7 +94,7 @@ def is_same(one: Plain, other: Plain) -> bool:
         return list(one) == list(other) and all(map(is_same, one.values(), other.values()))
     if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(is_same, one, other))
-    return one is other or bool(one == other)
+    return bool(one == other)
 
 
 # -- is it plain ------------------------------------------------------------------------------------------------

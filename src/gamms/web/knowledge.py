@@ -111,6 +111,7 @@ class Sights:
         self._shapes: dict[Any, Shape | None] = {}
         self._columns: GraphColumns | None = None
         self._rows: dict[str, tuple[IntArray, IntArray]] = {}
+        self._on_edges: Mapping[str, tuple[float, float]] = {}  # where agents are that are on none of the nodes
 
     def forget(self) -> None:
         """Forget fields of view, because sensors or the map have changed."""
@@ -142,6 +143,7 @@ class Sights:
             state: how the game stands.
         """
         names = state.agents.names_by_number()
+        self._on_edges = self._ctx.visual.drawing.motion.on_edges()
         nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
         with refusing("What was sensed is not right", with_type=True):
@@ -158,19 +160,20 @@ class Sights:
         agent: Any = self._ctx.agent.agents.get(name)
         sensor: Any = None if agent is None else agent.sensors.get(look.sensor)
         has_end = isfinite(getattr(sensor, "range", inf))
-        shape = self._shape(agent, sensor) if has_end else None
-        field = self._field(agent, sensor) if has_end else _NONE
+        pose = _pose(agent, sensor) if has_end else (None, None)
+        shape = self._shape(agent, sensor, pose) if has_end else None
+        field = self._field(agent, sensor, pose) if has_end else _NONE
         words = None if other is None else words_of(other)
         found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
         return Seen(name, as_text(look.sensor), as_text(look.kind), shape, field, *found, words)
 
     # -- fields of view -----------------------------------------------------------------------------------------
 
-    def _shape(self, agent: IAgent, sensor: ISensor) -> Shape | None:
+    def _shape(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> Shape | None:
         """Return the outline of what a sensor covers; None where obstacles leave no polygon of it."""
         if sensor.type.name.startswith("OCCLUDED"):
             return None
-        place, look = _pose(agent, sensor)
+        place, look = pose
         key = sensor.sensor_id, look
         if key not in self._shapes:
             view = self._ctx.visual.drawing.carriers.sight(sensor, agent).view
@@ -187,11 +190,10 @@ class Sights:
         corners = np.rint((outline - place[:2] if is_carried else outline) / self._step())
         return Shape(is_carried, corners.astype(np.int64).T)
 
-    def _field(self, agent: IAgent, sensor: ISensor) -> IntArray:
+    def _field(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
         """Return the rows of the nodes that a sensor covers which reports agents alone."""
-        place, look = _pose(agent, sensor)
-        on_edge = self._ctx.visual.drawing.motion.on_edges().get(agent.name)
-        key = sensor.sensor_id, place, look, on_edge
+        on_edge = self._on_edges.get(agent.name)
+        key = sensor.sensor_id, *pose, on_edge
         known = self._covered.get(key)
         if known is None:
             if len(self._covered) >= _MOST_KNOWN:
